@@ -20,9 +20,9 @@ import xarray as xr
 
 from thesis_lib.book.pieces import summary_figure as conclusions_figure
 from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets.experiment import walk
+from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
-from thesis_lib.figure_sets.experiment.recordings import EXPERIMENT
-from thesis_lib.figure_sets.experiment.walk import pictures
 from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.style import svg
@@ -62,7 +62,7 @@ def of_conclusions(results: Path) -> bytes:
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
-    for path in pictures.write(data, folder):
+    for path in walk.write(data, folder):
         yield path.name, path.read_bytes()
 
 

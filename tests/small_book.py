@@ -16,7 +16,7 @@ from thesis_lib.runs import tasks
 
 plan.STUDIES = {{name: plan.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
 prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
-p.pictures.PICTURES = p.walk_numbers.PIECES = {{}}
+p.walk.PICTURES = p.walk.VALUES = {{}}
 p.sample.NAMES = ()
 p.demos.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
 try:

@@ -72,14 +72,16 @@ def _environment(folder: Path) -> jinja2.Environment:
     return environment
 
 
-def format_number(value: Any, spec: str = ".0f") -> str:
+def format_number(value: Any, spec: str = ".0f", missing: str = "nan") -> str:
     """Format a number, or an array of one value, as Python's format specification says.
 
     Examples
     --------
-    >>> format_number(np.array(3.14159), "+.2f")
-    '+3.14'
+    >>> format_number(np.array(3.14159), "+.2f"), format_number(np.nan, ".2f", missing="—")
+    ('+3.14', '—')
     """
+    if np.isnan(float(value)):
+        return missing
     return format(int(value) if spec.endswith("d") else float(value), spec)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.lab_equal_pixels import tables as equal_pixels
+from thesis_lib.figure_sets.lab_equal_pixels import figures as equal_pixels
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import coarse
 from thesis_lib.figure_sets.registry import STUDIES

@@ -12,12 +12,12 @@ from scenes.laboratory import MATCH, estimated, recordings, replicates
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as es
 from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.figure_sets.experiment.compute import rig_of
 from thesis_lib.figure_sets.experiment.parameters import (
     ExperimentCameras,
     ExperimentResolution,
     method_of,
 )
-from thesis_lib.figure_sets.experiment.recordings import rig_of
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.measure.recordings.markers import rows_on
 from thesis_lib.vibration.motion import Component

@@ -5,7 +5,8 @@ import pytest
 from refused import refusal
 from scenes.equal_pixels import equal_pixels
 
-from thesis_lib.figure_sets.lab_equal_pixels import compute, recordings, tables
+from thesis_lib.figure_sets import display
+from thesis_lib.figure_sets.lab_equal_pixels import compute
 from thesis_lib.figure_sets.lab_equal_pixels.parameters import REPLICATES
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import outlined
@@ -62,7 +63,7 @@ def test_what_says_nothing_is_refused_in_a_line(values, words):
 
 def test_fewer_replicates_are_taken_from_those_that_are_stored():
     assert study(trials=3).rendering == study().rendering
-    assert recordings.EXPERIMENT.load(study(trials=3)).sizes["replicate"] == 4
+    assert compute.EXPERIMENT.load(study(trials=3)).sizes["replicate"] == 4
     assert study(trials=REPLICATES + 1).wanted_replicates(REPLICATES) == REPLICATES + 2
 
 
@@ -143,7 +144,8 @@ def test_the_verdict_follows_the_bands():
 
     def verdict(low, high):
         band = cube["ratio_band"].copy(data=np.full(cube["ratio_band"].shape, [low, high]))
-        return tables.results(cube.assign(ratio_band=band)).splitlines()[2].split("|")[-2].strip()
+        text = display.text(cube.assign(ratio_band=band), "results")
+        return text.splitlines()[2].split("|")[-2].strip()
 
     assert verdict(1.2, 1.5) == "worse"
     assert verdict(0.5, 0.8) == "better"
@@ -156,7 +158,7 @@ def test_the_verdict_follows_the_bands():
 
 def test_a_recording_is_measured_as_well_as_its_scatter_says():
     request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
-    data = recordings.measure(request, 0).isel(rig=0)
+    data = compute.measure(request, 0).isel(rig=0)
     error = compute._errors(request, request.rendered_kinds[0], data.expand_dims("replicate"),
                             _shape(request))[0]  # fmt: skip
     scatter = 100 * data["deviation"].values / _shape(request).max()
@@ -172,9 +174,9 @@ def test_cameras_that_find_no_board_have_no_result(monkeypatch):
 
     monkeypatch.setattr(outlined, "calibrated", none)
     request = study(trials=0, counts=[2], cases=["pixels"], diameters_mm=[30.0])
-    assert recordings.measure_kind(request, request.rendered_kinds[0], 0) == {}
+    assert compute.measure_kind(request, request.rendered_kinds[0], 0) == {}
     data = equal_pixels(request)
     data = data.map(lambda values: np.nan * values)
     cube = compute.run(request, data)
     assert cube["failed"] == 1
-    assert "nan" not in tables.recordings_table(with_provenance(cube, request, 0.0)).data
+    assert "nan" not in display.text(with_provenance(cube, request, 0.0), "recordings")

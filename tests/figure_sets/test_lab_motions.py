@@ -14,22 +14,16 @@ from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
+from thesis_lib.figure_sets.lab_modes import compute as beam_films
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_modes import methods as lab_modes
-from thesis_lib.figure_sets.lab_modes import recordings as beam_films
-from thesis_lib.figure_sets.lab_modes import spectra
-from thesis_lib.figure_sets.lab_modes import tables as lab_tables
+from thesis_lib.figure_sets.lab_modes import methods as spectra
 from thesis_lib.figure_sets.lab_modes.parameters import MARKER, ROWS
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
-from thesis_lib.figure_sets.lab_plate import recordings as plate_films
-from thesis_lib.figure_sets.lab_plate.measured import filling
+from thesis_lib.figure_sets.lab_plate import compute as plate_films
+from thesis_lib.figure_sets.lab_plate.compute import filling
+from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
-from thesis_lib.figure_sets.lab_plate.tables import (
-    plate_table,
-    ratio_table,
-    ratios,
-    visibility_table,
-)
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import direct
 from thesis_lib.laboratory import recordings as lab_films
@@ -357,7 +351,7 @@ def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conform
 
 def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
     for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
-        ratio = np.divide(*ratios(plate_cube, mode, plane)["trials"][::-1])
+        ratio = np.divide(*compare_errors(plate_cube, mode, plane)["trials"][::-1])
         free = float(plate_cube["independent_ratio"].sel(mode=mode, plane=plane))
         conforms.sampled(ratio, free, rtol=0.25)
 
@@ -390,14 +384,13 @@ def test_every_figure_table_and_viewer_is_made(name, request):
     if name == "beam_cube":
         assert "<svg" in svg(figure_sets_display.picture(cube, "aliases", 3))
         assert figure_sets_display.picture(cube, "aliases", 1) is None
-        texts = [lab_tables.frequency_table(cube), lab_tables.parts_table(cube),
-                 lab_tables.conditions_table(cube)]  # fmt: skip
+        texts = [figure_sets_display.text(cube, of) for of in ("frequency", "parts", "conditions")]
     else:
-        texts = [*(plate_table(cube, mode) for mode in (1, 2, 3)),
-                 ratio_table(cube), visibility_table(cube)]  # fmt: skip
-        assert "not asked for" in plate_table(cube, 5).data
+        texts = [figure_sets_display.text(cube, of) for of in ("ratios", "visibility")]
+        texts += [figure_sets_display.text(cube, "plate", mode) for mode in (1, 2, 3)]
+        assert "not asked for" in figure_sets_display.text(cube, "plate", 5)
     for text in texts:
-        assert "nan" not in text.data
+        assert "nan" not in text
 
 
 @pytest.mark.parametrize("name", ["lab-modes", "lab-plate"])
@@ -410,10 +403,10 @@ def test_without_trials_everything_is_still_shown(name):
     case = str(cube["case"].values[0])
     assert "<svg" in as_svg(cube, case, 2)
     if name == "lab-modes":
-        lab_tables.parts_table(cube), lab_tables.conditions_table(cube)
+        figure_sets_display.text(cube, "parts"), figure_sets_display.text(cube, "conditions")
     else:
-        assert "nan" not in plate_table(cube, 2).data
-        assert "nan" not in ratio_table(cube).data
+        assert "nan" not in figure_sets_display.text(cube, "plate", 2)
+        assert "nan" not in figure_sets_display.text(cube, "ratios")
 
 
 def test_the_same_request_gives_the_same_bytes(tmp_path):

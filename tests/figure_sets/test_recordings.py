@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
+from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.experiment.recordings import EXPERIMENT
-from thesis_lib.figure_sets.experiment.tables import harmonic_table, tracking_table
-from thesis_lib.figure_sets.experiment.walk import numbers, pictures
+from thesis_lib.figure_sets.experiment import walk
+from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.studies.attributes import with_provenance
@@ -125,22 +125,22 @@ def test_a_beam_at_rest_fits_its_grid(results):
 
 def test_tables_of_the_notebooks_hold_numbers(results):
     for cube in results.values():
-        for table in (error_table, tracking_table, harmonic_table):
-            text = table(cube).data
+        shown = [display.text(cube, name) for name in ("tracking", "harmonic")]
+        for text in (error_table(cube).data, *shown):
             assert "nan" not in text
             assert len(re.findall(r"\d", text)) > 20
 
 
-@pytest.mark.parametrize("name", numbers.PIECES)
+@pytest.mark.parametrize("name", walk.VALUES)
 def test_numbers_of_the_walk_through_are_numbers(data, name):
-    text = numbers.PIECES[name](data)
+    text = walk.text(data, name)
     assert re.search(r"\d", text)
     assert "nan" not in text
 
 
 def test_pictures_are_drawn_alike_each_time(data, tmp_path):
-    first, second = (pictures.write(data, tmp_path / name) for name in ("one", "two"))
-    names = [pictures.file_name(name) for name in pictures.PICTURES]
+    first, second = (walk.write(data, tmp_path / name) for name in ("one", "two"))
+    names = [walk.file_name(name) for name in walk.PICTURES]
     assert [path.name for path in first] == names
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes()

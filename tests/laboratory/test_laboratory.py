@@ -17,8 +17,8 @@ import pytest
 import yaml
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import chain
-from thesis_lib.figure_sets.experiment import recordings as filmed
+from thesis_lib.figure_sets.experiment import compute as filmed
+from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.laboratory import film as laboratory_film
 from thesis_lib.laboratory.film import SAMPLE_RATE, film, manifest_of
 from thesis_lib.laboratory.rig import LATE, REST, default_rig
@@ -99,7 +99,7 @@ def steps(tmp_path_factory):
 @pytest.fixture(scope="module")
 def measured(recordings, steps):
     before = contents(recordings)
-    data = chain.measure(read_manifest(recordings / "manifest.yaml"), recordings, steps)
+    data = chain.measure_recordings(read_manifest(recordings / "manifest.yaml"), recordings, steps)
     assert contents(recordings) == before
     return data
 
@@ -364,7 +364,7 @@ def refusal(folder, kind):
     """The one line by which recordings are refused; nothing in their folder changes."""
     before = contents(folder)
     with pytest.raises(kind) as error, TemporaryDirectory() as steps:
-        chain.measure(read_manifest(folder / "manifest.yaml"), folder, Path(steps))
+        chain.measure_recordings(read_manifest(folder / "manifest.yaml"), folder, Path(steps))
     assert contents(folder) == before
     message = str(error.value)
     assert "\n" not in message

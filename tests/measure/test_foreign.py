@@ -20,7 +20,7 @@ from scenes.foreign.recording import FREQUENCY, RATE, SOUND_RATE, TIP, Scene, Ta
 from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
 from thesis_lib.arrays import Array
-from thesis_lib.figure_sets.experiment import chain
+from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.calibration.alignment import align, camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
@@ -234,7 +234,7 @@ def measured(
     for name, take in takes.items():
         manifest = SCENE.manifest(take)
         corners, lost, _, full = adjusted(manifest, take.folder)
-        data = chain.measure(manifest, take.folder, tmp_path_factory.mktemp("steps"))
+        data = chain.measure_recordings(manifest, take.folder, tmp_path_factory.mktemp("steps"))
         found[name] = Measured(manifest, corners, lost, full, data)
     return found
 

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets.experiment.recordings import estimate, rig_of, true_tracks
+from thesis_lib.figure_sets.experiment.compute import estimate, rig_of, true_tracks
 from thesis_lib.laboratory.experiment import joined
 from thesis_lib.laboratory.parameters import NAMES
 from thesis_lib.laboratory.rig import REST

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from thesis_lib.figure_sets.lab_modes import recordings as beam_films
-from thesis_lib.figure_sets.lab_plate import recordings as plate_films
+from thesis_lib.figure_sets.lab_modes import compute as beam_films
+from thesis_lib.figure_sets.lab_plate import compute as plate_films
 from thesis_lib.laboratory import recordings as lab_films
 from thesis_lib.laboratory.direct import Seen
 from thesis_lib.laboratory.experiment import joined

@@ -1,4 +1,4 @@
-"""The figures of any cube: one for each case and mode, or pictures by name."""
+"""The figures and texts of any cube: a figure for each case and mode, or pictures by name."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
-from thesis_lib.plotting.style import in_style, svg
+from thesis_lib.plotting.style import in_style, slices, svg
 from thesis_lib.studies.attributes import described
+from thesis_lib.studies.cubes import trials_are
 from thesis_lib.studies.refusals import suggestion
 from thesis_lib.studies.request import Study
+from thesis_lib.templates import render
 
 _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
@@ -42,12 +44,25 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """
     of = str(cube.attrs["figure_set"])
     with in_style(picture_style(of)):
-        figures = _figures(of)
+        figures = figures_module(of)
         if not hasattr(figures, name):
             hint = suggestion(name, vars(figures))
             raise AttributeError(f"{figures.__file__} has no function {name}{hint}")
         drawing: Figure | None = getattr(figures, name)(cube, *which)
         return drawing
+
+
+def text(cube: xr.Dataset, name: str, *which: int) -> str:
+    """Fill in a template of a cube's figure set: a table or a paragraph, as Markdown.
+
+    Functions in ``TEXTS`` of its module `figures` compute what a template needs besides the cube.
+    `which` is what else such a function is given, such as a mode.
+    """
+    figures = figures_module(str(cube.attrs["figure_set"]))
+    compute = getattr(figures, "TEXTS", {}).get(name)
+    values = compute(cube, *which) if compute else {}
+    shared = {"cube": cube, "slices": slices, "trials_are": trials_are(cube)}
+    return render(str(figures.__file__), name, **shared, **values)
 
 
 def caption(figure_set: str, name: str, *which: int) -> Caption:
@@ -58,7 +73,7 @@ def caption(figure_set: str, name: str, *which: int) -> Caption:
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
     """Parameters of Matplotlib for a figure set's pictures, by its module's ``STYLE``."""
-    style: Mapping[str, Any] = getattr(_figures(figure_set), "STYLE", {})
+    style: Mapping[str, Any] = getattr(figures_module(figure_set), "STYLE", {})
     return style
 
 
@@ -74,5 +89,6 @@ def promised(study: Study, source: str) -> Iterator[Caption]:
         yield caption(study.name, name, *([int(which)] if which else []))
 
 
-def _figures(figure_set: str) -> ModuleType:
+def figures_module(figure_set: str) -> ModuleType:
+    """Return the module `figures` of a figure set, next to which its templates stand."""
     return import_module(f"{FIGURE_SETS[figure_set].module.rpartition('.')[0]}.figures")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import xarray as xr
-from IPython.display import display
+from IPython.display import Markdown, display
 from matplotlib.figure import Figure
 
 from thesis_lib import files
@@ -132,6 +132,11 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
     of = str(cube.attrs["figure_set"])
     caption, style = figure_sets.caption(of, name, *which), figure_sets.picture_style(of)
     return Shown(_drawn(drawing, style), _about(cube, drawing, caption))
+
+
+def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
+    """Show a table or paragraph, :func:`thesis_lib.figure_sets.display.text`."""
+    return Markdown(figure_sets.text(cube, name, *which))
 
 
 def _drawn(drawing: Figure, style: Any = None) -> str:

@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import xarray as xr
-
 from thesis_lib import files, records
 from thesis_lib.book import missing
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, rounding, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
-from thesis_lib.figure_sets import keys
+from thesis_lib.figure_sets import display, keys
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.parametric import sound, sound_turn
@@ -35,7 +33,9 @@ def write(
     """
     opened = Opened(made, without)
     digests = {path.stem: files.sha256(path) for path in made}
-    key = f"{keys.made_by(__name__)}{files.digest_of(costs)}{','.join(sorted(digests))}"
+    filled = {display.figures_module(name).__name__ for name, _ in LABORATORY.values()}
+    code = keys.made_by(__name__, *sorted(filled))
+    key = f"{code}{files.digest_of(costs)}{','.join(sorted(digests))}"
     (folder / ".made").mkdir(exist_ok=True)
     for name in names or PIECES:
         target, record = folder / f"{name}.md", folder / ".made" / f"{name}.json"
@@ -75,29 +75,21 @@ def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
     return text
 
 
-def _lab(piece: str, cube: xr.Dataset) -> str:
-    """A piece about what is rendered beyond chapter 5."""
-    from thesis_lib.figure_sets.lab_equal_pixels.tables import results
-    from thesis_lib.figure_sets.lab_modes.tables import modes_results
-    from thesis_lib.figure_sets.lab_plate.tables import plate_results
-    from thesis_lib.figure_sets.lab_radiation import tables as radiation
-
-    made = {
-        "equal": results,
-        "modes_results": modes_results,
-        "plate_results": plate_results,
-        "radiation_results": radiation.results,
-        "radiation_sentences": radiation.sentences,
-        "radiation_tap": radiation.tap,
-    }
-    return made[piece](cube)
+LABORATORY = {  # pieces: figure set, and its template
+    "lab-elevation-results": ("lab-elevation", "optima"),
+    "lab-layout-results": ("lab-layout", "results"),
+    "lab-equal-pixels-results": ("lab-equal-pixels", "results"),
+    "lab-modes-results": ("lab-modes", "results"),
+    "lab-plate-results": ("lab-plate", "results"),
+    "lab-radiation-results": ("lab-radiation", "results"),
+    "lab-radiation-sentences": ("lab-radiation", "sentences"),
+    "lab-radiation-tap": ("lab-radiation", "tap"),
+}
 
 
-def _layout(name: str, cube: xr.Dataset) -> str:
-    """What is said of where cameras stand, from the cube of ``lab-elevation`` or ``lab-layout``."""
-    from thesis_lib.figure_sets.lab_layout import tables as lab_layout_tables
-
-    return lab_layout_tables.RESULTS[name](cube)
+def _laboratory(figure_set: str, template: str, opened: Cubes) -> str:
+    """Fill in a piece about what is rendered beyond chapter 5."""
+    return display.text(opened[figure_set], template)
 
 
 def _optics(name: str, opened: Cubes) -> str:
@@ -131,14 +123,7 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **findings.PIECES,
     **structures.PIECES,
     **rounding.PIECES,
-    "lab-elevation-results": lambda opened: _layout("lab-elevation", opened["lab-elevation"]),
-    "lab-layout-results": lambda opened: _layout("lab-layout", opened["lab-layout"]),
-    "lab-equal-pixels-results": lambda opened: _lab("equal", opened["lab-equal-pixels"]),
-    "lab-modes-results": lambda opened: _lab("modes_results", opened["lab-modes"]),
-    "lab-radiation-results": lambda opened: _lab("radiation_results", opened["lab-radiation"]),
-    "lab-radiation-sentences": lambda opened: _lab("radiation_sentences", opened["lab-radiation"]),
-    "lab-radiation-tap": lambda opened: _lab("radiation_tap", opened["lab-radiation"]),
-    "lab-plate-results": lambda opened: _lab("plate_results", opened["lab-plate"]),
+    **{name: partial(_laboratory, *of) for name, of in LABORATORY.items()},
     "sound-sum": sound.sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions.PIECES,

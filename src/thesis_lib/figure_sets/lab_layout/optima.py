@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -10,8 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.plotting.style import slices
+from thesis_lib.studies.cubes import trials_are
 
 NEAR = 1.1  # times the least error that still count as near it
+MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
 FINE = 400  # points at which a curve is looked up
 
 
@@ -111,3 +116,137 @@ def viewable(cube: xr.Dataset) -> xr.Dataset:
             rows = rows[list(dict.fromkeys(np.concatenate(ends).tolist()))]
         kept += rows.tolist()
     return cube.isel(setting=kept)
+
+
+# What tables need besides the cube.
+
+
+def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the settings that are recordings of their own, with rms and band of their trials.
+
+    Of sets of cameras that is the one of all cameras.
+    """
+    settings = []
+    for case in cases(cube):
+        part = part_of(cube, case)
+        for one in list(slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
+            drawn = one["mean_error"].values[1:]
+            trials = None
+            if len(drawn) and np.isfinite(drawn).all():
+                trials = np.sqrt(np.mean(drawn**2)), *np.quantile(drawn, [0.05, 0.95])
+            settings.append((one, trials))
+    return {"settings": settings}
+
+
+def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the optimum of every case, and the settings in which tracking fails."""
+    optima = []
+    for case in cases(cube):
+        part = complete(part_of(cube, case))
+        best, drawn = optimum(part["value"].values, expected(part)), trial_optima(part)
+        height, spread = 0.0, np.quantile(drawn, [0.05, 0.95]) if len(drawn) else None
+        if best is not None:
+            height = np.interp(
+                np.sin(np.radians(best.at)),
+                np.sin(np.radians(part["value"].values)),
+                part["image_height"].values,
+            )
+        optima.append((case, part, best, spread, height))
+    every = list(slices(cube, "setting"))
+    return {
+        "optima": optima,
+        "unfound": [one for one in every if one["lost"] == 1],
+        "lost": [one for one in every if MIN_LOST <= one["lost"] < 1],
+        "wrong": [one for one in every if one["wrong"] >= MIN_LOST],
+    }
+
+
+def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
+    """Fit powers of the distance to error, law and scatter."""
+    if "distance" not in cases(cube):
+        return {"powers": None}
+    part = part_of(cube, "distance")
+    error = expected(part)
+    known = np.isfinite(error)
+    if np.count_nonzero(known) < 2:
+        return {"powers": []}
+    x, labels = np.log(part["value"].values[known]), part["label"].values[known]
+    values = {
+        f"error, rms over the {trials_are(cube)}, %": error,
+        "law, one noise for all, %": part["predicted_error"].values,
+        "scatter of the centres along u, px": part["centre_scatter"].values[:, 0],
+        "scatter of the centres along v, px": part["centre_scatter"].values[:, 1],
+    }
+    powers = [
+        (name, own[known], np.polyfit(x, np.log(own[known]), 1)[0]) for name, own in values.items()
+    ]
+    return {"powers": powers, "first": labels[0], "last": labels[-1]}
+
+
+def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
+    """Find the best and worst sets by their number of cameras, and compare with the best pair."""
+    if "subsets" not in cases(cube):
+        return {"numbers": None}
+    part = part_of(cube, "subsets")
+    count, law, error = part["n_cameras"].values, part["predicted_error"].values, expected(part)
+    known = np.isfinite(error)
+    best_pair = np.nanmin(error[count == 2], initial=np.inf)
+
+    def named(one: Any) -> tuple[str, float]:
+        return part["label"].values[one], error[one]
+
+    def worse_than_pair(chosen: Mask) -> list[dict[str, int]]:
+        """Count sets that are worse than the best pair, by their number of cameras above two."""
+        sets = [(n, error[chosen & (count == n)]) for n in np.unique(count) if n > 2]
+        return [
+            {"worse": np.count_nonzero(own > best_pair), "count": len(own), "cameras": n}
+            for n, own in sets
+            if len(own)
+        ]
+
+    numbers = []
+    for n in np.unique(count[known]):
+        own = np.flatnonzero((count == n) & known)
+        order = own[np.argsort(error[own], kind="stable")]
+        ends = named(order[0]), named(own[np.argmin(law[own])]), np.median(error[own])
+        numbers.append((n, len(own), *ends, named(order[-1])))
+    rendered = part["mean_error"].isel(trial=0).values / law
+    ratio = ratios(part)[known]
+    return {
+        "numbers": numbers,
+        "beaten": [sets for sets in worse_than_pair(known) if sets["worse"]],
+        "from_one_side": worse_than_pair(one_sided(part) & known),
+        "ratio": ratio,
+        "median_ratio": np.median(ratio) if ratio.size else np.nan,
+        "rendered": rendered[np.isfinite(rendered)],
+    }
+
+
+def compare_cameras(cube: xr.Dataset) -> dict[str, Any]:
+    """Divide the error of each set with a camera by that of the set without it."""
+    if "subsets" not in cases(cube):
+        return {"shares": None}
+    part = part_of(cube, "subsets")
+    names_of = [frozenset(label.split("–")) for label in part["label"].values]
+    error = dict(zip(names_of, expected(part).tolist(), strict=True))
+    every, whole = max(error, key=len), part.isel(setting=-1)
+    shares = []
+    for number, name in enumerate(sorted(every)):
+        factors = [
+            error[names | {name}] / without for names, without in error.items() if name not in names
+        ]
+        place = whole["camera_azimuth"][number], whole["camera_elevation"][number]
+        if factors:
+            shares.append((name, *place, factors, np.exp(np.mean(np.log(factors)))))
+    return {"shares": shares}
+
+
+TEXTS: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
+    "errors": tabulate_settings,
+    "localisation": tabulate_settings,
+    "optima": tabulate_optima,
+    "slopes": fit_powers,
+    "numbers": compare_numbers,
+    "shares": compare_cameras,
+    "results": lambda cube: fit_powers(cube) | compare_numbers(cube) | compare_cameras(cube),
+}

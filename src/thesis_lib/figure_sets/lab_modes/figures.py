@@ -1,7 +1,8 @@
-"""Figures of ``lab-modes`` and ``lab-plate``, drawn from their cubes."""
+"""Figures of ``lab-modes``, and what its tables need besides the cube."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, subplots
+from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, slices, subplots
 
 STYLE = POWERS  # of pictures
 MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
@@ -169,3 +171,41 @@ def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     top = float(np.nanmax(part["misfit"].values))
     axes.set_ylim(0.5, 20 * max(top, MANY))
     axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
+
+
+# What tables need besides the cube.
+
+
+def _frequency(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the disagreement of the cameras at the best two aliases of each mode and rate."""
+    rates = []
+    for one in (own for of in slices(cube, "mode") for own in slices(of, "frame_rate")):
+        misfits = np.sort(one["misfit"].values)
+        rates.append((one, [*misfits, np.nan][:2]))
+    return {"rates": rates}
+
+
+def _conditions(cube: xr.Dataset) -> dict[str, Any]:
+    """Return, mode by mode, the error of a known frequency that costs 1 %."""
+    frames = json.loads(cube.attrs["parameters"])["frames"]
+    slowest, cycles, modes = float(cube["frame_rate"].min()), np.linspace(0, 1, 2001), []
+    for one in slices(cube, "mode"):
+        shape = one["reference_deflection"].values
+        rms = 100 * np.sqrt(np.mean(shape**2)) / np.abs(shape).max()
+        allowed = np.interp(1, rms * detuning_loss(cycles, frames), cycles)
+        modes.append((one, allowed * slowest / frames))
+    return {"modes": modes, "frames": frames, "slowest": slowest}
+
+
+def _results(cube: xr.Dataset) -> dict[str, Any]:
+    """Return median errors of the four ways, by mode and frame rate."""
+    cases, rates = list(dict.fromkeys(cube["case"].values.tolist())), []
+    for of in slices(cube, "mode"):
+        median = of["mean_error"].isel(trial=slice(1, None)).median("trial").values
+        by_case = [median[of["case"].values == case] for case in cases]
+        rates += list(zip(slices(of, "frame_rate"), zip(*by_case, strict=True), strict=True))
+    known = select(cube, "known", int(cube["mode"].values[-1]))
+    return {"cases": cases, "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
+
+
+TEXTS = {"frequency": _frequency, "conditions": _conditions, "results": _results}

@@ -1,15 +1,20 @@
-"""Figures of the rendered plate."""
+"""Figures of the rendered plate, and what its tables need besides the cube."""
 
 from __future__ import annotations
+
+import json
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import Array
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import draw_map, mosaic
+from thesis_lib.plotting.style import draw_map, mosaic, slices
+from thesis_lib.studies import cubes
 
 TITLES = {
     "distance": "distance d",
@@ -17,6 +22,12 @@ TITLES = {
     "elevation": "elevation φ",
     "resolution": "resolution",
     "cameras": "number of cameras",
+}
+ERROR_NAMES = {
+    "mean_error": "deflection",
+    "plane_error_xz": "pressure, XZ",
+    "plane_error_yz": "pressure, YZ",
+    "power_error": "power",
 }
 
 
@@ -100,3 +111,118 @@ def _fields(
     axes[0].set_ylabel("Z in mm")
     drawing.colorbar(pictures[0], ax=axes[0], shrink=0.8, label="Re p in % of the largest")
     drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label="error of Re p in %")
+
+
+# What tables need besides the cube.
+
+
+def compare_errors(cube: xr.Dataset, mode: int, plane: str) -> dict[str, Array]:
+    """Return rms errors of deflection and pressure of the distinct settings, shape (2, settings).
+
+    They are those over *trials*, as *rendered*, and with *whole pixels*.
+    """
+    part = cube.sel(mode=mode, plane=plane)
+    _, distinct = np.unique(part["predicted_error"].values, return_index=True)
+    part = part.isel(setting=np.sort(distinct))
+    errors = part[["mean_error", "plane_error"]].to_dataarray().transpose(..., "setting", "trial")
+    further = errors.values[..., 1:]
+    drawn = errors.values[..., 0] * np.nan
+    if further.size:
+        drawn = np.sqrt(np.mean(further**2, axis=-1))
+    rounded = part[["rounded_error", "rounded_plane_error"]].to_dataarray().values
+    return {"trials": drawn, "rendered": errors.values[..., 0], "whole pixels": rounded}
+
+
+def correlate_neighbours(cube: xr.Dataset) -> str:
+    """Return the mean correlation over the distinct recordings, and its standard error."""
+    found = np.unique(cube["neighbour_correlation"].values)
+    error = found.std(ddof=1) / np.sqrt(found.size) if found.size > 1 else np.nan
+    return f"{found.mean():+.3f} ± {error:.3f}".replace("-", "−").replace(" ± nan", "")
+
+
+def _results(cube: xr.Dataset) -> dict[str, Any]:
+    """Compare settings of each case in expectation, rendered and with whole pixels."""
+    mode, plane = int(cube["mode"].values[0]), str(cube["plane"].values[0])
+    cases = []
+    for case in dict.fromkeys(cube["case"].values.tolist()):
+        part = select(cube, case, mode).sel(plane=plane)
+        medians = part[["mean_error", "plane_error"]].isel(trial=slice(1, None)).median("trial")
+        rounded = part["rounded_error"].values, part["rounded_plane_error"].values
+        errors = *(values.values for values in medians.values()), *rounded
+        cases.append((case, part["label"].values, *errors))
+    ratio = cube["mean_error"].isel(trial=0) / cube["predicted_error"]
+    return {
+        "plane": plane,
+        "cases": cases,
+        "ratio": ratio.isel(setting=np.flatnonzero(cube["width_px"].values >= 640)),
+        "correlation": correlate_neighbours(cube),
+    }
+
+
+def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
+    """Format errors of deflection, pressure and power of one mode, setting by setting."""
+    if mode not in cube["mode"]:
+        return {"part": None, "mode": mode}
+    part, columns = cube.sel(mode=mode), {}
+    for name, word in ERROR_NAMES.items():
+        values = cubes.errors(part)[name].transpose("setting", "trial").values
+        if np.isnan(values[:, 0]).all():
+            continue
+        columns[word] = [_format_band(own, name == "power_error") for own in values]
+    predicted = cubes.predicted(part, "mean_error").values
+    columns["deflection"] = [
+        f"{cell} · {cubes.percent_text(float(law))}"
+        for cell, law in zip(columns["deflection"], predicted, strict=True)
+    ]
+    return {
+        "part": part,
+        "columns": columns,
+        "nodal": part["plane"].values[np.isnan(part["largest_pressure"].values)].tolist(),
+        "gaps": [one for one in slices(part, "setting") if one["missing"][0] > 0],
+    }
+
+
+def _format_band(errors: Array, signed: bool) -> str:
+    """Format the error of the first recording, and the band of the others if there are any."""
+
+    def text(value: float) -> str:
+        sign = "+" if signed and value > 0 else ""
+        return f"{sign}{cubes.percent_text(value)}".replace("-", "−")
+
+    if len(errors) < 2:
+        return f"{text(errors[0])} "
+    low, high = map(text, np.quantile(errors[1:], [0.05, 0.95]))
+    return f"{text(errors[0])} ({low}{' to ' if signed else '–'}{high})"
+
+
+def _ratios(cube: xr.Dataset) -> dict[str, Any]:
+    """Divide pressure errors by deflection errors, and correlate their logarithms."""
+    rows = []
+    for mode in cube["mode"].values.tolist():
+        for plane in cube["plane"].values.tolist():
+            free, kinds = float(cube["independent_ratio"].sel(mode=mode, plane=plane)), []
+            if np.isnan(free):
+                continue
+            for shape, field in compare_errors(cube, mode, plane).values():
+                many = len(shape) > 2
+                follows = np.corrcoef(np.log(shape), np.log(field))[0, 1] if many else np.nan
+                kinds.append((field / shape, follows))
+            rows.append((mode, plane, free, kinds))
+    return {"rows": rows, "correlation": correlate_neighbours(cube)}
+
+
+def _visibility(cube: xr.Dataset) -> dict[str, Any]:
+    """Return, mode by mode, the least noise and how long to record until 1 N is as large."""
+    request = json.loads(cube.attrs["parameters"])
+    rate, frames = request["frame_rate_hz"], request["frames"]
+    modes = []
+    for one in slices(cube, "mode"):
+        best = int(np.argmin(one["predicted_error"].values))
+        peak = float(np.abs(one["reference_deflection"]).max())
+        noise = float(one["predicted_error"][best]) / 100 * peak
+        hours = frames * (noise / float(one["force_deflection"])) ** 2 / rate / 3600
+        modes.append((one, noise, one["label"].values[best], hours))
+    return {"modes": modes, "frames": frames}
+
+
+TEXTS = {"results": _results, "plate": _plate, "ratios": _ratios, "visibility": _visibility}

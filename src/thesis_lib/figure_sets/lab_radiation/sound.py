@@ -1,11 +1,19 @@
-"""What a driven structure radiates: as it moves in truth, and by what its markers tell."""
+"""What driven structures radiate: as they move in truth, as their markers show it, and after a tap.
+
+The markers of the beam that is tapped are projected, not rendered: the same cameras, at unlike
+frame rates, see them with the scatter that the centres of the recordings have. Its modes are found
+in the tracks, and their sound is computed as that of a measurement. The truth is the sound of the
+true motion at the same moment.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stacked_matrix
@@ -13,11 +21,23 @@ from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.figure_sets.lab_radiation.structures import MODES, Driven
+from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
+from thesis_lib.figure_sets.lab_radiation.structures import MODES, Driven, driven, rig_of
+from thesis_lib.laboratory.direct import Seen
+from thesis_lib.laboratory.rig import Rig
+from thesis_lib.laboratory.tapped import Tapped, ringing, tapped
+from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify
+from thesis_lib.measure.radiation import files
+from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.between import Between, by_model
-from thesis_lib.measure.radiation.radiated import count_nodes
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
+from thesis_lib.measure.radiation.radiated import NODES, count_nodes, radiated
+from thesis_lib.measure.recordings.check import ChainError
+from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.studies.variables import declared
+from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
+from thesis_lib.vision import lens
 
 TRUE_NODES = 3600  # of the true surface
 ROUND = 32  # places on a marker's edge
@@ -134,3 +154,132 @@ def _surface(own: Driven, nodes: int) -> Surface:
 
 def _of(form: Array, amplitudes: ComplexArray) -> float:
     return float(np.real(np.conj(amplitudes) @ form @ amplitudes))
+
+
+DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
+RATES = (50.0, 60.0, 30.0)  # frames per second: unlike ones tell modes apart
+PLACE, IMPULSE, SECONDS = 0.3, 0.05, 3.0  # where it is tapped over the length; N s; s
+TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
+POINT = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
+HEARD, STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
+TAP_VARIABLES = declared("""
+    tap_frequency(ringing) [Hz] natural frequency of a mode that rings
+    tap_power(ringing) [W] sound power of a mode when the decay begins, as measured
+    tap_power_error(ringing) [W] standard error of the sound power of a mode when the decay begins
+    tap_true_power(ringing) [W] sound power of a mode when the decay begins, of the true motion
+    tap_energy(ringing) [J] sound energy of a mode over the whole decay, as measured
+    tap_energy_error(ringing) [J] standard error of the sound energy of a mode over the whole decay
+    tap_true_energy(ringing) [J] sound energy of a mode over the whole decay, of the true motion
+    tap_all() [W] sound power of all modes together, as measured
+    tap_all_error() [W] standard error of the sound power of all modes together
+    tap_heard(ringing, tap_time) [Pa] pressure of each mode 1 m above the middle
+    tap_time(tap_time) [s] time since the decay began
+""")
+
+
+def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
+    """:data:`TAP_VARIABLES`, where centres scatter by so many px; NaN where they hide a mode."""
+    rig = _rig(study)
+    assert isinstance(rig.motion, Tapped)
+    hertz = np.abs(rig.motion.poles) / (2 * np.pi)
+    times = np.arange(0, HEARD, STEP / files.RATE)
+    try:
+        asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
+        found = identify(*ringing(rig, _seen(rig, scatter)), asked)
+    except (ChainError, ModalError):
+        sizes = {"ringing": len(hertz), "tap_time": len(times)}
+        none = {
+            name: np.full([sizes[dim] for dim in one.dims], np.nan)
+            for name, one in TAP_VARIABLES.items()
+        }
+        return none | {"tap_frequency": hertz, "tap_time": times}
+    own, (x, y) = driven("beam"), rig.markers.extent
+    assert isinstance(own.structure, Beam)
+    surface = Surface.of(np.array(own.corners), NODES, (x / 2, y / 2))
+    markers = rig.markers.centres  # seen as points, not by their edges
+    between = by_model(own.structure, markers, 0.0, surface.places)
+    plane = Plane("XZ", x, float(POINT[2, 0]), float(POINT[2, 0]), (2, 1))
+    data = _as_measured(found)
+    shapes = shapes_of(data, np.ones(len(markers[0]), bool))
+    made = radiated(surface, between, tones_of(data), shapes, POINT, [plane], medium)
+    power = _true_power(rig.motion, found.zero, surface, medium)
+    each = [files.heard(made.isel(tone=[k]), 0)[::STEP] for k in range(made.sizes["tone"])]
+    whole = made.sel(band=ALL)
+    return {
+        "tap_frequency": made["frequency"].values,
+        "tap_power": made["power"].values,
+        "tap_power_error": made["power_error"].values,
+        "tap_true_power": power,
+        "tap_energy": made["energy"].values,
+        "tap_energy_error": made["energy_error"].values,
+        "tap_true_energy": power / (-2 * rig.motion.poles.real),
+        "tap_all": whole["band_power"].values,
+        "tap_all_error": whole["band_power_error"].values,
+        "tap_heard": np.array(each, "float32")[:, : len(times)],
+        "tap_time": times,
+    }
+
+
+def _rig(study: LabRadiation) -> Rig:
+    """The cameras of the beam's first recording, before a beam that is tapped."""
+    rig = rig_of(study, "beam", 0)
+    x, y = rig.markers.extent
+    rates = np.resize(RATES, len(rig.stations))
+    at = PLACE * x, y / 2
+    return tapped(
+        rig,
+        len(DAMPING),
+        DAMPING,
+        at,
+        seconds=SECONDS,
+        rates=tuple(rates.tolist()),
+        impulse=IMPULSE,
+    )
+
+
+def _seen(rig: Rig, scatter: float) -> list[Seen]:
+    """Where each camera finds the markers, of which none is lost."""
+    found = []
+    for index, station in enumerate(rig.stations):
+        count = int(rig.duration * station.frame_rate)
+        times = station.start + np.arange(count) / station.frame_rate
+        uv = _centres(rig, index, times)
+        noise = rig.generator(3, index, 0).standard_normal(uv.shape)
+        found.append(Seen(times, uv + scatter * noise, uv))
+    return found
+
+
+def _centres(rig: Rig, index: int, times: Array) -> Array:
+    """Images of the markers, (frames, 2, markers), as means over the exposure."""
+    station, markers, samples = rig.stations[index], rig.markers, 4
+    within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
+    shapes = rig.motion.shapes(markers.centres)
+    deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
+    points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
+    return np.moveaxis(lens.project(station.camera, points).mean(axis=2), 0, 1)
+
+
+def _as_measured(found: Modes) -> xr.Dataset:
+    """What the sound takes of the modes, by cameras and a grid that are known."""
+    each = ("frequency", "damping", "damping_deviation", "scale_deviation")
+    of_markers = {
+        "amplitude_real": found.shape.real,
+        "amplitude_imag": found.shape.imag,
+        "error_of_scatter": found.deviation,
+    }
+    return xr.Dataset(
+        {name: ("mode", getattr(found, name)) for name in each}
+        | {name: (("mode", "marker"), value) for name, value in of_markers.items()}
+        | {"grid_scale": 1.0}
+    )
+
+
+def _true_power(motion: Tapped, moment: float, surface: Surface, medium: Medium) -> Array:
+    """Sound power of each mode of the true motion at a moment in s, W."""
+    shapes = motion.amplitudes(surface.places, moment)
+    omega, powers = np.abs(motion.poles), []
+    for w, shape in zip(omega, shapes, strict=True):
+        real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
+        form = surface.power_form(real[:, None], float(w), medium)
+        powers.append(float(form[0, 0]))
+    return np.array(powers)

@@ -1,0 +1,293 @@
+"""What the cameras see, with what is found in it: the chain's steps drawn on its pictures.
+
+Each function makes one figure from the measured dataset. Pixels are counted from the corner of the
+sensor, as everywhere: the first one reaches from 0 to 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+
+from thesis_lib.arrays import Array, Image
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.sketches import INK, WIDE, names_of, tip_marker
+from thesis_lib.measure.calibration.zhang import central
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.tracking import tracker
+from thesis_lib.measure.tracking.follow import reduced
+from thesis_lib.plotting.style import COLORS, in_style, mosaic, subplots
+
+Box = tuple[float, float, float, float]  # left, right, top, bottom in px
+
+_, ORANGE, GREEN, PINK, RED, SKY = COLORS
+OUTLINED: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
+
+
+def _photo(
+    axes: Axes, image: Image, box: Box | None = None, smooth: bool = False, scale: float = 1.0
+) -> None:
+    """A picture in its own pixels, or a part of it; `scale` px of the axes are one of its own."""
+    height, width = image.shape
+    left, right, top, bottom = box or (0, width * scale, 0, height * scale)
+    # Only what is shown is drawn: whole pixels around the box.
+    u0, u1 = max(int(left / scale), 0), min(int(np.ceil(right / scale)), width)
+    v0, v1 = max(int(top / scale), 0), min(int(np.ceil(bottom / scale)), height)
+    axes.imshow(
+        image[v0:v1, u0:u1], cmap="gray", vmin=0, vmax=255,
+        extent=(u0 * scale, u1 * scale, v1 * scale, v0 * scale),
+        interpolation="antialiased" if smooth else "nearest",
+    )  # fmt: skip
+    axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
+    """White or coloured letters that are read on any ground."""
+    (u, v), style = place, {"ha": "center", "va": "center", "fontsize": 9, **style}
+    axes.text(u, v, text, color=tint, path_effects=OUTLINED, **style)
+
+
+def _frame(axes: Axes, box: Box, tint: str) -> None:
+    """The border of a part that another panel shows."""
+    left, right, top, bottom = box
+    axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=tint,
+                             linewidth=1.3))  # fmt: skip
+
+
+def _edged(axes: Axes, tint: str) -> None:
+    """A border in the colour of the part that the panel shows."""
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=tint, linewidth=2)
+
+
+def _crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
+    """Crosses at places (2, n), with a dark rim where the ground may be bright."""
+    if rim:
+        axes.plot(*places, "+", color="#222222", markersize=size + 1, markeredgewidth=2.4)
+    axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
+
+
+def _around(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
+    """A box of a proportion, width over height, around places (2, n) within a picture."""
+    (left, top), (right, bottom) = np.nanmin(places, 1) - margin, np.nanmax(places, 1) + margin
+    width = max(right - left, aspect * (bottom - top))
+    u, v = (left + right) / 2, (top + bottom) / 2
+    half, tall = width / 2, width / aspect / 2
+    u = float(np.clip(u, half, max(limits[0] - half, half)))
+    v = float(np.clip(v, tall, max(limits[1] - tall, tall)))
+    return u - half, u + half, v - tall, v + tall
+
+
+def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
+    """Marker centres of a camera in one frame at full width, (2, markers), px."""
+    part = data["tracks"].sel(width=data["width"].max()).isel(camera=camera, frame=frame)
+    return np.asarray(part.transpose("axis", "marker").values, float)
+
+
+# What they see.
+
+
+def views(data: xr.Dataset) -> Figure:
+    """The first frame of every camera (figure 5.2)."""
+    pictures = data["picture_all"].transpose("camera", "row4", "column4").values
+    markers = rows_on(setups.beam())
+    with in_style():
+        figure, grid = subplots(
+            2, 2, figsize=(WIDE, WIDE * 9 / 16 + 0.03), layout="constrained",
+            gridspec_kw={"wspace": 0.01, "hspace": 0.01},
+        )  # fmt: skip
+        figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
+        for i, (axes, name) in enumerate(zip(grid.flat, names_of(data), strict=False)):
+            _photo(axes, pictures[i], smooth=True)
+            scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
+            row = scale * _rest(data, i)[:, markers.middle_row]
+            _note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
+                  transform=axes.transAxes)  # fmt: skip
+            for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
+                _note(axes, place + [0, 34], text, fontsize=8.5)
+    return figure
+
+
+def board(data: xr.Dataset) -> Figure:
+    """A shot of the board, its corners, the central 5 × 7 squares, one corner (D.1 to D.4)."""
+    picture = data["picture_shot"].values
+    corners = data["picture_corners"].transpose("axis", "corner").values
+    shape = Board()
+    nx = shape.shape[0]
+    part = central(shape)
+    used = corners[:, part].reshape(2, -1, 6)
+    rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
+    with in_style():
+        figure, (left, right) = subplots(
+            1, 2, figsize=(WIDE, 0.436 * WIDE), layout="constrained", width_ratios=[1.32, 1]
+        )
+        _photo(left, picture, _around(corners, 1.32, 95, picture.shape[::-1]), smooth=True)
+        left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
+        left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
+        first = corners[:, part[0]]
+        for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
+            end = first + 1.5 * (there - first)
+            left.annotate(
+                "", end, first, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 2}
+            )
+            _note(left, first + 1.75 * (there - first), name)
+        zoomed = corners[:, part[20]]
+        box = _around(zoomed[:, None], 1.0, 10, picture.shape[::-1])
+        _frame(left, _around(zoomed[:, None], 1.0, 26, picture.shape[::-1]), GREEN)
+        _photo(right, picture, box)
+        _edged(right, GREEN)
+        _crosses(right, zoomed, SKY, 22)
+        left.set_title("(a) one shot of camera A")
+        right.set_title("(b) one corner, pixel by pixel")
+    return figure
+
+
+# Appendix F.
+
+
+def outline(data: xr.Dataset) -> Figure:
+    """The first frame with the beam's outline, and its two ends (figures F.2 and F.3)."""
+    picture = data["picture_first"].values
+    corners = data["picture_outline"].transpose("axis", "outline").values
+    centres = data["picture_centres"].transpose("axis", "marker").values
+    markers = rows_on(setups.beam())
+    row, limits = markers.columns, picture.shape[::-1]
+    ends = {"tip": [row - 3, row - 1, 3 * row - 3, 3 * row - 1],
+            "clamped end": [0, 2, 2 * row, 2 * row + 2]}  # fmt: skip
+    tints = {"tip": GREEN, "clamped end": PINK}
+    with in_style():
+        figure, panels = mosaic(
+            [["all", "all"], ["tip", "clamped end"]],
+            figsize=(WIDE, 0.79 * WIDE), layout="constrained", height_ratios=[1.45, 1],
+        )  # fmt: skip
+        whole = panels["all"]
+        _photo(whole, picture, _around(corners, 2.15, 160, limits), smooth=True)
+        whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
+        middle = corners.mean(axis=1)
+        for n, corner in enumerate(corners.T):
+            off = corner - middle
+            place = corner + [45 * np.sign(off[0]), 32 * np.sign(corner[1] - _axis(corners, n))]
+            _note(whole, place, "①②③④"[n], ORANGE, fontsize=12)
+        whole.set_title("(a) the first frame of camera A, with the beam's outline")
+        for name, some in ends.items():
+            near = corners[:, [1, 2] if name == "tip" else [0, 3]]
+            box = _around(np.column_stack([centres[:, some], near]), 1.65, 14, limits)
+            _frame(whole, box, tints[name])
+            axes = panels[name]
+            _photo(axes, picture, box)
+            _edged(axes, tints[name])
+            axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
+            inside = (centres[0] > box[0]) & (centres[0] < box[1])
+            _crosses(axes, centres[:, inside], SKY, 6, rim=False)
+            axes.set_title(f"({'b' if name == 'tip' else 'c'}) the {name}")
+    return figure
+
+
+def _axis(corners: Array, n: int) -> float:
+    """Height v of the middle of the end of the beam that a corner belongs to."""
+    partner = {0: 3, 3: 0, 1: 2, 2: 1}[n]
+    return float(corners[1, [n, partner]].mean())
+
+
+def plane(data: xr.Dataset) -> Figure:
+    """The frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
+    picture = data["picture_beam"].transpose("row_beam", "column_beam").values
+    markers = rows_on(setups.beam())
+    origin = np.full((2, 1), tracker.REACH)
+    found = data["picture_matches"].transpose("axis", "match").values
+    grid, matches = (tracker.SCALE * (p + origin) for p in (markers.positions, found))
+    places, _ = tracker.assign(markers.positions, found, tracker.gate_of(markers))
+    taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
+    size = picture.shape[::-1]
+    box = (0.0, 380.0, 0.0, float(size[1]))
+    with in_style():
+        figure, axes = subplots(
+            3, 1, figsize=(WIDE, 1.03 * WIDE), layout="constrained",
+            height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
+        )  # fmt: skip
+        for panel, part in zip(axes, (None, box, box), strict=True):
+            _photo(panel, picture, part, smooth=part is None)
+            panel.invert_yaxis()  # y upwards: the beam as it is seen from above
+        _frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
+        for panel in axes[1:]:
+            _edged(panel, SKY)
+        _crosses(axes[1], grid, PINK, 11, rim=False)
+        axes[2].plot(
+            *matches[:, taken], "o", color=GREEN, markersize=15, fillstyle="none", markeredgewidth=2
+        )
+        for panel, big in ((axes[0], 6.0), (axes[2], 15.0)):
+            panel.plot(*matches[:, ~taken], "s", color=RED, markersize=big, fillstyle="none",
+                       markeredgewidth=1.2 if panel is axes[0] else 2)  # fmt: skip
+        spare = int(np.count_nonzero(~taken))
+        axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
+        axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
+        axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
+    return figure
+
+
+def centres(data: xr.Dataset) -> Figure:
+    """Marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
+    markers = rows_on(setups.beam())
+    moved_frame = int(data["picture_moved"].attrs["frame"])
+    row = markers.columns
+    still, moved = _rest(data), _rest(data, frame=moved_frame)
+    shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
+    pictures = data["picture_first"].values, data["picture_moved"].values
+    box = _around(
+        np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12, pictures[0].shape[::-1]
+    )
+    with in_style():
+        figure, axes = subplots(2, 1, figsize=(WIDE, 0.89 * WIDE), layout="constrained")
+        for panel, picture in zip(axes, pictures, strict=True):
+            _photo(panel, picture, box)
+            _crosses(panel, still[:, shown], SKY, 10)
+        _crosses(axes[1], moved[:, shown], ORANGE, 10)
+        for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
+            axes[1].annotate("", end, start, arrowprops={
+                "arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0,
+            })  # fmt: skip
+        most = np.nanmax(np.abs(moved - still)[1, tip_marker(markers)])
+        axes[0].set_title("(a) at rest")
+        axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
+    return figure
+
+
+# Resolution.
+
+
+def widths(data: xr.Dataset) -> Figure:
+    """Three columns of markers at every width, and what tracking makes of them (section 5.2.1)."""
+    full = data["picture_first"].values
+    markers = rows_on(setups.beam())
+    row, middle = markers.columns, markers.columns // 2
+    shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
+    box = _around(_rest(data)[:, shown], 2.3, 16, full.shape[::-1])
+    every = sorted(int(width) for width in data["width"].values)
+    with in_style():
+        figure, grid = subplots(
+            -(-len(every) // 2), 2, figsize=(WIDE, 0.245 * WIDE * -(-len(every) // 2)),
+            layout="constrained", squeeze=False,
+        )  # fmt: skip
+        for axes, width in zip(grid.flat, reversed(every), strict=False):
+            small = reduced(full, width)
+            if width == data.sizes["column_low"]:
+                small = data["picture_low"].values
+            _photo(axes, small, box, scale=full.shape[1] / small.shape[1])
+            at = data.sel(width=width)
+            text = f"{100 * float(at['missing_share']):.0f} % missing"
+            if np.isfinite(at["wrong_share"]):
+                text += f", {100 * float(at['wrong_share']):.0f} % wrong"
+            axes.set_title(f"{width}×{small.shape[0]}: {text}", color=INK)
+        for axes in grid.flat[len(every) :]:
+            axes.axis("off")
+    return figure

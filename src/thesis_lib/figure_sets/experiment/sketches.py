@@ -1,0 +1,354 @@
+"""Drawings of the laboratory: the rig, the board on each sensor, the sound, and a marker over time.
+
+Each function makes one figure from the measured dataset. Cameras keep their colours throughout.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle, PathPatch, Polygon, Rectangle
+from matplotlib.path import Path
+
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import methods as shapes
+from thesis_lib.figure_sets.experiment.methods import ORDER
+from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.plotting.style import (
+    COLORS,
+    HIGHLIGHT,
+    REFERENCE,
+    color,
+    in_style,
+    mosaic,
+    subplots,
+)
+
+WIDE = 5.5  # in: on a phone the letters are then hardly smaller than the text
+INK = "#333333"
+GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+EXAGGERATED = 8000.0  # times that residuals are drawn larger
+
+
+def names_of(data: xr.Dataset) -> str:
+    """The cameras' letters."""
+    return "".join(str(name) for name in data["camera"].values)
+
+
+def tip_marker(markers: Markers) -> int:
+    """Index of the last marker on the beam's axis, which moves most."""
+    return markers.middle_row.stop - 1
+
+
+# The rig.
+
+
+def rig(data: xr.Dataset) -> Figure:
+    """Cameras and beam as the calibration found them, and what is printed (figures 5.1, F.1)."""
+    markers = rows_on(setups.beam())
+    found = shapes.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
+    centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
+    axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
+    looks = np.tensordot(found.frame.R, axes_of, axes=1)
+    with in_style():
+        figure, axes = subplots(
+            4, 1, figsize=(WIDE, 7.7), layout="constrained",
+            height_ratios=[3.9, 1.75, 0.75, 1.6],
+        )  # fmt: skip
+        _above(axes[0], markers, centres, looks)
+        _aside(axes[1], markers, centres, looks)
+        _layout(axes[2], markers, whole=True)
+        _layout(axes[3], markers, whole=False)
+    return figure
+
+
+def _cameras(axes: Axes, places: Array, looks: Array) -> None:
+    """Triangles where cameras (2, n) stand, turned to where they look, with their axes.
+
+    Cameras that hide each other share a label.
+    """
+    hidden = [np.linalg.norm(places - place[:, None], axis=0) < 20 for place in places.T]
+    for i, (place, look) in enumerate(zip(places.T, looks.T, strict=True)):
+        axes.plot(*np.stack([place, [0, 0]]).T, color=color(i), linewidth=0.9, zorder=1)
+        ahead = 38 * look / np.linalg.norm(look)
+        side = 0.5 * np.array([-ahead[1], ahead[0]])
+        body = np.array([place, place - ahead + side, place - ahead - side])
+        axes.add_patch(Polygon(body, color=color(i), zorder=4))
+        if np.argmax(hidden[i]) == i:
+            letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
+            aside = 1 + 0.9 * (len(letters) > 1)
+            u, v = place - [1.85 * aside, 1.3] * ahead
+            axes.text(
+                u, v, letters, color=INK, weight="bold", fontsize=11, ha="center", va="center"
+            )
+
+
+def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+    length, width = 1e3 * np.array(markers.extent)
+    axes.set_title("(a) from above")
+    axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
+                             edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
+    axes.plot(
+        *1e3 * markers.world[[1, 0], : markers.count], "o", color=INK, markersize=1.2, zorder=3
+    )
+    axes.add_patch(Rectangle((-45, length / 2 * -1 - 42), 90, 42, facecolor="white", hatch="////",
+                             edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
+    axes.text(62, -length / 2 - 21, "clamp", va="center", color=INK)
+    axes.text(0, length / 2 + 20, "tip", ha="center", va="bottom", color=INK)
+    _cameras(axes, centres[[1, 0]], looks[[1, 0]])
+    _arrows(axes, ("Y", "X"), 150)
+    first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
+    low, high = sorted([first, second])
+    axes.add_patch(Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT, linewidth=1.4))
+    axes.text(295, 0, f"α = {abs(first - second):.0f}°", color=HIGHLIGHT, va="center")
+    along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
+    distance = np.mean(np.linalg.norm(centres, axis=0))
+    u, v = 300 * along + [0, 22]
+    axes.text(u, v, f"d = {distance:.0f} mm", color=INK, ha="center",
+              rotation=np.degrees(np.arctan(along[1] / along[0])), va="center")  # fmt: skip
+    _bare(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
+
+
+def _aside(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+    _, width = 1e3 * np.array(markers.extent)
+    axes.set_title("(b) along the beam")
+    axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=INK, zorder=5))
+    _cameras(axes, centres[[1, 2]], looks[[1, 2]])
+    _arrows(axes, ("Y", "Z"), 150)
+    flat = np.hypot(*centres[:2, 0])
+    elevation = np.degrees(np.arctan2(centres[2, 0], flat))
+    axes.plot([0, flat], [0, 0], color=REFERENCE, linewidth=0.8, linestyle="--", zorder=0)
+    axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT, linewidth=1.4))
+    axes.text(300, 50, f"φ = {elevation:.0f}°", color=HIGHLIGHT, va="center")
+    axes.annotate("", (-60, -48), (-60, 48), arrowprops={"arrowstyle": "<->", "color": INK})
+    axes.text(-78, -36, "vibrates", color=INK, va="center", ha="right")
+    _bare(axes, (-650, 650), (-90, 290))
+
+
+def _arrows(axes: Axes, names: tuple[str, str], size: float) -> None:
+    for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
+        axes.annotate("", (u, v), (0, 0), zorder=6,
+                      arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.2})  # fmt: skip
+        axes.text(1.1 * u + 30 * (u == 0), 0.95 * v, name, color=INK, ha="center", va="center",
+                  zorder=6, bbox=GROUND)  # fmt: skip
+
+
+def _bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
+    axes.set(xlim=x, ylim=y, aspect="equal")
+    axes.axis("off")
+
+
+def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
+    """Markers and hole on the beam, in mm; the whole of it or the clamped end with its measures."""
+    length, width = 1e3 * np.array(markers.extent)
+    places, radius = 1e3 * markers.positions, 500 * markers.diameter
+    axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
+    axes.add_patch(
+        Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=INK, linewidth=0.8)
+    )
+    for n, place in enumerate(places.T):
+        hole = n >= markers.count
+        axes.add_patch(Circle(place, radius, color=HIGHLIGHT if hole else INK, zorder=3))
+    row = markers.columns
+    if whole:
+        for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
+            style: Any = {"va": "center", "fontsize": 7.5, "color": INK}
+            apart = y + 0.7 * (y - width / 2)  # else they touch
+            axes.text(-6, apart, str(first), ha="right", **style)
+            axes.text(length + 6, apart, str(first + row - 1), ha="left", **style)
+        _bare(axes, (-32, length + 32), (-4, width + 4))
+        return
+    for n in (0, 1):  # lines to the measures
+        axes.plot([places[0, n]] * 2, [places[1, 2 * row], width + 9], color=INK, linewidth=0.6)
+    spacing = places[0, 1] - places[0, 0]
+    _measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
+    right = places[0, 3] + 13
+    for y in places[1, [row, 2 * row]]:
+        axes.plot([places[0, 3], right + 2], [y, y], color=INK, linewidth=0.6)
+    _measure(
+        axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
+    )
+    force = tuple(1e3 * setups.beam().force_point[:, 0])
+    axes.plot(*force, "X", color=COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
+    axes.annotate("shaker beneath", force, (force[0] + 4, -7), color=COLORS[4], ha="left",
+                  va="center", arrowprops={"arrowstyle": "-", "color": COLORS[4]})  # fmt: skip
+    if markers.hole is not None:
+        axes.annotate("hole", tuple(places[:, -1]), (places[0, -1] - 3, -7), color=HIGHLIGHT,
+                      ha="right", va="center",
+                      arrowprops={"arrowstyle": "-", "color": HIGHLIGHT})  # fmt: skip
+    axes.text(
+        places[0, 2], width + 7, f"markers ⌀ {2 * radius:g}", ha="left", va="center", color=INK
+    )
+    axes.add_patch(Rectangle((-14, -3), 14, width + 6, facecolor="white", hatch="////",
+                             edgecolor=INK, linewidth=0.8))  # fmt: skip
+    _bare(axes, (-16, 118), (-12, width + 14))
+
+
+def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
+    axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8,
+                                              "shrinkA": 0, "shrinkB": 0})  # fmt: skip
+    u, v = np.mean([start, end], axis=0)
+    axes.text(u, v, text, ha="center", va="center", color=INK, bbox=GROUND | {"pad": 1.5})
+
+
+# The board.
+
+
+def coverage(data: xr.Dataset) -> Figure:
+    """All corners of all shots on each sensor, with their residuals exaggerated (figure D.5)."""
+    with in_style():
+        figure, grid = subplots(2, 2, figsize=(WIDE, 3.6), layout="constrained")
+        for i, axes in enumerate(grid.flat):
+            if i < data.sizes["camera"]:
+                _sensor(axes, data.isel(camera=i), i)
+            else:
+                axes.axis("off")
+    return figure
+
+
+def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
+    corners = camera["adjusted_corners"].transpose("axis", "shot", "corner").values.reshape(2, -1)
+    residual = camera["corner_residuals"].transpose("axis", "shot", "corner").values.reshape(2, -1)
+    width, height = (float(size) for size in camera["size"].values)
+    unit = width / 1920
+    axes.add_patch(
+        Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=INK, linewidth=0.8)
+    )
+    ends = corners + EXAGGERATED * unit * residual
+    axes.add_patch(_segments(corners, ends, color(index), 0.7))
+    axes.add_patch(_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
+    rms = np.sqrt(np.nanmean(residual**2))
+    still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
+    row = still.transpose("axis", "marker").values[:, rows_on(setups.beam()).middle_row]
+    axes.plot(*row, color=INK, linewidth=2.5, alpha=0.45, zorder=3)
+    bar = 0.01 * EXAGGERATED * unit
+    axes.plot([0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT, linewidth=2)
+    axes.text(0.03 * width, 0.92 * height, "0.01 px", color=HIGHLIGHT, fontsize=7.5, va="bottom",
+              bbox=GROUND | {"facecolor": "#f4f4f4"})  # fmt: skip
+    axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
+    _bare(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
+
+
+def _segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
+    """Segments between points (2, n) as one path, which keeps the file small; NaN is left out."""
+    known = np.isfinite(start + end).all(axis=0)
+    points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
+    codes = np.tile([Path.MOVETO, Path.LINETO], len(points) // 2)
+    return PathPatch(Path(points, codes), fill=False, edgecolor=tint, linewidth=width)
+
+
+def sound(data: xr.Dataset) -> Figure:
+    """The start of the force on the four audio tracks, before and after alignment."""
+    signal = data["picture_sound"].transpose("camera", "sample").values
+    rate = float(data["picture_sound"].attrs["rate_hz"])
+    seconds = np.arange(signal.shape[1]) / rate
+    delay = data["delay"].values
+    whole = data["delay_frames"].values / data["frame_rate"].values
+    begin = float(data["steady"][0])
+    with in_style():
+        figure, panels = mosaic(
+            [["own", "own"], ["whole", "part"]], figsize=(WIDE, 5.2), layout="constrained"
+        )
+        top, below = panels["own"], [panels["whole"], panels["part"]]
+        for i, (own, name) in enumerate(zip(signal, names_of(data), strict=True)):
+            top.plot(seconds, own - i, color=color(i), linewidth=0.9)
+            text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
+            top.text(begin - 0.74, 0.13 - i, text, color=INK)
+        top.set(
+            title="(a) the force on each camera's clock; start after A's",
+            xlabel="s after its first frame",
+            xlim=(begin - 0.75, begin + 0.55),
+            yticks=[],
+        )
+        top.grid(visible=False, axis="y")
+        top.spines["left"].set_visible(False)
+        middle = _crossing(seconds, signal[0], begin)
+        titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
+        for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
+            for i, own in enumerate(signal):
+                time = 1000 * (seconds + shift[i] - middle)
+                near = np.abs(time) < 30
+                axes.plot(time[near], own[near], color=color(i), linewidth=1.3)
+            axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
+            axes.axhline(0, color=INK, linewidth=0.6, zorder=0)
+            axes.set_ylim(-0.45, 0.5)
+        below[0].set_ylabel("force over full scale")
+        below[1].tick_params(labelleft=False)
+        half = 500 / float(data["frame_rate"][0])
+        below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
+        below[0].text(0, -0.43, "one frame", ha="center", va="bottom", fontsize=7.5, color=INK)
+    return figure
+
+
+def _crossing(time: Array, signal: Array, before: float) -> float:
+    """Time of the steepest zero crossing before a time: where a delay is seen best."""
+    steps = round(0.02 / (time[1] - time[0]))
+    smooth = np.convolve(signal, np.ones(steps) / steps, "same")
+    signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))
+    slope = np.abs(np.gradient(smooth))
+    best = signs[np.argmax(slope[signs])]
+    return float(time[best])
+
+
+def tracks(data: xr.Dataset) -> Figure:
+    """One marker in four cameras: on their clocks, on one clock with the fit, and what is left."""
+    markers = rows_on(setups.beam())
+    every = data["tracks"].sel(width=data["width"].max(), axis="v")
+    v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values
+    own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
+    common = own + data["delay"].values[:, None]
+    omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
+    with in_style():
+        figure, axes = subplots(
+            3, 1, figsize=(WIDE, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
+        )
+        for i, name in enumerate(names_of(data)):
+            rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
+            moved = v[i] - rest
+            axes[0].plot(
+                own[i], moved, ".-", color=color(i), markersize=3.5, linewidth=0.6, label=name
+            )
+            axes[1].plot(common[i], moved, ".", color=color(i), markersize=3.5)
+            steady = (common[i] >= begin) & (common[i] <= end)
+            fit = fit_harmonics(omega, common[i, steady], moved[steady], ORDER)
+            fine = np.linspace(begin, end, 400)
+            axes[1].plot(fine, fit.at(omega, fine), color=color(i), linewidth=0.8, zorder=1)
+            left = moved[steady] - fit.at(omega, common[i, steady])
+            axes[2].plot(common[i, steady], 1e3 * left, ".", color=color(i), markersize=3.5)
+        axes[0].set(
+            title="(a) the tip's marker on each camera's own clock",
+            xlabel="s after its first frame",
+            xlim=(begin - 0.75, begin + 0.5),
+        )
+        axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
+        axes[1].set(
+            title="(b) on A's clock, with each camera's harmonic fit",
+            xlim=(begin - 0.75, end + 0.05),
+        )
+        axes[2].set(
+            title="(c) what the fit leaves",
+            xlim=(begin - 0.75, end + 0.05),
+            xlabel="s after A's first frame",
+            ylabel="thousandths of a px",
+        )
+        for panel in axes[:2]:
+            panel.set_ylabel("v minus v at rest, px")
+            panel.margins(y=0.15)
+        for panel in axes[1:]:
+            panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
+        axes[1].text(
+            begin + 0.02,
+            0.98,
+            "steady part",
+            ha="left",
+            va="top",
+            color=INK,
+            transform=axes[1].get_xaxis_transform(),
+        )
+    return figure

@@ -1,0 +1,206 @@
+"""Figures and paragraphs of the page that walks through chapter 5, from its recordings."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from PIL import Image
+
+from thesis_lib import files
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment import methods, photographs, sketches
+from thesis_lib.measure.fitting.reconstruction import deflection_at
+from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.plotting.style import saved, slices
+from thesis_lib.templates import render
+from thesis_lib.vibration.motion import Component
+
+PIXELS = 1500  # width of pictures that hold photographs
+QUALITY = 85  # of 100, at which they are stored
+PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "rig": sketches.rig,
+    "views": photographs.views,
+    "board": photographs.board,
+    "coverage": sketches.coverage,
+    "sound": sketches.sound,
+    "outline": photographs.outline,
+    "plane": photographs.plane,
+    "centres": photographs.centres,
+    "widths": photographs.widths,
+    "tracks": sketches.tracks,
+}
+
+
+def file_name(name: str) -> str:
+    """Name a picture's file: WebP if it holds photographs, SVG otherwise."""
+    kind = "webp" if PICTURES[name].__module__ == photographs.__name__ else "svg"
+    return f"lab-{name}.{kind}"
+
+
+def write(data: xr.Dataset, folder: Path) -> list[Path]:
+    """Write all pictures of the measured recordings; the same dataset gives the same bytes."""
+    paths = []
+    for name, draw in PICTURES.items():
+        path = folder / file_name(name)
+        content = _webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
+        files.whole_file(path, partial(Path.write_bytes, data=content))
+        paths.append(path)
+    return paths
+
+
+def _webp(figure: Figure) -> bytes:
+    """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
+    file = io.BytesIO(saved(figure, "png", dpi=PIXELS / figure.get_figwidth()))
+    picture, files = Image.open(file).convert("RGB"), (io.BytesIO(), io.BytesIO())
+    for file, lossless in zip(files, (True, False), strict=True):
+        picture.save(file, format="webp", lossless=lossless, quality=QUALITY, method=6)
+    return min((file.getvalue() for file in files), key=len)
+
+
+# What paragraphs and tables need besides the recordings.
+
+
+def _parameters(data: xr.Dataset) -> dict[str, Any]:
+    """Return the parameters that the recordings were rendered with."""
+    given: dict[str, Any] = json.loads(data.attrs["rendering"])
+    return given
+
+
+def _phase_loss(data: xr.Dataset, frames: float) -> float:
+    """Return what being so many frames off a maximum costs, in %."""
+    phase = 2 * np.pi * float(data["frequency"]) * frames / float(data["frame_rate"][0])
+    return float(100 * (1 - np.cos(phase)))
+
+
+def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
+    """Compare delays in whole frames with the true ones."""
+    cameras = []
+    for one in list(slices(data, "camera"))[1:]:
+        true = float(one["true_delay"] * one["frame_rate"])
+        cameras.append((one, true, _phase_loss(data, float(one["delay_frames"]) - true)))
+    return {"cameras": cameras}
+
+
+def _clocks(data: xr.Dataset) -> dict[str, Any]:
+    """Return the frames in a period, and what a clock that is off costs."""
+    half, whole = (_phase_loss(data, frames) for frames in (0.5, 1.0))
+    rate, frequency = float(data["frame_rate"][0]), float(data["frequency"])
+    return {"rate": rate, "frequency": frequency, "half": half, "whole": whole}
+
+
+def _exposure(data: xr.Dataset) -> dict[str, Any]:
+    """Return what the exposure takes, in %."""
+    time, rate = float(data["exposure"][0]), float(data["frame_rate"][0])
+    loss, whole = (100 * (1 - np.sinc(float(data["frequency"]) * t)) for t in (time, 1 / rate))
+    return {"loss": loss, "whole_frame": whole}
+
+
+def _matches(data: xr.Dataset) -> dict[str, Any]:
+    """Return how far the tip seems to move on the plane at rest."""
+    given = _parameters(data)
+    sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
+    markers = rows_on(setups.beam())
+    return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": markers}
+
+
+def _tracking(data: xr.Dataset) -> dict[str, Any]:
+    """Return the size of a marker's image at the least width."""
+    given, narrow = _parameters(data), int(data["width"].min())
+    camera = data.sel(calibration="full").isel(camera=0)
+    focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
+    length = 1000 * rows_on(setups.beam()).diameter * focal / given["distance_mm"]
+    height = length * np.sin(np.radians(given["elevation_deg"]))
+    return {"narrow": narrow, "length_px": length, "height_px": height}
+
+
+def _steps(data: xr.Dataset) -> dict[str, Any]:
+    """Measure the deflection by the four methods, and the frame it is measured in."""
+    given, beam, instant, found = _parameters(data), setups.beam(), _instant(data), []
+    part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
+    reference = part.amplitude * part.shape(beam, beam.markers)
+    tracks = {name: _tracks(data, name) for name in ("literal", "full")}
+    by_method = {
+        "matched": _tracks(data, "literal", matched=True),
+        "literal": tracks["literal"],
+        "aligned": tracks["literal"],
+        "harmonic": tracks["full"],
+    }
+    for method, own in by_method.items():
+        measured = methods.deflection(own, instant, method, data["exposure"].values)
+        measured = measured[rows_on(beam).middle_row]
+        error = 100 * np.abs(measured - reference) / np.abs(reference).max()
+        mean, largest = np.sqrt(np.nanmean(error**2)), np.nanmax(error)
+        found.append((method, measured, {"mean": mean, "largest": largest}))
+    return {
+        "methods": found,
+        "widest": int(data["width"].max()),
+        "reference": reference,
+        "frame": tracks["full"].frame,
+    }
+
+
+def _instant(data: xr.Dataset) -> methods.Instant:
+    return methods.instant_of(data, setups.beam().damping)
+
+
+def _tracks(data: xr.Dataset, calibration: str, matched: bool = False) -> methods.Tracks:
+    """Return the tracks of all cameras at the largest width."""
+    names, widest = "".join(data["camera"].values.tolist()), int(data["width"].max())
+    markers = rows_on(setups.beam())
+    return methods.tracks_of(data, markers, names, widest, calibration, matched)
+
+
+def _parts(data: xr.Dataset) -> dict[str, Any]:
+    """Return what the literal method loses to the missed maximum and to whole frames alone."""
+    row, instant, tracks = (
+        rows_on(setups.beam()).middle_row,
+        _instant(data),
+        _tracks(data, "literal"),
+    )
+    first = tracks.times[0, 0] * tracks.rate
+    maximum, frame = (float(t) for t in instant.nearest(tracks.rate, first))
+    exact = (data["delay"] - data["delay"][0]).values
+    residual, n = exact - tracks.frames / tracks.rate, len(exact)
+
+    def shape_at(times: Array) -> Array:
+        images = [
+            own.at(instant.omega, [t])[0] for own, t in zip(tracks.harmonics, times, strict=True)
+        ]
+        return deflection_at(tracks.P, tracks.frame, tracks.rest, np.array(images))[row]
+
+    def loss(times: Array) -> float:
+        seen, most = shape_at(times), shape_at(np.full(n, maximum))
+        return float(100 * np.sqrt(np.nanmean((seen - most) ** 2)) / np.nanmax(np.abs(most)))
+
+    return {
+        "frames_off": abs(frame - maximum) * tracks.rate,
+        "peak": loss(np.full(n, frame)),
+        "rounding": loss(maximum + residual),
+        "both": loss(frame + residual),
+    }
+
+
+VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
+    "lab-calibration": lambda _: {},
+    "lab-synchronisation": _synchronisation,
+    "lab-clocks": _clocks,
+    "lab-exposure": _exposure,
+    "lab-matches": _matches,
+    "lab-tracking": _tracking,
+    "lab-steps": _steps,
+    "lab-parts": _parts,
+}
+
+
+def text(data: xr.Dataset, name: str) -> str:
+    """Fill in a table or paragraph of the page."""
+    return render(__file__, name, data=data, slices=slices, **VALUES[name](data))

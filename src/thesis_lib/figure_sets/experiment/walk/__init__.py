@@ -1,1 +1,0 @@
-"""The pictures and numbers that walk through one experiment."""
