@@ -171,9 +171,9 @@ def test_trials_scatter_as_is_predicted(conforms, cubes, case):
 def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method, frames):
     own = replace(tracks(noisy, method), rest_frames=frames)
     instant = shapes.instant_of(noisy, BEAM.damping)
-    predicted = shapes.predicted(own, method, instant, np.zeros(4))
+    predicted = shapes.predict_deviation(own, method, instant, np.zeros(4))
     endless = replace(own, rest_frames=10**9)
-    ratio = predicted / shapes.predicted(endless, method, instant, np.zeros(4))
+    ratio = predicted / shapes.predict_deviation(endless, method, instant, np.zeros(4))
     if method == "literal":
         conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
     else:  # interpolation has less noise of its own

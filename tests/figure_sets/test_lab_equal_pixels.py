@@ -9,7 +9,7 @@ from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_equal_pixels import compute
 from thesis_lib.figure_sets.lab_equal_pixels.parameters import REPLICATES
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.laboratory import outlined
+from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.vibration.structure import deflection_shape
@@ -172,7 +172,7 @@ def test_cameras_that_find_no_board_have_no_result(monkeypatch):
     def none(_):
         raise CalibrationError("no board")
 
-    monkeypatch.setattr(outlined, "calibrated", none)
+    monkeypatch.setattr(tracking, "calibrate_rig", none)
     request = study(trials=0, counts=[2], cases=["pixels"], diameters_mm=[30.0])
     assert compute.measure_kind(request, request.rendered_kinds[0], 0) == {}
     data = equal_pixels(request)

@@ -25,8 +25,8 @@ from thesis_lib.figure_sets.lab_plate.compute import filling
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.laboratory import direct
-from thesis_lib.laboratory import recordings as lab_films
+from thesis_lib.laboratory import replicates as lab_films
+from thesis_lib.laboratory import tracking
 from thesis_lib.measure.fitting import aliasing
 from thesis_lib.measure.recordings.markers import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
@@ -119,14 +119,14 @@ def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(con
     rng = np.random.default_rng(0)
     times = [start + np.arange(40) / 60 for start in (0.0, 0.007)]
     clean = [np.cos(2 * np.pi * 7.3 * t)[:, None] * [1.0, -2.0] for t in times]
-    conforms.closed_form(spectra.explained([7.3], times, clean)[0], 1, rtol=1e-6)
+    conforms.closed_form(spectra.explained_share([7.3], times, clean)[0], 1, rtol=1e-6)
     conforms.closed_form(spectra.read_frequency(times, clean, 60), 7.3, atol=1e-3)
     mixed = [own + 0.3 * rng.standard_normal(own.shape) for own in clean]
     share = np.mean([own.var() for own in clean]) / np.mean([own.var() for own in mixed])
-    conforms.closed_form(spectra.explained([7.3], times, mixed)[0], share, atol=0.03)
+    conforms.closed_form(spectra.explained_share([7.3], times, mixed)[0], share, atol=0.03)
     gappy = [np.column_stack([own, own[:, 0]]) for own in clean]
     gappy[0][3, 2] = np.nan
-    conforms.closed_form(spectra.explained([7.3], times, gappy)[0], 1, rtol=1e-6)
+    conforms.closed_form(spectra.explained_share([7.3], times, gappy)[0], 1, rtol=1e-6)
 
 
 # Bending and torsion, from exact projections.
@@ -163,10 +163,10 @@ def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exa
 def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"])
     recording = beam_films.recordings_of(study, films(study))[0][0]
-    seen = spectra.images(recording.fit(recording.frequency))
+    seen = spectra.image_amplitudes(recording.fit(recording.frequency))
     still = modes_study(exposure_ms=1e-3, modes=[3], cases=["known"])
     other = beam_films.recordings_of(still, films(still))[0][0]
-    whole = spectra.images(other.fit(other.frequency))
+    whole = spectra.image_amplitudes(other.fit(other.frequency))
     ratio = np.abs(np.vdot(whole, seen)) / np.linalg.norm(whole) ** 2
     conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
 
@@ -343,10 +343,12 @@ def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
 
 def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conforms):
     noise = np.random.default_rng(0).standard_normal((2000, 150))
-    conforms.sampled(abs(lab_plate_study.neighbours(noise, (15, 10))), below=0.01)
-    conforms.closed_form(lab_plate_study.neighbours(np.ones((1, 150)), (15, 10)), 1, rtol=1e-6)
+    conforms.sampled(abs(lab_plate_study.neighbour_correlation(noise, (15, 10))), below=0.01)
+    conforms.closed_form(
+        lab_plate_study.neighbour_correlation(np.ones((1, 150)), (15, 10)), 1, rtol=1e-6
+    )
     checks = (-1.0) ** np.arange(150)[None]
-    conforms.closed_form(lab_plate_study.neighbours(checks, (15, 10)), -1, rtol=1e-6)
+    conforms.closed_form(lab_plate_study.neighbour_correlation(checks, (15, 10)), -1, rtol=1e-6)
 
 
 def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
@@ -460,10 +462,10 @@ def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
     study = modes_study(**{**QUICK, "frames": 8, "cases": ["known"]}, frame_rates_hz=[60.0])
     rig = beam_films.rigs_of(study)[0]
     errors, predicted = [], []
-    data = lab_films.record([replace(rig, seed=seed) for seed in range(4)], study.frames)
+    data = lab_films.record_tracks([replace(rig, seed=seed) for seed in range(4)], study.frames)
     for tracks in data["tracks"].values:
-        found = lab_films.seen_in(tracks, rig)
-        recording = lab_modes.Recording(rig, found, study.exposure_ms / 1000)
+        found = lab_films.read_tracks(tracks, rig)
+        recording = lab_modes.ModeRecording(rig, found, study.exposure_ms / 1000)
         again = np.empty((0, tracks.shape[-1]))
         result = lab_modes.case_results(recording, "known", recording.frequency, again)
         errors.append(float(result["mean_error"][0]))
@@ -494,11 +496,11 @@ def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
     rig = beam_films.rigs_of(study)[0]
     parts = (replace(rig.motion.components[0], amplitude=0.003),)
     rig = replace(rig, stations=rig.stations[:1], motion=replace(rig.motion, components=parts))
-    (told,) = direct.seen(rig)
-    monkeypatch.setattr(direct, "Tracker", lambda view, turn: Tracker(view, 0.0))
-    (untold,) = direct.seen(rig)  # which tries the places before, too
-    monkeypatch.setattr(direct, "Tracker", lambda view, turn: Tracker(view, 1e-9))
-    (straight_on,) = direct.seen(rig)
+    (told,) = tracking.track_cameras(rig)
+    monkeypatch.setattr(tracking, "Tracker", lambda view, turn: Tracker(view, 0.0))
+    (untold,) = tracking.track_cameras(rig)  # which tries the places before, too
+    monkeypatch.setattr(tracking, "Tracker", lambda view, turn: Tracker(view, 1e-9))
+    (straight_on,) = tracking.track_cameras(rig)
     for found in (told, untold):
         assert found.missing < 0.03
         conforms.closed_form(np.nanmax(found.error()), below=1)

@@ -19,9 +19,9 @@ import yaml
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as filmed
 from thesis_lib.figure_sets.experiment import methods as chain
-from thesis_lib.laboratory import film as laboratory_film
-from thesis_lib.laboratory.film import SAMPLE_RATE, film, manifest_of
-from thesis_lib.laboratory.rig import LATE, REST, default_rig
+from thesis_lib.laboratory import recording_files as laboratory_film
+from thesis_lib.laboratory.recording_files import SAMPLE_RATE, manifest_of, write_recording
+from thesis_lib.laboratory.rig import MAX_START_S, REST_S, default_rig
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.grids import BoardNotFound
@@ -53,7 +53,7 @@ BENDING, TORSION = Component(), Component("torsion", 1, 8.5, 0.0005, 0.7)
 def small_rig():
     """A and C of the default rig, eight shots, no longer than it takes."""
     rig = default_rig(BEAM, OPPOSITE, size=SIZE, components=(BENDING, TORSION), seed=3)
-    motion = Motion(BEAM, rig.motion.components, REST + LATE, 0.3)
+    motion = Motion(BEAM, rig.motion.components, REST_S + MAX_START_S, 0.3)
     return replace(rig, motion=motion, duration=2.8, rotations=rig.rotations[:8],
                    translations=rig.translations[:8])  # fmt: skip
 
@@ -66,7 +66,7 @@ def rig():
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory, rig):
     folder = tmp_path_factory.mktemp("laboratory")
-    film(rig, folder)
+    write_recording(rig, folder)
     return folder
 
 
@@ -139,9 +139,9 @@ def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(confo
 def test_cameras_start_at_odd_times_before_the_beam_moves():
     rig = default_rig(BEAM, OPPOSITE)
     starts = [station.start for station in rig.stations]
-    assert 0 <= min(starts) < max(starts) <= LATE
+    assert 0 <= min(starts) < max(starts) <= MAX_START_S
     assert abs((starts[1] - starts[0]) * 60 % 1 - 0.5) < 0.49
-    assert rig.motion.start >= max(starts) + REST
+    assert rig.motion.start >= max(starts) + REST_S
     # A second and five periods of steady vibration, for the last camera as for the first.
     assert rig.duration + min(starts) - rig.motion.steady >= max(1, 5 / 4.25)
 
@@ -151,19 +151,21 @@ def test_the_noise_is_of_the_seed_and_of_nothing_else(rig):
     np.testing.assert_array_equal(small_rig().generator(1, 0, 5).standard_normal(9), one)
     for other in [(1, 0, 6), (1, 1, 5), (2, 0, 5)]:
         assert np.all(rig.generator(*other).standard_normal(9) != one)
-    frames = [next(laboratory_film.frames(r, 0)) for r in (rig, small_rig(), replace(rig, seed=4))]
+    frames = [
+        next(laboratory_film.render_frames(r, 0)) for r in (rig, small_rig(), replace(rig, seed=4))
+    ]
     np.testing.assert_array_equal(frames[0], frames[1])
     assert np.any(frames[0] != frames[2])
 
 
 def test_frames_are_made_one_by_one(rig):
-    frames = laboratory_film.frames(replace(rig, duration=1e6), 0)
+    frames = laboratory_film.render_frames(replace(rig, duration=1e6), 0)
     assert next(frames).shape == SIZE[::-1]
 
 
 def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
     for index, station in enumerate(rig.stations):
-        sound = laboratory_film.sound(rig, index)
+        sound = laboratory_film.render_sound(rig, index)
         times = station.start + np.arange(len(sound)) / SAMPLE_RATE
         force = rig.motion.force(times) / rig.full_scale
         noise = sound - force
@@ -191,10 +193,10 @@ def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordi
     assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 168)
     for index, name in enumerate("AB"):
         kept = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
-        conforms.invariance(kept, next(laboratory_film.frames(rig, index)), atol=0)
+        conforms.invariance(kept, next(laboratory_film.render_frames(rig, index)), atol=0)
         sound, rate, start = read_audio(recordings / f"{name}.mkv")
         assert (rate, start) == (48000, 0)
-        conforms.invariance(sound, laboratory_film.sound(rig, index), atol=2**-15)
+        conforms.invariance(sound, laboratory_film.render_sound(rig, index), atol=2**-15)
 
 
 def test_the_markers_of_the_manifest_are_those_of_the_rig(recordings, rig):
@@ -252,7 +254,7 @@ def tracked(measured, rig):
     )  # fmt: skip
     own = np.arange(uv.shape[1]) / 60
     P = lens.projection_matrices(cameras)
-    still = uv[:, own < REST]
+    still = uv[:, own < REST_S]
     rest = still.mean(axis=1)
     points, seen = rc.triangulate_seen(P, rest)
     assert (seen == 2).all()
@@ -565,7 +567,7 @@ def test_markers_that_are_not_where_the_manifest_has_them_are_refused(folder):
 
 
 def test_the_memory_of_following_is_independent_of_length(tmp_path, rig, monkeypatch):
-    image = next(laboratory_film.frames(rig, 0))
+    image = next(laboratory_film.render_frames(rig, 0))
     read, peaks, files = media.read_frames, [], manifest_of(rig).cameras[0]
 
     def watched(path, *between, **told):

@@ -11,9 +11,8 @@ from scenes.discs import camera, disc_centroids
 from scipy.special import ndtr
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.laboratory.render import (
-    FINE,
+    SUBPIXELS,
     BeamView,
     Polygons,
     Sensor,
@@ -21,6 +20,7 @@ from thesis_lib.laboratory.render import (
     expose,
     rasterise,
 )
+from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.markers import on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
@@ -212,7 +212,7 @@ def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place)
     bell = np.exp(-0.5 * to**2) / np.sqrt(2 * np.pi)
     exact = 60 + 140 * spread * np.diff(to * ndtr(to) + bell, axis=0)[0]
     # The trapezoidal rule on the finer grid errs by its step squared over 12 at each kink.
-    by_grid = 140 / (12 * FINE**2) * np.abs(np.diff(bell, axis=0)).max() / spread
+    by_grid = 140 / (12 * SUBPIXELS**2) * np.abs(np.diff(bell, axis=0)).max() / spread
     conforms.closed_form(row, exact, atol=0.6 + by_grid)
 
 

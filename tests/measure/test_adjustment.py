@@ -9,7 +9,7 @@ import pytest
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.alignment import align, alignment, camera_deviations, moved
 from thesis_lib.measure.calibration.bundle_adjustment import adjust

@@ -6,7 +6,7 @@ import xarray as xr
 import yaml
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
 
-from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration.grids import BoardNotFound

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, nearest_order, photograph, picture, rig
 
-from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.recordings.board import Board

@@ -17,7 +17,7 @@ from PIL import Image
 from sdypy_sep005 import Sep005Data
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files, mesh, sep005, uff
 from thesis_lib.measure.exchange.history import motion

@@ -316,7 +316,7 @@ def test_deflection_is_the_true_one(conforms, measured, take):
     tracks, instant = one.tracks, one.instant
     found = shapes.deflection(tracks, instant, "harmonic", exposures)
     true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    predicted = shapes.predicted(tracks, "harmonic", instant, exposures)
+    predicted = shapes.predict_deviation(tracks, "harmonic", instant, exposures)
     errors = found - true
     assert np.isfinite(errors).all()
     conforms.independent(tracks.frame.scale, 1, atol=2e-4)

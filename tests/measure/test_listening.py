@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory import film as laboratory_film
+from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
 from thesis_lib.measure.recordings.check import check_excitation
 from thesis_lib.measure.recordings.force_fields import Excitation
@@ -66,7 +66,7 @@ def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
 def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
     directions = [(10, 22), (100, 22), (190, 22)]
     rig = laboratory.default_rig(setups.beam(), directions, audio_noise_db=noise_db, seed=5)
-    sounds = [laboratory_film.sound(rig, index) for index in range(3)]
+    sounds = [laboratory_film.render_sound(rig, index) for index in range(3)]
     found = listen(folder_of(tmp_path, sounds), tmp_path)
     starts = np.array([station.start for station in rig.stations])
     error = 60 * np.abs(found.synchronisation.delays - (starts - starts[0])).max()

@@ -33,7 +33,7 @@ from scenes.measure import (
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import sample
-from thesis_lib.laboratory.example import AMPLITUDE, example_manifest, example_rig
+from thesis_lib.laboratory.recording_files import AMPLITUDE, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUTS

@@ -8,7 +8,7 @@ import pyuff
 import xarray as xr
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.film import frames
+from thesis_lib.laboratory.recording_files import render_frames
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import uff
 from thesis_lib.measure.fitting.frequency import FrequencyError, advance, look_for
@@ -195,7 +195,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     rig = default_rig(setups.beam(), [(10, 30), (-10, 30)], size=(960, 540))
     rig = replace(rig, duration=0.5, motion=replace(rig.motion, start=0.3, ramp=0.2))
     station = rig.stations[0]
-    media.write_video(tmp_path / "A.mkv", frames(rig, 0), 60, np.zeros(24000), 48000)
+    media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
     files = CameraFiles(name="A", video="A.mkv", width_px=960, height_px=540, exposure_s=0.004,
                         shots="shots")  # fmt: skip
     monkeypatch.setattr(recording_module, "OFTEN", 7)

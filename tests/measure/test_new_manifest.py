@@ -10,7 +10,7 @@ import yaml
 from command import thesis
 
 from thesis_lib.files import project_root
-from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video

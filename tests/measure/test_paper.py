@@ -9,7 +9,7 @@ import pytest
 import yaml
 from command import thesis
 
-from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.paper.page import SIZES, STRIP
 from thesis_lib.measure.recordings.board import MARK, Board

@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.signal import lfilter
 
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.frequency import FrequencyError

@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of
-from thesis_lib.laboratory.example import example_rig
-from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
 from thesis_lib.runs.requested import Refused, assigned_values, requests_of
 from thesis_lib.studies import storage

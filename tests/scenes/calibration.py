@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from scipy.special import ndtr
 
-from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision import lens
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations

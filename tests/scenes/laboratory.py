@@ -4,9 +4,9 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.figure_sets.experiment.compute import estimate, rig_of, true_tracks
-from thesis_lib.laboratory.experiment import joined
-from thesis_lib.laboratory.parameters import NAMES
-from thesis_lib.laboratory.rig import REST
+from thesis_lib.laboratory.experiment import join_replicates
+from thesis_lib.laboratory.parameters import CAMERA_NAMES
+from thesis_lib.laboratory.rig import REST_S
 
 MATCH = 0.5  # px to which matched centres are rounded
 
@@ -36,7 +36,7 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
                 ("camera", "width", "frame", "axis", "marker"),
                 np.rint(tracks / MATCH) * MATCH,
             ),
-            "rest": ((), REST),
+            "rest": ((), REST_S),
             "frame_rate": ("camera", [request.frame_rate_hz] * 4),
             "delay": ("camera", delays),
             "delay_frames": ("camera", np.rint(delays * request.frame_rate_hz).astype(int)),
@@ -54,14 +54,14 @@ def recordings(request, sigma=0.0, seed=0, starts=None):
             "wrong_share": ("width", np.zeros(len(request.widths_px)), text),
             "centre_error": ("width", np.full(len(request.widths_px), sigma), text),
         },
-        coords={"camera": list(NAMES), "width": request.widths_px,
+        coords={"camera": list(CAMERA_NAMES), "width": request.widths_px,
                 "calibration": ["literal", "full"]},
     )  # fmt: skip
 
 
 def replicates(request, count, sigma=0.0):
     """Return recordings that differ by starts and noise alone, with their estimates."""
-    starts = [np.random.default_rng(n).uniform(0, 0.25, len(NAMES)) for n in range(count)]
+    starts = [np.random.default_rng(n).uniform(0, 0.25, len(CAMERA_NAMES)) for n in range(count)]
     every = [recordings(request, sigma, n, own) for n, own in enumerate(starts)]
     return estimated(request, every)
 
@@ -69,4 +69,4 @@ def replicates(request, count, sigma=0.0):
 def estimated(request, every):
     """Return recordings as replicates, with their estimates."""
     names = [str(name) for name in every[0].data_vars]
-    return joined([data.merge(estimate(request, data)) for data in every], names)
+    return join_replicates([data.merge(estimate(request, data)) for data in every], names)

@@ -11,7 +11,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
-from thesis_lib.laboratory.film import manifest_of
+from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.calibration.reused import as_calibrated

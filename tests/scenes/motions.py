@@ -4,9 +4,9 @@ import numpy as np
 
 from thesis_lib.figure_sets.lab_modes import compute as beam_films
 from thesis_lib.figure_sets.lab_plate import compute as plate_films
-from thesis_lib.laboratory import recordings as lab_films
-from thesis_lib.laboratory.direct import Seen
-from thesis_lib.laboratory.experiment import joined
+from thesis_lib.laboratory import replicates as lab_films
+from thesis_lib.laboratory.experiment import join_replicates
+from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.recordings.markers import on_surface
 from thesis_lib.vision import lens
 
@@ -22,7 +22,7 @@ def look(sigma=0.0, seed=0):
             times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
                 station.frame_rate
             )
-            exposure = station.sensor.exposure * np.sqrt(1 - 1 / lab_films.SAMPLES**2)
+            exposure = station.sensor.exposure * np.sqrt(1 - 1 / lab_films.EXPOSURE_SAMPLES**2)
             points = rig.markers.centres
 
             def images(at, points=points, camera=station.camera, rig=rig):
@@ -35,7 +35,9 @@ def look(sigma=0.0, seed=0):
             seen = [images(times + node * exposure / 2) for node in NODES]
             centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
             rng = np.random.default_rng([seed, rig.seed, number])
-            found.append(Seen(times, centres + sigma * rng.standard_normal(truth.shape), truth))
+            found.append(
+                TrackedCentres(times, centres + sigma * rng.standard_normal(truth.shape), truth)
+            )
         return found
 
     return one
@@ -47,6 +49,6 @@ def films(study, sigma=0.0, seed=0):
     replicates = []
     for number in range(study.trials + 1):
         rigs = film.rigs_of(study, number)
-        data = lab_films.record(rigs, study.frames, look(sigma, seed))[["tracks"]]
+        data = lab_films.record_tracks(rigs, study.frames, look(sigma, seed))[["tracks"]]
         replicates.append(data.merge(film.estimate(study, data, number)))
-    return joined(replicates, ("tracks",))
+    return join_replicates(replicates, ("tracks",))

@@ -8,11 +8,10 @@ import av
 import numpy as np
 import xarray as xr
 
-from thesis_lib.laboratory import film as laboratory_film
-from thesis_lib.laboratory.film import manifest_of, shots
-from thesis_lib.laboratory.poses import default_poses
+from thesis_lib.laboratory import recording_files as laboratory_film
+from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.laboratory.rig import Rig, default_rig
+from thesis_lib.laboratory.rig import Rig, default_poses, default_rig
 from thesis_lib.measure.measured import deflection, recorded
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
@@ -69,8 +68,8 @@ def make(
     manifest = manifest_of(rig)
     for index, (station, files) in enumerate(zip(rig.stations, manifest.cameras, strict=True)):
         name = station.camera.name
-        audio = laboratory_film.sound(rig, index) if sound is None else sound(rig, index)
-        frames = laboratory_film.frames(rig, index)
+        audio = laboratory_film.render_sound(rig, index) if sound is None else sound(rig, index)
+        frames = laboratory_film.render_frames(rig, index)
         if colour:
             write_colour(folder / f"{name}.mp4", frames, files.size, station.frame_rate, audio)
             files = files.model_copy(update={"video": f"{name}.mp4"})
@@ -78,7 +77,7 @@ def make(
             media.write_video(folder / f"{name}.mkv", frames, station.frame_rate, audio, RATE)
         sensor = board_sensor or Sensor()
         plain = replace(rig, stations=tuple(replace(s, sensor=sensor) for s in rig.stations))
-        for k, shot in enumerate(shots(plain, index)):
+        for k, shot in enumerate(render_board_images(plain, index)):
             write_png(folder / name / f"{k:02d}.png", shot)
         if corners:
             files = files.model_copy(update={"corners_px": corners_px(rig, index)})

@@ -14,10 +14,10 @@ from scenes.driven import FINE, Driven, write_wav
 from scenes.modes import BEAM
 
 from thesis_lib.arrays import Array
-from thesis_lib.laboratory.film import SAMPLE_RATE, manifest_of
+from thesis_lib.laboratory.impact import rolling_frames
+from thesis_lib.laboratory.recording_files import SAMPLE_RATE, manifest_of
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.laboratory.rig import LATE, Rig, default_rig
-from thesis_lib.laboratory.tapped import rolling_frames
+from thesis_lib.laboratory.rig import MAX_START_S, Rig, default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -58,7 +58,7 @@ class Pushed(Motion):
 def pushed(rig: Rig, driven: Driven, rates: tuple[float, ...], seconds: float, rest: float) -> Rig:
     """The rig with a beam that a force drives after some rest, filmed for some seconds in all."""
     parts = tuple(Component("bending", n + 1) for n in range(len(driven.damping)))
-    motion = Pushed(BEAM, parts, LATE + rest, 0.1, driven)
+    motion = Pushed(BEAM, parts, MAX_START_S + rest, 0.1, driven)
     stations = tuple(
         replace(station, frame_rate=rate) for station, rate in zip(rig.stations, rates, strict=True)
     )

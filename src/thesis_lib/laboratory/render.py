@@ -23,7 +23,7 @@ from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
-FINE = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
+SUBPIXELS = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ class BeamView:
             deflection = deflection[:1]
         world = on_surface(self.markers.extent, self.points[:, None], deflection)
         uv = lens.project(self.camera, world)
-        return light_of(uv, self.polygons, self.camera.size, self.sensor)
+        return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
 def board_image(
@@ -200,7 +200,7 @@ def expose(
     rng: np.random.Generator | None,
 ) -> Image:
     """Grey levels of polygons before the background: spread, noise, rounding to eight bits."""
-    return light_of(uv, polygons, size, sensor).recorded(sensor, rng)
+    return collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ class Light:
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0, out=picture)), np.uint8)
 
 
-def light_of(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
+def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
     """Grey levels of polygons before the background, spread; over several frames the mean.
 
     Parameters are those of :func:`rasterise` and the sensor.
@@ -240,13 +240,13 @@ def light_of(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Senso
     box = None
     if np.all(high > low):  # else nothing is in view
         (left, top), (right, bottom) = low, high
-        fine = FINE * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
-        part = rasterise(fine, polygons, *(FINE * (high - low)))
+        fine = SUBPIXELS * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
+        part = rasterise(fine, polygons, *(SUBPIXELS * (high - low)))
         grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
-            taps = 2 * FINE * margin - 1
+            taps = 2 * SUBPIXELS * margin - 1
             grey = cv2.GaussianBlur(
-                grey, (taps, taps), FINE * sensor.spread, borderType=cv2.BORDER_REPLICATE
+                grey, (taps, taps), SUBPIXELS * sensor.spread, borderType=cv2.BORDER_REPLICATE
             )
         grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
         box = slice(int(top), int(bottom)), slice(int(left), int(right))
@@ -262,3 +262,40 @@ def _outline(vertices: ArrayLike, step: float) -> Array:
         n = int(np.ceil(np.linalg.norm(there - here) / step))
         sides.append(here[:, None] + (there - here)[:, None] * np.arange(n) / n)
     return np.concatenate(sides, axis=1)
+
+
+EDGE_NODES = 256  # of the sum around the edge
+
+
+def edge_scatter(width: float, height: float, sensor: Sensor) -> Array:
+    """Least standard deviation of a disc's centre along u and v, shape (2,), px.
+
+    An edge of contrast c that is blurred by s, seen by pixels with noise σ, tells a shift along its
+    normal n with the information c² / (2√π s σ²) per length. Around the whole edge
+
+        σ_u² = 2√π s σ² / (c² ∮ n_u² dl),  σ_v² = 2√π s σ² / (c² ∮ n_v² dl).
+
+    A flat image has long edges above and below and hardly any at its ends: σ_v stays, σ_u grows.
+    The law holds while opposite edges are farther apart than they are blurred.
+
+    Parameters
+    ----------
+    width, height : float
+        Axes of the disc's image along u and v in px.
+    sensor : Sensor
+        Grey levels, noise and spread; s has the pixel's own area in it, and σ is that of the level
+        between dark and white, rounding included.
+
+    Examples
+    --------
+    >>> edge_scatter(11.2, 4.2, Sensor()).round(4)
+    array([0.0109, 0.0052])
+    """
+    blur = np.sqrt(sensor.spread**2 + 1 / 12)
+    noise = sensor.shot * (sensor.white + sensor.dark) / 2 + sensor.read**2 + 1 / 12
+    turn = (np.arange(EDGE_NODES) + 0.5) * 2 * np.pi / EDGE_NODES
+    # With (a cos t, b sin t) an edge has n dl = (b cos t, a sin t) dt.
+    normal = np.stack([height / 2 * np.cos(turn), width / 2 * np.sin(turn)])
+    around = 2 * np.pi * np.mean(normal**2 / np.hypot(*normal), axis=1)
+    contrast = sensor.white - sensor.dark
+    return np.asarray(np.sqrt(2 * np.sqrt(np.pi) * blur * noise / (contrast**2 * around)), float)

@@ -1,7 +1,17 @@
-"""The rendered laboratory: what the cameras of chapter 5 would have recorded, with known truth.
+"""The rendered laboratory: cameras like those of chapter 5, the structure, and the board.
 
 World time counts from before the first camera starts. Every camera starts when it likes, its clock
 counts from there, and frame k is exposed around k / frame rate on that clock.
+
+The board is held in twelve poses that all four cameras can share. Cameras that face each other at
+22° elevation have no good view of one printed face in common: a board that lies flat is seen at 68°
+from its normal. The board therefore carries the pattern on both faces and stands upright between
+them: tilted towards one pair it turns away from the other, whose incidence grows by the tilt. Tilts
+up to 42° keep every view below 70°.
+
+Parallel boards determine no focal length (Zhang 2000, section 4), and tilts about one axis only
+leave the aspect ratio weak, so the board is tilted, turned and rolled, and it is moved through the
+volume that the beam takes up, as far as its corners stay in the images.
 """
 
 from __future__ import annotations
@@ -12,7 +22,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.laboratory.poses import default_poses
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.markers import Markers, rows_on
@@ -22,8 +31,57 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
 
-REST = 1.0  # s at rest at the start of every recording
-LATE = 0.25  # s within which the cameras start
+# Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
+_UPRIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+
+# Tilt back from the vertical, turn about the vertical, roll about the normal, all in degrees, and
+# the position of the board's centre (X, Y, Z) in mm.
+_POSES = np.array(
+    [
+        [0, 0, 0, 0, 0, -13],
+        [25, 0, 3, 0, -38, 0],
+        [-25, 0, -3, 0, 38, 0],
+        [42, 15, 0, -29, -39, 39],
+        [-42, 15, 0, 29, 39, 39],
+        [42, -25, 0, 35, -38, 45],
+        [-42, -25, 0, -35, 38, 45],
+        [15, 25, 0, -79, -29, 16],
+        [-15, 25, 0, 79, 29, 16],
+        [25, -25, 20, -37, -35, -25],
+        [-25, -25, -20, 37, 35, -25],
+        [35, 35, 0, -49, -39, 43],
+    ]
+)
+
+
+def default_poses() -> tuple[Array, Array]:
+    """Twelve poses of a two-sided board for cameras at ±22° elevation on both sides of XZ.
+
+    Returns
+    -------
+    rotations : ndarray, shape (12, 3, 3)
+        Turn directions in the board's frame into directions in the world.
+    translations : ndarray, shape (12, 3)
+        The board's centre in the world, m.
+    """
+    tilt, turn, roll = np.radians(_POSES[:, :3]).T
+    rotations = _about(2, turn) @ _about(0, tilt) @ _UPRIGHT @ _about(2, roll)
+    return rotations, _POSES[:, 3:] * 1e-3
+
+
+def _about(axis: int, angle: Array) -> Array:
+    """Rotations (n, 3, 3) about a coordinate axis by angles (n,) in rad."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.zeros((len(angle), 3, 3))
+    R[:, axis, axis] = 1
+    R[:, i, i] = R[:, j, j] = np.cos(angle)
+    R[:, j, i] = np.sin(angle)
+    R[:, i, j] = -np.sin(angle)
+    return R
+
+
+REST_S = 1.0  # s at rest at the start of every recording
+MAX_START_S = 0.25  # s within which the cameras start
 HEADROOM = 0.5  # largest force on the audio track over full scale
 
 
@@ -122,7 +180,7 @@ def default_rig(
     angles = np.radians(directions_deg)
     rotations = hemisphere_rotations(angles[:, 0], angles[:, 1])
     centres = distance * hemisphere_directions(angles[:, 0], angles[:, 1])
-    starts = np.random.default_rng([seed, 0]).uniform(0, LATE, len(angles))
+    starts = np.random.default_rng([seed, 0]).uniform(0, MAX_START_S, len(angles))
     focal = focal_length / sensor_width * size[0]
     stations = []
     for i, (R, centre, start) in enumerate(zip(rotations, centres, starts, strict=True)):
@@ -133,7 +191,7 @@ def default_rig(
         camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)
         stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
     period = 1 / min(part.frequency for part in components)
-    motion = Motion(structure, components, REST + LATE, 2 * period)
+    motion = Motion(structure, components, REST_S + MAX_START_S, 2 * period)
     return Rig(
         tuple(stations),
         markers or _default_markers(structure),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from thesis_lib.laboratory.example import example_manifest, example_rig
+from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, Assessment, assess, describe
 from thesis_lib.measure.feasibility.prediction import alias
 from thesis_lib.measure.messages import LIMIT

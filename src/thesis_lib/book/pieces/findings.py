@@ -19,8 +19,8 @@ from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import coarse, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.laboratory.another import SHIFT, TURN
-from thesis_lib.laboratory.filming import Repeated
+from thesis_lib.laboratory.parameters import Repeated
+from thesis_lib.laboratory.replicates import PLACE_STD_M, TURN_STD_RAD
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import from_cube
 from thesis_lib.plotting.selection import error_bars, select, stated
@@ -167,8 +167,8 @@ def describe_repeats(opened: Cubes) -> str:
             "below": np.mean(first < others.min(0)),
         }
         rows.append(row)
-    turn = np.degrees(TURN)
-    return render(__file__, "lab-repeats", rows=rows, shift_mm=1000 * SHIFT, turn_deg=turn)
+    turn = np.degrees(TURN_STD_RAD)
+    return render(__file__, "lab-repeats", rows=rows, shift_mm=1000 * PLACE_STD_M, turn_deg=turn)
 
 
 def tabulate_sound_scatter(opened: Cubes) -> str:

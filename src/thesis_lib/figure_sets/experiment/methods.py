@@ -67,7 +67,7 @@ VARIABLES = declared("""
 
 
 @alike()
-def literal(corners: Array, manifest: Manifest) -> Adjustment:
+def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     """The thesis's calibration (Appendices D and E), from corners (cameras, shots, 2, corners), px.
 
     Zhang's method on the central 5 × 7 squares, whose intrinsics and distortion are kept, and all
@@ -180,7 +180,7 @@ def dataset_of(
     if corners is not None:
         shift = np.array(widths)[:, None] / manifest.cameras[0].width_px * corners[:, None]
         tracks, matches = (own + shift[:, :, None, :, None] for own in (tracks, matches))
-    thesis = literal(calibration["corners"].values, manifest)
+    thesis = calibrate_centrally(calibration["corners"].values, manifest)
     cameras = [thesis.cameras, cameras_in(calibration)]
     rates = [c.frame_rate_hz for c in manifest.cameras]
     values = {
@@ -366,7 +366,7 @@ def interpolation_gain(fraction: float) -> float:
     return float(np.linalg.norm(weights))
 
 
-def predicted(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Array:
+def predict_deviation(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Array:
     """Standard deviation of the deflection of each marker by the noise of the centres alone, m."""
     if method == "harmonic":
         return deviation(tracks, at.omega, exposures)

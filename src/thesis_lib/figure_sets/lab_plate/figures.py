@@ -133,7 +133,7 @@ def compare_errors(cube: xr.Dataset, mode: int, plane: str) -> dict[str, Array]:
     return {"trials": drawn, "rendered": errors.values[..., 0], "whole pixels": rounded}
 
 
-def correlate_neighbours(cube: xr.Dataset) -> str:
+def format_correlation(cube: xr.Dataset) -> str:
     """Return the mean correlation over the distinct recordings, and its standard error."""
     found = np.unique(cube["neighbour_correlation"].values)
     error = found.std(ddof=1) / np.sqrt(found.size) if found.size > 1 else np.nan
@@ -155,7 +155,7 @@ def _results(cube: xr.Dataset) -> dict[str, Any]:
         "plane": plane,
         "cases": cases,
         "ratio": ratio.isel(setting=np.flatnonzero(cube["width_px"].values >= 640)),
-        "correlation": correlate_neighbours(cube),
+        "correlation": format_correlation(cube),
     }
 
 
@@ -208,7 +208,7 @@ def _ratios(cube: xr.Dataset) -> dict[str, Any]:
                 follows = np.corrcoef(np.log(shape), np.log(field))[0, 1] if many else np.nan
                 kinds.append((field / shape, follows))
             rows.append((mode, plane, free, kinds))
-    return {"rows": rows, "correlation": correlate_neighbours(cube)}
+    return {"rows": rows, "correlation": format_correlation(cube)}
 
 
 def _visibility(cube: xr.Dataset) -> dict[str, Any]:

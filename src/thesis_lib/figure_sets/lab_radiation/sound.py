@@ -23,9 +23,9 @@ from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
 from thesis_lib.figure_sets.lab_radiation.structures import MODES, Driven, driven, rig_of
-from thesis_lib.laboratory.direct import Seen
+from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_structure
 from thesis_lib.laboratory.rig import Rig
-from thesis_lib.laboratory.tapped import Tapped, ringing, tapped
+from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify
 from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.bands import ALL
@@ -45,7 +45,7 @@ PLANE = Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
 @dataclass(frozen=True)
-class Truth:
+class TrueSound:
     """What a structure radiates as it moves."""
 
     power: float  #: In W
@@ -53,7 +53,7 @@ class Truth:
     field: ComplexArray  #: Pressure on :data:`PLANE` in Pa, shape (places,)
 
 
-def truth(own: Driven, peak: float, medium: Medium) -> Truth:
+def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
     """The sound of the true motion, whose largest deflection is `peak` in m, on a fine grid.
 
     Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
@@ -65,11 +65,11 @@ def truth(own: Driven, peak: float, medium: Medium) -> Truth:
     power = _of(surface.power_form(moving, omega, medium), q)
     plain = _of(surface.plane_wave_form(moving, omega, medium), q)
     matrix = surface.pressure_matrix(moving, PLANE.points.reshape(3, -1), omega, medium)
-    return Truth(power, power / plain, matrix @ q)
+    return TrueSound(power, power / plain, matrix @ q)
 
 
 @dataclass(frozen=True)
-class Heard:
+class MarkerSound:
     """What the markers of a structure tell of its sound."""
 
     own: Driven
@@ -180,12 +180,12 @@ TAP_VARIABLES = declared("""
 def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
     """:data:`TAP_VARIABLES`, where centres scatter by so many px; NaN where they hide a mode."""
     rig = _rig(study)
-    assert isinstance(rig.motion, Tapped)
+    assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
     times = np.arange(0, HEARD, STEP / files.RATE)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
-        found = identify(*ringing(rig, _seen(rig, scatter)), asked)
+        found = identify(*select_free_decay(rig, _seen(rig, scatter)), asked)
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -226,7 +226,7 @@ def _rig(study: LabRadiation) -> Rig:
     x, y = rig.markers.extent
     rates = np.resize(RATES, len(rig.stations))
     at = PLACE * x, y / 2
-    return tapped(
+    return tap_structure(
         rig,
         len(DAMPING),
         DAMPING,
@@ -237,7 +237,7 @@ def _rig(study: LabRadiation) -> Rig:
     )
 
 
-def _seen(rig: Rig, scatter: float) -> list[Seen]:
+def _seen(rig: Rig, scatter: float) -> list[TrackedCentres]:
     """Where each camera finds the markers, of which none is lost."""
     found = []
     for index, station in enumerate(rig.stations):
@@ -245,7 +245,7 @@ def _seen(rig: Rig, scatter: float) -> list[Seen]:
         times = station.start + np.arange(count) / station.frame_rate
         uv = _centres(rig, index, times)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
-        found.append(Seen(times, uv + scatter * noise, uv))
+        found.append(TrackedCentres(times, uv + scatter * noise, uv))
     return found
 
 
@@ -274,7 +274,7 @@ def _as_measured(found: Modes) -> xr.Dataset:
     )
 
 
-def _true_power(motion: Tapped, moment: float, surface: Surface, medium: Medium) -> Array:
+def _true_power(motion: ImpactMotion, moment: float, surface: Surface, medium: Medium) -> Array:
     """Sound power of each mode of the true motion at a moment in s, W."""
     shapes = motion.amplitudes(surface.places, moment)
     omega, powers = np.abs(motion.poles), []

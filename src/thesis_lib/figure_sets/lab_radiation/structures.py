@@ -15,8 +15,8 @@ import numpy as np
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
-from thesis_lib.laboratory import outlined
-from thesis_lib.laboratory.recordings import camera_rig, film_seed, settled
+from thesis_lib.laboratory import tracking
+from thesis_lib.laboratory.replicates import camera_rig, derive_seed, settle_rig
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.measure.recordings.markers import Markers, rows_on
 from thesis_lib.vibration.beam import Beam
@@ -148,11 +148,11 @@ def _clear(panel: Panel) -> Array:
 def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
     """Return what sees one recording: cameras, the board's poses, the structure with its tone."""
     own = driven(case)
-    seed = film_seed(study.seed, case, replicate)
+    seed = derive_seed(study.seed, case, replicate)
     draw = np.random.default_rng([seed, 7])
     parts = own.components(study.amplitude_mm / 1000)
     rig = camera_rig(
         study, own.structure, study.setting(case), study.frame_rate_hz, parts, seed, own.markers
     )
-    rig = outlined.aimed(rig, study.distance_mm(case) / 1000, draw)
-    return settled(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)
+    rig = tracking.aim_cameras(rig, study.distance_mm(case) / 1000, draw)
+    return settle_rig(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray, Image
-from thesis_lib.laboratory.direct import Seen, true_view
-from thesis_lib.laboratory.render import BeamView, Light, Sensor, light_of
+from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
 from thesis_lib.laboratory.rig import Rig
+from thesis_lib.laboratory.tracking import TrackedCentres, true_view
 from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
@@ -27,7 +27,7 @@ from thesis_lib.vision.lens import Camera
 
 
 @dataclass(frozen=True)
-class Tapped(Motion):
+class ImpactMotion(Motion):
     """A structure at rest that is tapped once, and rings in its modes.
 
     The tap is a half sine of `impulse`, from `start` and `ramp` long, at `point`. Every mode of
@@ -87,7 +87,7 @@ def _answer(pole: complex, t: Array, length: float) -> ComplexArray:
     return np.asarray((past + kappa * np.exp(pole * np.maximum(t, 0))) / (pole**2 + kappa**2))
 
 
-def tapped(
+def tap_structure(
     rig: Rig,
     modes: int | tuple[int, ...],
     damping: tuple[float, ...],
@@ -129,7 +129,7 @@ def tapped(
         replace(station, frame_rate=rate) for station, rate in zip(rig.stations, given, strict=True)
     )
     begin = max(station.start for station in stations) + rest
-    motion = Tapped(structure, parts, begin, pulse, impulse, point, damping)
+    motion = ImpactMotion(structure, parts, begin, pulse, impulse, point, damping)
     return replace(rig, stations=stations, motion=motion, duration=seconds)
 
 
@@ -154,7 +154,7 @@ class RollingView(BeamView):
             uv = lens.project(self.camera, on_surface(self.markers.extent, self.points[:, None],
                                                       deflection))  # fmt: skip
             late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
-        return light_of(uv, self.polygons, self.camera.size, self.sensor)
+        return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
 def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
@@ -165,10 +165,10 @@ def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
         yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
 
 
-def filmed(rig: Rig, readout: float = 0.0) -> list[Seen]:
+def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
     """What every camera sees, rendered and tracked; rows are read in `readout` s."""
 
-    def one(index: int) -> Seen:
+    def one(index: int) -> TrackedCentres:
         station, markers = rig.stations[index], rig.markers
         found = []
         tracker = None
@@ -177,13 +177,13 @@ def filmed(rig: Rig, readout: float = 0.0) -> list[Seen]:
             tracker = tracker or Tracker(sharpen(image, true_view(station.camera, markers)), 0.0)
             found.append(tracker.centres(image))
         times, centres = station.start + np.arange(len(found)) / station.frame_rate, np.array(found)
-        return Seen(times, centres, np.full_like(centres, np.nan))
+        return TrackedCentres(times, centres, np.full_like(centres, np.nan))
 
     return abreast(one, range(len(rig.stations)))
 
 
-def ringing(
-    rig: Rig, found: list[Seen], readout: float = 0.0, begin: float | None = None
+def select_free_decay(
+    rig: Rig, found: list[TrackedCentres], readout: float = 0.0, begin: float | None = None
 ) -> tuple[list[Track], Rest]:
     """Tracks of the free vibration after the tap, and the markers at rest before it.
 

@@ -1,17 +1,21 @@
-"""The files of a recording: videos, sound, pictures of the board, manifest."""
+"""The files of a recording: videos, sound, calibration images, manifest; and an example of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 from pydantic import ValidationError
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.laboratory.render import BeamView, board_image
-from thesis_lib.laboratory.rig import REST, Rig
+from thesis_lib.facts import setups
+from thesis_lib.files import staging
+from thesis_lib.laboratory.render import BeamView, Sensor, board_image
+from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation
@@ -23,13 +27,14 @@ from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure
 
 SAMPLE_RATE = 48000  # Hz
 
 
-def frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
+def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
     """The frames of one camera, one after the other."""
     station = rig.stations[index]
     view = BeamView(station.camera, rig.markers, rig.motion, station.sensor)
@@ -38,7 +43,7 @@ def frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
         yield view.frame(station.start + k / station.frame_rate, rng)
 
 
-def sound(rig: Rig, index: int) -> Array:
+def render_sound(rig: Rig, index: int) -> Array:
     """The audio track of one camera: the force over full scale, with noise."""
     station = rig.stations[index]
     times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
@@ -48,7 +53,7 @@ def sound(rig: Rig, index: int) -> Array:
     return signal + spread * rig.generator(2, index, 0).standard_normal(len(signal))
 
 
-def shots(rig: Rig, index: int) -> Iterator[Image]:
+def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
     """The pictures that one camera takes of the board."""
     station = rig.stations[index]
     for k, (R, t) in enumerate(zip(rig.rotations, rig.translations, strict=True)):
@@ -62,17 +67,19 @@ def write_video(
     """Write the video of one camera, with its sound: camera A's is ``A.mkv``."""
     station = rig.stations[index]
     video = folder / f"{station.camera.name}.mkv"
-    pictures, rate = frames(rig, index), station.frame_rate
-    media.write_video(video, pictures, rate, sound(rig, index), SAMPLE_RATE, codec, crf)
+    pictures, rate = render_frames(rig, index), station.frame_rate
+    media.write_video(video, pictures, rate, render_sound(rig, index), SAMPLE_RATE, codec, crf)
 
 
-def write_shots(rig: Rig, index: int, folder: Path) -> None:
+def write_board_images(rig: Rig, index: int, folder: Path) -> None:
     """Write the pictures of the board by one camera: camera A's are ``A/00.png`` and so on."""
-    for k, image in enumerate(shots(rig, index)):
+    for k, image in enumerate(render_board_images(rig, index)):
         write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
 
-def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23) -> Path:
+def write_recording(
+    rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
+) -> Path:
     """Write a video and the board shots of every camera; the cameras film side by side.
 
     Returns
@@ -83,7 +90,7 @@ def film(rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: i
 
     def one(index: int) -> None:
         write_video(rig, index, folder, codec, crf)
-        write_shots(rig, index, folder)
+        write_board_images(rig, index, folder)
 
     abreast(one, range(len(rig.stations)))
     path = folder / "manifest.yaml"
@@ -116,7 +123,7 @@ def manifest_of(rig: Rig) -> Manifest:
         ),
         excitation=Excitation(
             frequency_hz=rig.motion.components[0].frequency,
-            rest_s=REST,
+            rest_s=REST_S,
             force_per_full_scale_n=rig.full_scale,
         ),
     )
@@ -174,3 +181,98 @@ def _structure(structure: Structure, markers: Markers) -> StructureSpec:
 
 def _mm(metres: float) -> float:
     return round(1000 * metres, 9)
+
+
+DIRECTIONS = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth and elevation, °
+AMPLITUDE = 0.003  # m at the tip
+SIZE = (1280, 720)
+CRF = 18  # of H.264
+QUALITY = 92  # of the board's pictures, JPEG
+FOCAL_MM, SENSOR_MM = 24.0, 36.0
+
+
+def example_rig() -> Rig:
+    """What the example shows."""
+    return default_rig(
+        setups.beam(),
+        DIRECTIONS,
+        focal_length=FOCAL_MM / 1000,
+        sensor_width=SENSOR_MM / 1000,
+        size=SIZE,
+        sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7),
+        seed=11,
+        components=(Component(amplitude=AMPLITUDE),),
+    )
+
+
+def example_manifest(rig: Rig) -> Manifest:
+    """The manifest of the example, with what the warnings before measuring ask for."""
+    manifest = manifest_of(rig)
+    cameras = tuple(
+        camera.model_copy(
+            update={
+                "video": f"{camera.name}.mkv",
+                "shots": f"board/{camera.name}-*.jpg",
+                "focal_length_mm": FOCAL_MM,
+                "sensor_width_mm": SENSOR_MM,
+                "f_number": 11.0,
+                "distance_mm": 570.0,
+                "azimuth_deg": azimuth,
+                "elevation_deg": elevation,
+            }
+        )
+        for camera, (azimuth, elevation) in zip(manifest.cameras, DIRECTIONS, strict=True)
+    )
+    excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * AMPLITUDE})
+    return manifest.model_copy(update={"cameras": cameras, "excitation": excitation})
+
+
+def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
+    """Render the example into a folder, which must not hold anything yet; whole or not at all.
+
+    Returns
+    -------
+    Path
+        The manifest.
+
+    Raises
+    ------
+    FileExistsError
+        If the folder is a file, or not empty.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileExistsError(f"{folder}: is there already, allowed: a new or empty folder")
+    rig, stop = example_rig(), threading.Event()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with staging(folder.parent) as part:
+        (part / "board").mkdir()
+
+        def until_stopped(pictures: Iterator[Image]) -> Iterator[Image]:
+            for picture in pictures:
+                if stop.is_set():
+                    raise KeyboardInterrupt
+                yield picture
+
+        def one(index: int) -> None:
+            station = rig.stations[index]
+            name = station.camera.name
+            say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
+            media.write_video(
+                part / f"{name}.mkv",
+                until_stopped(render_frames(rig, index)),
+                station.frame_rate,
+                render_sound(rig, index),
+                SAMPLE_RATE,
+                "h264",
+                CRF,
+            )
+            for k, shot in enumerate(until_stopped(render_board_images(rig, index))):
+                _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+                (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
+
+        abreast(one, range(len(rig.stations)), stop.set)
+        write_manifest(example_manifest(rig), part / "manifest.yaml")
+        if folder.exists():
+            folder.rmdir()
+        part.rename(folder)
+    return folder / "manifest.yaml"

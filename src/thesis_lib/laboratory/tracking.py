@@ -1,0 +1,294 @@
+"""Markers tracked as they are rendered: no files, and clocks that are known.
+
+Cameras are known, too, or calibrated first. What remains of the laboratory is what geometry,
+pixels, noise and the tracker do. A few periods are enough for that, so that many rigs can be tried
+in the time of one full recording.
+
+Cameras before a planar structure of any outline are each a little off their aim and take
+calibration images of a board; all are calibrated together from these. Then they read no more of
+their sensors than the structure reaches, and markers are followed from the corners of the outline,
+marked to a pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.arrays import Array, Image
+from thesis_lib.laboratory.recording_files import render_board_images
+from thesis_lib.laboratory.render import BeamView
+from thesis_lib.laboratory.rig import Rig, Station
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.corners import find_corners
+from thesis_lib.measure.calibration.grids import BoardNotFound
+from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.zhang import zhang
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, fit_harmonics, fitted, mean_of
+from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen
+from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen
+from thesis_lib.studies.parallel import abreast
+from thesis_lib.vibration.meshing import pieces
+from thesis_lib.vibration.motion import Motion
+from thesis_lib.vibration.polygons import Point
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import project
+
+MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
+WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
+
+
+@dataclass(frozen=True)
+class TrackedCentres:
+    """What one camera has seen of the markers."""
+
+    times: Array  #: World times of the frames, s, shape (frames,)
+    #: As they were found, lens distortion included, px; NaN where missing, shape
+    #: (frames, 2, markers)
+    centres: Array
+    truth: Array  #: Where they were at the middle of the exposure, px, shape (frames, 2, markers)
+
+    @property
+    def missing(self) -> float:
+        """Share of the marker images that are missing."""
+        return float(np.mean(np.isnan(self.centres[:, 0])))
+
+    def error(self) -> Array:
+        """Distance of the centres from where they were, shape (frames, markers), px."""
+        return np.asarray(np.hypot(*(self.centres - self.truth).swapaxes(0, 1)), float)
+
+
+def shorten_recording(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float = 2.0) -> Rig:
+    """The rig with a short recording: frames at rest, periods that grow, periods that are steady.
+
+    The cameras start within one frame of each other, each at its own time.
+    """
+    rate = rig.stations[0].frame_rate
+    latest = max(station.start for station in rig.stations) or 1.0
+    stations = tuple(
+        replace(station, start=station.start / latest / rate) for station in rig.stations
+    )
+    period = 1 / min(part.frequency for part in rig.motion.components)
+    start = (rest + 1) / rate
+    motion = Motion(rig.motion.structure, rig.motion.components, start, ramp * period)
+    duration = motion.steady + steady * period + 2 / rate
+    return replace(rig, stations=stations, motion=motion, duration=duration)
+
+
+def times_of(rig: Rig, station: Station) -> Array:
+    """World times of a camera's frames in s."""
+    count = int(rig.duration * station.frame_rate)
+    return np.asarray(station.start + np.arange(count) / station.frame_rate)
+
+
+def true_centres(rig: Rig, station: Station, times: Array) -> Array:
+    """Where a camera has the markers at some times, shape (times, 2, markers), px."""
+    points = rig.markers.centres
+    world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
+    return np.asarray(lens.project(station.camera, world).swapaxes(0, 1))
+
+
+def true_view(camera: Camera, markers: Markers) -> View:
+    """How a camera sees the structure at rest, by what only a rendered recording knows."""
+    corners = lens.project(camera, on_surface(markers.extent, markers.corners))
+    return view_of(camera, markers, lens.undistorted(camera, corners))
+
+
+def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None) -> TrackedCentres:
+    """Return what one camera sees, rendered and tracked.
+
+    `view` is how it is thought to see the structure, `scene` what it renders if that is not the
+    rig's own. All is NaN if it does not find the markers in its first frame.
+    """
+    station, markers = rig.stations[index], rig.markers
+    scene = scene or BeamView(station.camera, markers, rig.motion, station.sensor)
+    times = times_of(rig, station)
+    truth = true_centres(rig, station, times)
+    centres = np.full_like(truth, np.nan)
+    turn = 2 * np.pi * min(part.frequency for part in rig.motion.components) / station.frame_rate
+    tracker = None
+    for k, time in enumerate(times.tolist()):
+        image = as_dark(scene.frame(time, rig.generator(1, index, k)), markers)
+        try:
+            tracker = tracker or Tracker(sharpen(image, view), turn)
+        except TrackingError:
+            break
+        centres[k] = tracker.centres(image)
+    return TrackedCentres(times, centres, truth)
+
+
+def track_cameras(rig: Rig) -> list[TrackedCentres]:
+    """What every camera sees, side by side; the structure's corners and the cameras are known."""
+
+    def one(index: int) -> TrackedCentres:
+        return track_camera(rig, index, true_view(rig.stations[index].camera, rig.markers))
+
+    return abreast(one, range(len(rig.stations)))
+
+
+def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:
+    """Harmonics of the steady part by the true cameras, and the frame of the markers at rest.
+
+    Raises
+    ------
+    ValueError
+        If fewer than three markers at rest are seen by two cameras.
+    """
+    harmonics: list[Harmonics] = []
+    rest = []
+    for camera, own in zip(rig.cameras, found, strict=True):
+        uv = lens.undistorted_tracks(camera, own.centres)
+        steady = own.times >= rig.motion.steady
+        harmonics.append(fit_harmonics(omega, own.times[steady], uv[steady], order))
+        rest.append(mean_of(uv[own.times < rig.motion.start]))
+    return fitted(rig.cameras, harmonics, np.array(rest), rig.markers)
+
+
+AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
+TILES, TILE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
+BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
+OUTLINE_STEP_M = 0.004  # m, between the places of an outline that are drawn
+
+
+def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
+    """The rig with cameras that are a little off their aim, and a board held over the structure.
+
+    Parameters
+    ----------
+    rig : Rig
+        Cameras that look at the structure's centre.
+    distance : float
+        Of the cameras, m; the board is as large as it needs.
+    draw : numpy.random.Generator
+        Turns of the cameras, and poses of the board.
+    poses : int
+        Of the board, the first one flat.
+    """
+    turns = Rotation.from_rotvec(
+        np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
+    )
+    cameras = [
+        replace(camera, R_camera_world=turn @ camera.R_camera_world)
+        for camera, turn in zip(rig.cameras, turns.as_matrix(), strict=True)
+    ]
+    around = 2 * np.pi * (np.arange(poses) + draw.uniform(-0.2, 0.2, poses)) / (poses - 1)
+    tilts = np.radians(BOARD_TILT_DEG) * np.stack(
+        [np.cos(around), np.sin(around), 0 * around], axis=1
+    )
+    tilts[0] = 0
+    rolls = Rotation.from_euler("z", draw.uniform(-20, 20, (poses, 1)), degrees=True)
+    sideways, up = draw.uniform(-0.08, 0.08, (poses, 2)), draw.uniform(-0.02, 0.06, (poses, 1))
+    return replace(
+        replace_cameras(rig, cameras),
+        board=Board(*TILES, TILE * distance, TILE * distance / 2),
+        rotations=(Rotation.from_rotvec(tilts) * rolls).as_matrix(),
+        translations=distance * np.concatenate([sideways, up], axis=1),
+    )
+
+
+def replace_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
+    """The rig with other cameras in the same places of the list."""
+    pairs = zip(rig.stations, cameras, strict=True)
+    return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
+
+
+def calibrate_rig(rig: Rig) -> Adjustment:
+    """The cameras as their pictures of the board have them, in a world of their own.
+
+    Raises
+    ------
+    CalibrationError
+        If the board is not found often enough.
+    """
+
+    def corners(image: Image) -> Array | None:
+        try:
+            return find_corners(image, rig.board)
+        except BoardNotFound:
+            return None
+
+    found = [
+        [corners(image) for image in render_board_images(rig, i)] for i in range(len(rig.stations))
+    ]
+    single = [
+        zhang(row, rig.board, camera.size, name=camera.name)
+        for row, camera in zip(found, rig.cameras, strict=True)
+    ]
+    observed, _ = unify(single, found, rig.board)
+    return adjust(observed, rig.board.corners, [one.camera() for one in single])
+
+
+def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]]:
+    """The rig with cameras that read the part of their sensors which the structure reaches.
+
+    Parameters
+    ----------
+    rig : Rig
+        Cameras that read all of their sensors.
+    cameras : sequence of Camera
+        The same as they are calibrated.
+
+    Returns
+    -------
+    tuple of Rig and list of Camera
+        Both with these parts alone.
+    """
+    lift = sum(abs(part.amplitude) for part in rig.motion.components)
+    box = on_surface(
+        rig.markers.extent, rig.markers.corners[:, None], np.array([[-lift], [lift]])
+    ).reshape(3, -1)
+    parts, others = [], []
+    for camera, other in zip(rig.cameras, cameras, strict=True):
+        uv, most = lens.project(camera, box), np.array(camera.size)
+        low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
+        high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
+        parts.append(_part(camera, low, high))
+        others.append(_part(other, low, high))
+    return replace_cameras(rig, parts), others
+
+
+def _part(camera: Camera, low: Array, high: Array) -> Camera:
+    """A camera that reads its sensor from one corner to another."""
+    K = camera.K.copy()
+    K[:2, 2] -= low
+    return replace(camera, K=K, size=(int(high[0] - low[0]), int(high[1] - low[1])))
+
+
+class PlanarView(BeamView):
+    """One camera's view of a marked, moving structure with the corners (n, 2) in m."""
+
+    def __init__(self, rig: Rig, station: Station, corners: Sequence[Point]) -> None:
+        super().__init__(station.camera, rig.markers, rig.motion, station.sensor)
+        first = self.polygons.first
+        outline = pieces(tuple(corners), OUTLINE_STEP_M).T
+        self.points = np.concatenate([outline, self.points[:, first[1] :]], axis=1)
+        moved = np.where(first > 0, first - first[1] + outline.shape[1], 0)
+        self.polygons = replace(self.polygons, first=moved)
+        self.shapes = rig.motion.shapes(self.points)
+
+
+def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
+    """How cameras, as calibrated, see the plane of a structure whose corners (n, 2) are marked, m.
+
+    Marked to a pixel in every picture, corners are triangulated, and the outline is put there as a
+    rigid body: four corners of a narrow structure in one picture would leave its perspective open.
+    """
+    outline = on_surface(rig.markers.extent, np.array(corners).T)
+    images = np.array(
+        [
+            lens.undistorted(camera, np.rint(lens.project(true, outline)))
+            for true, camera in zip(rig.cameras, cameras, strict=True)
+        ]
+    )
+    P = lens.projection_matrices(cameras)
+    frame = fit_grid(triangulate_seen(P, images)[0], outline)
+    box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
+    pairs = zip(cameras, project(P, box), strict=True)
+    return [view_of(camera, rig.markers, four) for camera, four in pairs]
