@@ -8,6 +8,8 @@ the error is.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -21,12 +23,24 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_layout.optima import TEXTS, complete, expected, optimum, ratios
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
-from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, subplots
+from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, draw_curves, subplots
 from thesis_lib.studies.cubes import trials_are
 from thesis_lib.studies.vocabulary import unit
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 __all__ = ["TEXTS", "figure"]
+DARK, PALE = "#222222", "#c8c8c8"
+LAW = {"predicted_error": ("law, centres equally exact", "_", DARK)}
+PARTS = {
+    "noise_error": ("scatter alone", "-", COLORS[5]),
+    "bias_error": ("bias alone", "-", COLORS[1]),
+}
+_LINE: Any = {"markersize": 4, "linewidth": 1}
+CENTRES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
+    ("centre_scatter", "scatter", "o-", _LINE),
+    ("centre_bias", "bias", "s:", _LINE),
+    ("edge_scatter", "law of edges", "_", {"markersize": 9}),
+]
 VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "aperture_deg": "aperture α"}
 
 
@@ -67,34 +81,17 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _errors(axes: Axes, part: xr.Dataset) -> None:
-    values = part["value"].values
-    error = part["mean_error"].transpose("setting", "trial").values
-    axes.plot(
-        values,
-        part["predicted_error"],
-        "_",
-        color=DARK,
-        markersize=10,
-        label="law, centres equally exact",
-    )
-    axes.plot(values, part["noise_error"], "-", color=COLORS[5], linewidth=1, label="scatter alone")
-    axes.plot(values, part["bias_error"], "-", color=COLORS[1], linewidth=1, label="bias alone")
+    values, error = part["value"].values, part["mean_error"].transpose("setting", "trial").values
+    draw_curves(axes, values, part, LAW, markersize=10)
+    draw_curves(axes, values, part, PARTS, linewidth=1)
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         label = f"5–95 % of {trials_are(part)}"
         axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label=label)
-        axes.plot(
-            values, expected(part), "o", color=COLORS[0], markersize=4, label="rms over these"
-        )
-    axes.plot(
-        values,
-        error[:, 0],
-        "D",
-        markerfacecolor="none",
-        color=HIGHLIGHT,
-        markersize=4,
-        label="rendered run",
-    )
+        style: Any = {"color": COLORS[0], "markersize": 4}
+        axes.plot(values, expected(part), "o", label="rms over these", **style)
+    style = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4}
+    axes.plot(values, error[:, 0], "D", label="rendered run", **style)
     whole = complete(part)
     best = None
     if part["parameter"].values[0] == "elevation_deg":
@@ -102,76 +99,41 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
     if best is not None:
         axes.axvspan(best.low, best.high, color=COLORS[0], alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=COLORS[0], linewidth=0.8, linestyle=":")
-        axes.text(
-            best.at,
-            0.55,
-            f" least at {best.at:.0f}°",
-            color=COLORS[0],
-            fontsize=8,
-            transform=axes.get_xaxis_transform(),
-        )
+        where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
+        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=COLORS[0], **where)
     axes.set_yscale("log")
     axes.set(title="(b) mean (rms) error", ylabel="% of the largest deflection")
+    _finish(axes, room=0.45, ncols=2, handlelength=1.4)
+
+
+def _finish(axes: Axes, room: float, **how: Any) -> None:
+    """Add plain ticks and a legend, in some room above what is drawn."""
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** 0.45)  # room for the key
+    axes.set_ylim(low, high * (high / low) ** room)
     plain_ticks(axes.yaxis)
-    axes.legend(ncols=2, loc="upper center", columnspacing=1, handlelength=1.4, fontsize=7)
+    axes.legend(loc="upper center", columnspacing=1, fontsize=7, **how)
 
 
 def _centres(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
-    for name, style in (("scatter", "o-"), ("bias", "s:")):
+    for name, label, style, how in CENTRES:
         for axis, tone in (("u", COLORS[4]), ("v", COLORS[2])):
-            axes.plot(
-                values,
-                part[f"centre_{name}"].sel(axis=axis),
-                style,
-                color=tone,
-                markersize=4,
-                linewidth=1,
-                label=f"{name}, {axis}",
-            )
-    for axis, tone in (("u", COLORS[4]), ("v", COLORS[2])):
-        axes.plot(
-            values,
-            part["edge_scatter"].sel(axis=axis),
-            "_",
-            color=tone,
-            markersize=9,
-            label=f"law of edges, {axis}",
-        )
+            one = part[name].sel(axis=axis)
+            axes.plot(values, one, style, color=tone, label=f"{label}, {axis}", **how)
     axes.set_yscale("log")
     axes.set(title="(c) scatter and bias of the centres", ylabel="px")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** 0.35)
-    plain_ticks(axes.yaxis)
-    axes.legend(ncols=3, loc="upper center", columnspacing=1, handlelength=1.8, fontsize=7)
+    _finish(axes, room=0.35, ncols=3, handlelength=1.8)
 
 
 def _lost(axes: Axes, part: xr.Dataset) -> None:
-    values = part["value"].values
+    values, grey = part["value"].values, "#555555"
     axes.plot(values, 100 * part["lost"], "o-", color=DARK, markersize=4, label="lost, of all")
-    axes.plot(
-        values,
-        100 * part["wrong"],
-        "D-",
-        markerfacecolor="none",
-        color=HIGHLIGHT,
-        markersize=4,
-        linewidth=1,
-        label="wrong, of those found",
-    )
+    style: Any = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4, "linewidth": 1}
+    axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **style)
     for value, height in zip(values, part["image_height"].values, strict=True):
-        axes.text(value, 112, f"{height:.1f}", ha="center", fontsize=7, color="#555555")
-    axes.text(
-        0.5,
-        0.93,
-        "height of a marker's image in px",
-        ha="center",
-        fontsize=7,
-        color="#555555",
-        transform=axes.transAxes,
-    )
+        axes.text(value, 112, f"{height:.1f}", ha="center", fontsize=7, color=grey)
+    where: Any = {"ha": "center", "fontsize": 7, "color": grey, "transform": axes.transAxes}
+    axes.text(0.5, 0.93, "height of a marker's image in px", **where)
     axes.set(title="(d) markers that are lost", ylabel="%", ylim=(-4, 134))
     axes.set_yticks([0, 25, 50, 75, 100])
     axes.legend(loc="center right")
@@ -181,26 +143,16 @@ def _along(axes: Axes, part: xr.Dataset) -> None:
     error = expected(part)
     if np.isfinite(error).any():
         for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
-            one = part.isel(setting=index)
-            name = "best" if index == np.nanargmin(error) else "worst"
-            axes.plot(
-                one["x"] * 1000,
-                one["point_error"],
-                ".-",
-                color=color(index),
-                linewidth=1,
-                label=f"{one['label'].item()} ({name})",
+            one, name = (
+                part.isel(setting=index),
+                "best" if index == np.nanargmin(error) else "worst",
             )
+            style: Any = {"color": color(index), "linewidth": 1}
+            label = f"{one['label'].item()} ({name})"
+            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **style)
         axes.legend()
-    axes.set(
-        title="(d) error of each marker",
-        xlabel="x in mm",
-        ylabel="% of the largest deflection",
-        ylim=(0, None),
-    )
-
-
-DARK = "#222222"
+    axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
+    axes.set_ylabel("% of the largest deflection")
 
 
 def plain_ticks(axis: Axis) -> None:
@@ -270,7 +222,7 @@ def _places(setting: xr.Dataset) -> Array:
 def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
     law, error = part["predicted_error"].values, expected(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
-    axes.plot(law, literal, ".", color="#c8c8c8", markersize=3, label="rendered run")
+    axes.plot(law, literal, ".", color=PALE, markersize=3, label="rendered run")
     for n, tone in tones.items():
         axes.plot(law[count == n], error[count == n], ".", color=tone, markersize=4, label=f"{n}")
     both = np.concatenate([law, error])
@@ -278,13 +230,9 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
     if both.size:
         ends = [both.min(), both.max()]
         axes.plot(ends, ends, color=DARK, linewidth=0.8)
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel="law, % of the largest deflection",
-        ylabel="error, %",
-        title=f"(b) rms over {trials_are(part)} against the law",
-    )
+    axes.set(xscale="log", yscale="log", ylabel="error, %")
+    axes.set(xlabel="law, % of the largest deflection")
+    axes.set(title=f"(b) rms over {trials_are(part)} against the law")
     for axis in (axes.xaxis, axes.yaxis):
         plain_ticks(axis)
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
@@ -297,10 +245,9 @@ def _ratio(axes: Axes, part: xr.Dataset) -> None:
     both = both[np.isfinite(both)]
     if both.size:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
-        axes.hist(literal, bins, color="#c8c8c8", label="rendered run")
-        axes.hist(
-            trials, bins, histtype="step", color=COLORS[0], label=f"rms over {trials_are(part)}"
-        )
+        axes.hist(literal, bins, color=PALE, label="rendered run")
+        label = f"rms over {trials_are(part)}"
+        axes.hist(trials, bins, histtype="step", color=COLORS[0], label=label)
         axes.legend()
     axes.axvline(1, color=DARK, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
@@ -319,29 +266,16 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
             for function in (np.min, np.mean, np.max)
         ]
     )
-    axes.plot(count, error, ".", color="#c8c8c8", markersize=4)
+    axes.plot(count, error, ".", color=PALE, markersize=4)
     for values, style, name in zip(
         rows, ("v-", "o-", "^-"), ("best", "mean", "worst"), strict=True
     ):
-        axes.plot(
-            n,
-            values,
-            style,
-            color=COLORS[0],
-            markersize=4,
-            linewidth=1,
-            label=name,
-            alpha=1.0 if name == "mean" else 0.6,
-        )
-    axes.plot(
-        n, rows[0, 0] * np.sqrt(n[0] / n), "--", color=DARK, linewidth=1, label="best pair, as 1/√n"
-    )
-    axes.set(
-        yscale="log",
-        xlabel="cameras",
-        ylabel="% of the largest deflection",
-        title="(d) error by the number of cameras",
-    )
+        how: Any = {**_LINE, "color": COLORS[0], "alpha": 1.0 if name == "mean" else 0.6}
+        axes.plot(n, values, style, label=name, **how)
+    root = rows[0, 0] * np.sqrt(n[0] / n)
+    axes.plot(n, root, "--", color=DARK, linewidth=1, label="best pair, as 1/√n")
+    axes.set(yscale="log", xlabel="cameras", title="(d) error by the number of cameras")
+    axes.set_ylabel("% of the largest deflection")
     plain_ticks(axes.yaxis)
     axes.set_xticks(n)
     axes.legend()

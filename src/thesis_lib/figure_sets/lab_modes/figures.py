@@ -16,38 +16,27 @@ from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, s
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, slices, subplots
 
 STYLE = POWERS  # of pictures
+BLACK = "#222222"
 MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
 def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Setup, bending along the axis, what the edge rows do beside it, bars."""
+    """Draw the setup, bending along the axis, what the edge rows do next to it, and bars."""
     part = select(cube, case, mode)
     chosen = best_and_worst(part)
     drawing, axes = subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
     figures.setup_panel(axes[0, 0], cube, part)
     x, y = part["x"].values * 1000, part["y"].values
     rows = [np.flatnonzero(y == value) for value in np.unique(y)]
-    axis = rows[len(rows) // 2]
-    labels = part["label"].values
-    axes[0, 1].plot(
-        x[axis],
-        part["reference_deflection"].values[axis] * 1000,
-        color=REFERENCE,
-        linewidth=3,
-        label="true",
-    )
+    axis, bending = rows[len(rows) // 2], axes[0, 1]
+    true = 1000 * part["reference_deflection"].values[axis]
+    bending.plot(x[axis], true, color=REFERENCE, linewidth=3, label="true")
     for index, word in zip(chosen, ranking(part), strict=False):
-        measured = part["measured_deflection"].values[index, 0] * 1000
-        axes[0, 1].plot(
-            x[axis],
-            measured[axis],
-            ".-",
-            color=color(index),
-            linewidth=1,
-            label=f"{labels[index]}, {word}",
-        )
-    axes[0, 1].set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
-    axes[0, 1].legend()
+        measured = 1000 * part["measured_deflection"].values[index, 0, axis]
+        label = f"{part['label'].values[index]}, {word}"
+        bending.plot(x[axis], measured, ".-", color=color(index), linewidth=1, label=label)
+    bending.set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
+    bending.legend()
     _torsion_panel(axes[1, 0], part, rows, chosen)
     figures.bar_panel(axes[1, 1], part, [error_bars(cube, case, mode)])
     axes[1, 1].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
@@ -55,8 +44,8 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 
 def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[int]) -> None:
-    """The edge rows a quarter of a period before the maximum of bending, in µm."""
-    x = part["x"].values * 1000
+    """Draw the edge rows a quarter of a period before the maximum of bending, in µm."""
+    x, grey = part["x"].values * 1000, "#777777"
     true = part["reference_quadrature"].values * 1e6
     axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
     for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
@@ -64,110 +53,68 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
         for index in chosen:
             measured = part["quadrature_deflection"].values[index] * 1e6
             axes.plot(x[row], measured[row], mark, color=color(index), markersize=3.5)
-        axes.plot([], [], mark, color="#777777", markersize=4, label=name)
+        axes.plot([], [], mark, color=grey, markersize=4, label=name)
     axes.plot([], [], color=REFERENCE, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():
-        axes.text(
-            0.5,
-            0.5,
-            "one instant shows\none instant alone",
-            ha="center",
-            va="center",
-            transform=axes.transAxes,
-            color="#777777",
-        )
+        place: Any = {"ha": "center", "va": "center", "transform": axes.transAxes}
+        axes.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
     axes.legend(ncols=3, loc="upper left", columnspacing=1, handlelength=1.2)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))
 
 
 def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
-    """Where a mode shows at each frame rate, at which alias cameras agree, what detuning costs."""
+    """Draw the aliases of a mode, at which of them cameras agree, and what detuning costs."""
     if mode not in cube["mode"]:
         return None
     part = cube.sel(mode=mode)
-    rates = part["frame_rate"].values
-    n = len(rates)
+    n = part.sizes["frame_rate"]
     drawing = Figure(figsize=(7.6, 1.2 + 1.15 * max(n, 3)), layout="constrained")
     halves = drawing.add_gridspec(1, 2)
     left, right = (drawing.add_subfigure(halves[0, column]) for column in (0, 1))
     for r, axes in enumerate(np.atleast_1d(left.subplots(n, 1))):
-        _spectrum_panel(axes, part, r)
+        _spectrum_panel(axes, part.isel(frame_rate=r), r)
+    left.axes[0].set_title("(a) share explained by a harmonic")
+    left.axes[-1].set_xlabel("frequency in Hz, up to half of the frame rate")
     misfits, costs = right.subplots(2, 1)
     _misfit_panel(misfits, part)
-    for r, rate in enumerate(rates):
-        costs.plot(
-            part["cycles"],
-            part["detuned_error"].values[r],
-            "o",
-            markersize=4,
-            color=color(r),
-            label=f"{rate:g} fps",
-        )
-    costs.plot(
-        part["cycles"],
-        part["detuned_prediction"],
-        color="#222222",
-        linewidth=1,
-        label="loss of amplitude",
-    )
-    costs.set(
-        title="(c) if the known frequency is wrong",
-        ylim=(0, None),
-        xlabel="error in periods per recording",
-        ylabel="mean error in %",
-    )
+    _mark_rates(costs, part, "cycles", "detuned_error")
+    label = "loss of amplitude"
+    costs.plot(part["cycles"], part["detuned_prediction"], color=BLACK, linewidth=1, label=label)
+    costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
+    costs.set_xlabel("error in periods per recording")
     costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
     return drawing
 
 
-def _spectrum_panel(axes: Axes, part: xr.Dataset, r: int) -> None:
-    rate = float(part["frame_rate"][r])
-    axes.plot(
-        part["spectrum_frequency"].values[r],
-        part["spectrum"].values[r],
-        color=color(r),
-        linewidth=1.2,
-    )
-    true, shown = float(part["frequency"]), float(part["alias_frequency"][r])
+def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
+    """Mark one variable over another, each frame rate in its colour."""
+    for r, one in enumerate(slices(part, "frame_rate")):
+        label = f"{one['frame_rate'].item():g} fps"
+        axes.plot(one[x], one[y], "o", markersize=4, color=color(r), label=label)
+
+
+def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
+    rate = float(one["frame_rate"])
+    axes.plot(one["spectrum_frequency"], one["spectrum"], color=color(number), linewidth=1.2)
+    true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
-    axes.axvline(shown, color=HIGHLIGHT if aliased else "#222222", linewidth=0.8, linestyle="--")
+    ink = HIGHLIGHT if aliased else BLACK
+    axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
-    axes.annotate(
-        text,
-        (shown, 1.0),
-        (-3 if right else 3, 1),
-        textcoords="offset points",
-        ha="right" if right else "left",
-        va="bottom",
-        fontsize=7,
-        color=HIGHLIGHT if aliased else "#222222",
-    )
+    place: Any = {"textcoords": "offset points", "va": "bottom", "ha": "right" if right else "left"}
+    axes.annotate(text, (shown, 1.0), (-3 if right else 3, 1), fontsize=7, color=ink, **place)
     axes.set(xlim=(0, rate / 2), ylim=(0, 1.25), yticks=[0, 1], ylabel=f"{rate:g} fps")
-    if r == 0:
-        axes.set_title("(a) share explained by a harmonic")
-    if r == part.sizes["frame_rate"] - 1:
-        axes.set_xlabel("frequency in Hz, up to half of the frame rate")
 
 
 def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
-    for r, rate in enumerate(part["frame_rate"].values):
-        axes.semilogy(
-            part["candidate_frequency"].values[r],
-            part["misfit"].values[r],
-            "o",
-            markersize=4,
-            color=color(r),
-            label=f"{rate:g} fps",
-        )
-    axes.axvline(float(part["frequency"]), color="#222222", linewidth=0.8, linestyle="--")
-    axes.axhline(1, color="#222222", linewidth=0.8)
-    axes.set(
-        title="(b) disagreement of the cameras at each alias",
-        xlabel="frequency in Hz",
-        ylabel="over what noise makes",
-    )
+    _mark_rates(axes, part, "candidate_frequency", "misfit")
+    axes.set_yscale("log")
+    axes.axvline(float(part["frequency"]), color=BLACK, linewidth=0.8, linestyle="--")
+    axes.axhline(1, color=BLACK, linewidth=0.8)
+    axes.set(title="(b) disagreement of the cameras at each alias")
+    axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
     top = float(np.nanmax(part["misfit"].values))
     axes.set_ylim(0.5, 20 * max(top, MANY))
     axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")

@@ -31,7 +31,7 @@ ERROR_NAMES = {
 }
 
 
-def filmed_plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Setup, errors of deflection and sound, maps of the deflection and the field and of errors."""
     part = select(cube, case, mode)
     drawing, axes = mosaic(
