@@ -199,7 +199,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
         """Count sets that are worse than the best pair, by their number of cameras above two."""
         sets = [(n, error[chosen & (count == n)]) for n in np.unique(count) if n > 2]
         return [
-            {"worse": np.count_nonzero(own > best_pair), "count": len(own), "cameras": n}
+            {"worse": int(np.sum(own > best_pair)), "count": len(own), "cameras": n}
             for n, own in sets
             if len(own)
         ]
