@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
@@ -153,24 +153,12 @@ def peaks_m(
     return [amplitude_mm / 1000] * len(modes)
 
 
-class Lens(Protocol):
-    """The parameters of a lens and its sensor."""
-
-    @property
-    def focal_length_mm(self) -> float:
-        """Focal length in mm."""
-
-    @property
-    def sensor_width_mm(self) -> float:
-        """Width of the sensor in mm."""
-
-    @property
-    def lens_k1(self) -> float:
-        """First coefficient of the lens distortion."""
-
-
 def view_extent(
-    film: Lens, extent: tuple[float, float], lift: float, direction: Direction, distance: float
+    film: CameraParameters | RigRequest,
+    extent: tuple[float, float],
+    lift: float,
+    direction: Direction,
+    distance: float,
 ) -> float:
     """How far a structure's corners reach in a 16:9 picture, over half its width or height.
 
@@ -223,7 +211,12 @@ def check_rates(
 
 
 def check_place(
-    film: Lens, extent: tuple[float, float], lift: float, setting: Setting, name: str, given: Any
+    film: CameraParameters | RigRequest,
+    extent: tuple[float, float],
+    lift: float,
+    setting: Setting,
+    name: str,
+    given: Any,
 ) -> None:
     """Refuse cameras within the structure's reach, or that do not see all of it.
 
