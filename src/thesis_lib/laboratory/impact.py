@@ -46,18 +46,18 @@ class ImpactMotion(Motion):
         return np.asarray(omega * (1j * np.sqrt(1 - zeta**2) - zeta), complex)
 
     def coordinates(self, times: ArrayLike) -> Array:
-        """Displacement of each mode where its shape is 1, shape (components, ...), m."""
+        """Return displacement of each mode where its shape is 1, shape (components, ...), m."""
         t = np.asarray(times, float) - self.start
         return np.stack([gain * _answer(pole, t, self.ramp).imag for pole, gain in self._gains()])
 
     def force(self, times: ArrayLike) -> Array:
-        """Force of the tap in N."""
+        """Return force of the tap in N."""
         t = np.asarray(times, float) - self.start
         inside = (t >= 0) & (t <= self.ramp)
         return np.where(inside, self._peak * np.sin(np.pi * t / self.ramp), 0.0)
 
     def amplitudes(self, points: ArrayLike, at: float) -> ComplexArray:
-        """Complex shapes of the free modes at points (2, n), m, e^{λ (t − at)}: (components, n)."""
+        """Return complex shapes of the free modes e^{λ (t − at)} at points (2, n), m, (modes, n)."""
         shapes, since = self.shapes(points), at - self.start
         size = [
             -1j * gain * _answer(pole, np.array(since), self.ramp) for pole, gain in self._gains()
@@ -69,7 +69,7 @@ class ImpactMotion(Motion):
         return self.impulse * np.pi / (2 * self.ramp)
 
     def _gains(self) -> list[tuple[complex, float]]:
-        """Pole of each mode, and what a force of 1 N makes of its exponential's imaginary part."""
+        """Return the pole of each mode, and its exponential's imaginary part by a force of 1 N."""
         place, found = np.array(self.point)[:, None], []
         for part, pole in zip(self.components, self.poles, strict=True):
             drive = float(part.shape(self.structure, place)[0])
@@ -79,7 +79,7 @@ class ImpactMotion(Motion):
 
 
 def _answer(pole: complex, t: Array, length: float) -> ComplexArray:
-    """∫ sin(πs/T) e^{λ(t − s)} ds over the part of a pulse of length T that is past."""
+    """Integrate sin(πs/T) e^{λ(t − s)} over the part of a pulse of length T that is past."""
     kappa, until = np.pi / length, np.clip(t, 0, length)
     past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * np.exp(
         pole * (np.maximum(t, 0) - until)
@@ -99,7 +99,7 @@ def tap_structure(
     impulse: float = 0.01,
     pulse: float = 0.002,
 ) -> Rig:
-    """The rig with a structure that is tapped after some rest, filmed for some seconds in all.
+    """Let the structure be tapped after some rest, and render some seconds in all.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class RollingView(BeamView):
         self.late = readout * (rest[1] / camera.size[1] - 0.5)
 
     def light(self, time: float) -> Light:
-        """What the sensor collects around a time in s of the motion, the middle row's."""
+        """Collect the light around a time in s of the motion, that of the middle row."""
         samples, late = self.sensor.samples, self.late
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
         for _ in range(2):  # a moving point is seen at the time of the row where it is then
@@ -158,7 +158,7 @@ class RollingView(BeamView):
 
 
 def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
-    """The frames of one camera, one after the other; its rows are read in `readout` s."""
+    """Render the frames of one camera whose rows are read in `readout` s."""
     station = rig.stations[index]
     view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
     for k in range(int(rig.duration * station.frame_rate)):
@@ -166,7 +166,7 @@ def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
 
 
 def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
-    """What every camera sees, rendered and tracked; rows are read in `readout` s."""
+    """Track the markers in every camera; rows are read in `readout` s."""
 
     def one(index: int) -> TrackedCentres:
         station, markers = rig.stations[index], rig.markers
@@ -185,7 +185,7 @@ def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
 def select_free_decay(
     rig: Rig, found: list[TrackedCentres], readout: float = 0.0, begin: float | None = None
 ) -> tuple[list[Track], Rest]:
-    """Tracks of the free vibration after the tap, and the markers at rest before it.
+    """Select tracks of the free vibration after the tap, and the markers at rest before it.
 
     They begin where the tap ends, if not given.
     """

@@ -145,7 +145,7 @@ class Repeated(RenderedStudy):
 def peaks_m(
     structure: Structure, modes: Sequence[int], amplitude_mm: float | list[float] | str
 ) -> list[float]:
-    """Largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
+    """Return largest deflection of each mode in m; ``force`` is what 1 N makes of it."""
     if isinstance(amplitude_mm, str):
         return [peak_deflection(structure, mode) for mode in modes]
     if isinstance(amplitude_mm, list):
@@ -160,7 +160,7 @@ def view_extent(
     direction: Direction,
     distance: float,
 ) -> float:
-    """How far a structure's corners reach in a 16:9 picture, over half its width or height.
+    """Return the reach of a structure's corners in a 16:9 image, over half its size.
 
     The structure's `extent` and largest deflection `lift` are in m; the camera looks from a
     `distance` in m in a `direction` of azimuth and elevation in degrees.

@@ -35,7 +35,7 @@ SAMPLE_RATE = 48000  # Hz
 
 
 def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
-    """The frames of one camera, one after the other."""
+    """Render the frames of one camera, one after the other."""
     station = rig.stations[index]
     view = BeamView(station.camera, rig.markers, rig.motion, station.sensor)
     for k in range(int(rig.duration * station.frame_rate)):
@@ -44,7 +44,7 @@ def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
 
 
 def render_sound(rig: Rig, index: int) -> Array:
-    """The audio track of one camera: the force over full scale, with noise."""
+    """Return the audio track of one camera: the force over full scale, with noise."""
     station = rig.stations[index]
     times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
     signal = rig.motion.force(times) / rig.full_scale
@@ -54,7 +54,7 @@ def render_sound(rig: Rig, index: int) -> Array:
 
 
 def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
-    """The pictures that one camera takes of the board."""
+    """Render the calibration images of one camera."""
     station = rig.stations[index]
     for k, (R, t) in enumerate(zip(rig.rotations, rig.translations, strict=True)):
         rng = rig.generator(3, index, k)
@@ -99,7 +99,7 @@ def write_recording(
 
 
 def manifest_of(rig: Rig) -> Manifest:
-    """What the files of a filmed rig are."""
+    """Describe the files of a rendered rig."""
     board = rig.board
     return Manifest(
         structure=_structure(rig.motion.structure, rig.markers),
@@ -130,7 +130,7 @@ def manifest_of(rig: Rig) -> Manifest:
 
 
 def _structure(structure: Structure, markers: Markers) -> StructureSpec:
-    """What is filmed: its markers by rows where they stand in such, else one by one."""
+    """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
     if isinstance(structure, Plate):
         own: dict[str, Any] = {
@@ -192,7 +192,7 @@ FOCAL_MM, SENSOR_MM = 24.0, 36.0
 
 
 def example_rig() -> Rig:
-    """What the example shows."""
+    """Return the rig of the example."""
     return default_rig(
         setups.beam(),
         DIRECTIONS,
@@ -206,7 +206,7 @@ def example_rig() -> Rig:
 
 
 def example_manifest(rig: Rig) -> Manifest:
-    """The manifest of the example, with what the warnings before measuring ask for."""
+    """Return the manifest of the example, with what the warnings before measuring ask for."""
     manifest = manifest_of(rig)
     cameras = tuple(
         camera.model_copy(

@@ -52,7 +52,7 @@ class Polygons:
     contrast: Array
 
     def following(self, n_vertices: int) -> IntArray:
-        """Index of the vertex that each vertex is joined to."""
+        """Return index of the vertex that each vertex is joined to."""
         index = np.arange(1, n_vertices + 1)
         last = np.append(self.first[1:], n_vertices) - 1
         index[last] = self.first
@@ -100,7 +100,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
 
 
 def _pieces(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
-    """Edges (2, n) cut at the borders of pixels: number of the edge, and from where to where."""
+    """Cut edges (2, n) at the borders of pixels: number of the edge, from where to where."""
     edges = np.arange(start.shape[1])
     ids, cuts = [edges], [np.zeros(len(edges))]
     for from_, to in zip(start, stop, strict=True):
@@ -143,11 +143,11 @@ class BeamView:
         self.shapes = motion.shapes(self.points)
 
     def frame(self, time: float, rng: np.random.Generator | None = None) -> Image:
-        """The frame taken at a time in s of the motion; without a generator it has no noise."""
+        """Render the frame at a time in s of the motion; without a generator it has no noise."""
         return self.light(time).recorded(self.sensor, rng)
 
     def light(self, time: float) -> Light:
-        """What the sensor collects around a time in s of the motion."""
+        """Collect the light around a time in s of the motion."""
         samples = self.sensor.samples
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
         deflection = self.motion.coordinates(time + within).T @ self.shapes
@@ -166,7 +166,7 @@ def board_image(
     sensor: Sensor,
     rng: np.random.Generator | None = None,
 ) -> Image:
-    """Picture of a board that is printed on both sides.
+    """Render an image of a board that is printed on both sides.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def expose(
     sensor: Sensor,
     rng: np.random.Generator | None,
 ) -> Image:
-    """Grey levels of polygons before the background: spread, noise, rounding to eight bits."""
+    """Render polygons before the background: spread, noise, rounding to eight bits."""
     return collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
 
 
@@ -212,7 +212,7 @@ class Light:
     box: tuple[slice, slice] | None
 
     def recorded(self, sensor: Sensor, rng: np.random.Generator | None = None) -> Image:
-        """The picture with noise, if there is a generator, rounded to eight bits."""
+        """Add noise, if there is a generator, and round to eight bits."""
         picture = self.picture.copy()
         if rng is not None and (sensor.shot > 0 or sensor.read > 0):
             base = sensor.shot * sensor.background + sensor.read**2
@@ -227,7 +227,7 @@ class Light:
 
 
 def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
-    """Grey levels of polygons before the background, spread; over several frames the mean.
+    """Collect the light of polygons before the background; over several frames the mean.
 
     Parameters are those of :func:`rasterise` and the sensor.
     """
@@ -255,7 +255,7 @@ def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: 
 
 
 def _outline(vertices: ArrayLike, step: float) -> Array:
-    """A polygon (n, 2) with its sides divided into parts of at most `step`, shape (2, m)."""
+    """Divide the sides of a polygon (n, 2) into parts of at most `step`, shape (2, m)."""
     corners = np.asarray(vertices, float)
     sides = []
     for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -268,7 +268,7 @@ EDGE_NODES = 256  # of the sum around the edge
 
 
 def edge_scatter(width: float, height: float, sensor: Sensor) -> Array:
-    """Least standard deviation of a disc's centre along u and v, shape (2,), px.
+    """Return the least standard deviation of a disc's centre along u and v, shape (2,), px.
 
     An edge of contrast c that is blurred by s, seen by pixels with noise σ, tells a shift along its
     normal n with the information c² / (2√π s σ²) per length. Around the whole edge

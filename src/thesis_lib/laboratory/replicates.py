@@ -43,7 +43,7 @@ TRACKS = declared("""
 
 
 def make_sensor(film: Any) -> Sensor:
-    """The sensor, with the positions in an exposure so spread that their variance is the light's.
+    """Return the sensor, with positions in an exposure whose variance is that of the light.
 
     n positions in the middle of equal parts of a time T have the variance T² (1 − 1/n²) / 12.
     """
@@ -52,13 +52,13 @@ def make_sensor(film: Any) -> Sensor:
 
 
 def derive_seed(seed: int, *what: object) -> int:
-    """A seed of its own for what is rendered, whatever else is."""
+    """Derive a seed that belongs to what is rendered alone."""
     text = repr((seed, *what)).encode()
     return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
 
 
 def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
-    """The rig with frames at rest, then so many of the steady vibration.
+    """Return the rig with frames at rest, then so many of the steady vibration.
 
     Camera i starts `offsets[i]` of a frame after time 0.
     """
@@ -109,7 +109,7 @@ def record_tracks(
     frames: int,
     look: Callable[[Rig], list[TrackedCentres]] = tracking.track_cameras,
 ) -> xr.Dataset:
-    """What the cameras of some rigs see at rest and in the last `frames` frames.
+    """Track what the cameras of some rigs see at rest and in the last `frames` frames.
 
     Two rigs at a time; `look` films a rig and tracks its markers.
 
@@ -129,7 +129,7 @@ def record_tracks(
 
 
 def select_frames(own: TrackedCentres, frames: int) -> TrackedCentres:
-    """Of what a camera saw, the rest and the last `frames` frames."""
+    """Select the frames at rest and the last `frames` frames."""
     chosen = np.r_[:REST_FRAMES, len(own.times) - frames : len(own.times)]
     return TrackedCentres(own.times[chosen], own.centres[chosen], own.truth[chosen])
 
@@ -159,7 +159,7 @@ DEFLECTIONS = declared("""
 
 
 def perturb_cameras(rig: Rig) -> Rig:
-    """The rig with every camera a little elsewhere, by draws of the rig's seed."""
+    """Move every camera of a rig a little, by draws of its seed."""
 
     def moved(index: int, station: Station) -> Station:
         shift, turn = rig.generator(9, index, 0).standard_normal((2, 3))
@@ -172,7 +172,7 @@ def perturb_cameras(rig: Rig) -> Rig:
 
 
 def _turned(vector: Array) -> Array:
-    """The rotation about a vector by its length in rad (Rodrigues)."""
+    """Return the rotation about a vector by its length in rad (Rodrigues)."""
     x, y, z = vector
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.linalg.norm(vector)
@@ -181,13 +181,13 @@ def _turned(vector: Array) -> Array:
 
 
 def window_rig(rig: Rig, whole: int = 1) -> Rig:
-    """The rig with cameras that read no more of their sensors than the structure reaches."""
+    """Let the cameras of a rig read no more of their sensors than the structure reaches."""
     stations = tuple(window_camera(rig, station, whole)[0] for station in rig.stations)
     return replace(rig, stations=stations)
 
 
 def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, Array]:
-    """The camera with only that part of its sensor which the structure reaches, and its corner.
+    """Crop a camera's sensor to what the structure reaches, and return the corner, too.
 
     Real sensors read faster so, and rendering does. Corner and size are multiples of `whole` px.
     """

@@ -55,7 +55,7 @@ _POSES = np.array(
 
 
 def default_poses() -> tuple[Array, Array]:
-    """Twelve poses of a two-sided board for cameras at ±22° elevation on both sides of XZ.
+    """Return twelve poses of a two-sided board for cameras at ±22° elevation on both sides of XZ.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def default_poses() -> tuple[Array, Array]:
 
 
 def _about(axis: int, angle: Array) -> Array:
-    """Rotations (n, 3, 3) about a coordinate axis by angles (n,) in rad."""
+    """Return rotations (n, 3, 3) about a coordinate axis by angles (n,) in rad."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     R = np.zeros((len(angle), 3, 3))
     R[:, axis, axis] = 1
@@ -123,7 +123,7 @@ class Rig:
         return float(np.abs(self.motion.force(times)).max()) / HEADROOM
 
     def generator(self, what: int, camera: int, item: int) -> np.random.Generator:
-        """Noise of one frame, shot or track: the same whatever else is made."""
+        """Return the generator of the noise of one frame, image or track."""
         return np.random.default_rng([self.seed, what, camera, item])
 
 
@@ -143,7 +143,7 @@ def default_rig(
     seed: int = 0,
     markers: Markers | None = None,
 ) -> Rig:
-    """The rig of section 5.1: similar, but not identical cameras that look at the structure.
+    """Return the rig of section 5.1: similar, but not identical cameras that face the structure.
 
     Focal lengths, principal points and distortions differ by what cameras of one kind differ by.
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state

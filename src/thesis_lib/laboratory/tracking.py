@@ -61,12 +61,12 @@ class TrackedCentres:
         return float(np.mean(np.isnan(self.centres[:, 0])))
 
     def error(self) -> Array:
-        """Distance of the centres from where they were, shape (frames, markers), px."""
+        """Return distance of the centres from where they were, shape (frames, markers), px."""
         return np.asarray(np.hypot(*(self.centres - self.truth).swapaxes(0, 1)), float)
 
 
 def shorten_recording(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float = 2.0) -> Rig:
-    """The rig with a short recording: frames at rest, periods that grow, periods that are steady.
+    """Shorten the recording: frames at rest, growing periods, steady periods.
 
     The cameras start within one frame of each other, each at its own time.
     """
@@ -83,20 +83,20 @@ def shorten_recording(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float 
 
 
 def times_of(rig: Rig, station: Station) -> Array:
-    """World times of a camera's frames in s."""
+    """Return world times of a camera's frames in s."""
     count = int(rig.duration * station.frame_rate)
     return np.asarray(station.start + np.arange(count) / station.frame_rate)
 
 
 def true_centres(rig: Rig, station: Station, times: Array) -> Array:
-    """Where a camera has the markers at some times, shape (times, 2, markers), px."""
+    """Project the markers at some times, shape (times, 2, markers), px."""
     points = rig.markers.centres
     world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
     return np.asarray(lens.project(station.camera, world).swapaxes(0, 1))
 
 
 def true_view(camera: Camera, markers: Markers) -> View:
-    """How a camera sees the structure at rest, by what only a rendered recording knows."""
+    """Return a camera's true view of the structure at rest."""
     corners = lens.project(camera, on_surface(markers.extent, markers.corners))
     return view_of(camera, markers, lens.undistorted(camera, corners))
 
@@ -125,7 +125,7 @@ def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None
 
 
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
-    """What every camera sees, side by side; the structure's corners and the cameras are known."""
+    """Track the markers in every camera, side by side; cameras and corners are known."""
 
     def one(index: int) -> TrackedCentres:
         return track_camera(rig, index, true_view(rig.stations[index].camera, rig.markers))
@@ -134,7 +134,7 @@ def track_cameras(rig: Rig) -> list[TrackedCentres]:
 
 
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:
-    """Harmonics of the steady part by the true cameras, and the frame of the markers at rest.
+    """Fit harmonics to the steady interval by the true cameras, and the frame of the markers.
 
     Raises
     ------
@@ -158,7 +158,7 @@ OUTLINE_STEP_M = 0.004  # m, between the places of an outline that are drawn
 
 
 def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
-    """The rig with cameras that are a little off their aim, and a board held over the structure.
+    """Turn cameras a little off their aim, and hold a board over the structure.
 
     Parameters
     ----------
@@ -194,13 +194,13 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
 
 
 def replace_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
-    """The rig with other cameras in the same places of the list."""
+    """Replace the cameras of a rig, in the same order."""
     pairs = zip(rig.stations, cameras, strict=True)
     return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
 
 
 def calibrate_rig(rig: Rig) -> Adjustment:
-    """The cameras as their pictures of the board have them, in a world of their own.
+    """Calibrate the cameras from their calibration images, in a world of their own.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def calibrate_rig(rig: Rig) -> Adjustment:
 
 
 def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]]:
-    """The rig with cameras that read the part of their sensors which the structure reaches.
+    """Let cameras read the part of their sensors which the structure reaches.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]
 
 
 def _part(camera: Camera, low: Array, high: Array) -> Camera:
-    """A camera that reads its sensor from one corner to another."""
+    """Return a camera that reads its sensor from one corner to another."""
     K = camera.K.copy()
     K[:2, 2] -= low
     return replace(camera, K=K, size=(int(high[0] - low[0]), int(high[1] - low[1])))
@@ -275,7 +275,7 @@ class PlanarView(BeamView):
 
 
 def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
-    """How cameras, as calibrated, see the plane of a structure whose corners (n, 2) are marked, m.
+    """Return the views of the plane of a structure whose corners (n, 2) in m are marked.
 
     Marked to a pixel in every picture, corners are triangulated, and the outline is put there as a
     rigid body: four corners of a narrow structure in one picture would leave its perspective open.

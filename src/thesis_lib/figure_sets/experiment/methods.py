@@ -68,7 +68,7 @@ VARIABLES = declared("""
 
 @alike()
 def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
-    """The thesis's calibration (Appendices D and E), from corners (cameras, shots, 2, corners), px.
+    """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
     Zhang's method on the central 5 × 7 squares, whose intrinsics and distortion are kept, and all
     poses refined in common, in the frame of the first shot.
@@ -166,7 +166,7 @@ def dataset_of(
     followed: Sequence[Recording],
     corners: Array | None = None,
 ) -> xr.Dataset:
-    """What :func:`measure_recordings` returns, from what its steps have found.
+    """Join what the steps have found into the dataset of :func:`measure_recordings`.
 
     `corners`, shape (cameras, 2), are where the frames begin on the sensors, in px of full size.
     """
@@ -215,7 +215,7 @@ def dataset_of(
 
 
 def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
-    """The cameras of a dataset, at full size or reduced to a width."""
+    """Return the cameras of a dataset, at full size or reduced to a width."""
     cameras = cameras_in(data.sel(calibration=calibration))
     if width is None:
         return cameras
@@ -251,7 +251,7 @@ def tracks_of(
     calibration: str,
     matched: bool = False,
 ) -> Tracks:
-    """The tracks of some cameras at one width, by one of the two calibrations.
+    """Return the tracks of some cameras at one width, by one of the two calibrations.
 
     `names` is a sequence of the cameras' names. If `matched`, the centres are those of the template
     match: at rest those of the first frame, and in motion they scatter about the harmonics of the
@@ -289,7 +289,7 @@ def tracks_of(
 
 
 def _undistorted(cameras: list[Camera], raw: Array) -> Array:
-    """Tracks (cameras, frames, 2, markers) without lens distortion, px."""
+    """Return tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
         [lens.undistorted_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
     )
@@ -304,7 +304,7 @@ class Instant:
     times: Array  #: The maxima of the steady part, s, shape (maxima,)
 
     def nearest(self, rate: float, offset: ArrayLike = 0.0) -> tuple[Array, Array]:
-        """Of the maxima, the one that a frame comes nearest to, and that frame's time.
+        """Find the maximum that a frame comes nearest to, and that frame's time.
 
         Frames are at (k + offset) / rate; `offset` may have any shape.
         """
@@ -316,7 +316,7 @@ class Instant:
 
 
 def instant_of(data: xr.Dataset, damping: float) -> Instant:
-    """The maxima: at the displacement resonance they lag the force by a quarter period, less ξ."""
+    """Find the maxima: at the resonance they lag the force by a quarter period, less ξ."""
     omega = 2 * np.pi * float(data["frequency"])
     real, imaginary = data["force"].values
     phase = float(np.arctan2(imaginary, real) - (np.pi / 2 - damping))
@@ -328,7 +328,7 @@ def instant_of(data: xr.Dataset, damping: float) -> Instant:
 
 
 def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) -> Array:
-    """Deflection of all markers at its maximum, shape (markers,), m."""
+    """Return deflection of all markers at its maximum, shape (markers,), m."""
     P = tracks.P
     if method == "harmonic":
         return rc.real_shape(amplitude(tracks, instant.omega, exposures), instant.phase)
@@ -345,7 +345,7 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
 
 
 def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
-    """Of each camera the frame nearest to a maximum that all of them recorded, shape (cameras,)."""
+    """Return each camera's frame nearest to a maximum that all recorded, shape (cameras,)."""
     first = tracks.times[0, 0] * tracks.rate
     frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
     followed = np.asarray(np.isfinite(tracks.uv).any(axis=(2, 3)))  # who started first ends first
@@ -360,14 +360,14 @@ def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
 
 
 def interpolation_gain(fraction: float) -> float:
-    """Root of the summed squares of the interpolation's weights: what it makes of white noise."""
+    """Return the root of the summed squares of the interpolation's weights."""
     nodes = np.arange(NEAR)
     weights = rc.interpolate(nodes, np.eye(NEAR), NEAR / 2 - 1 + fraction, NEAR)
     return float(np.linalg.norm(weights))
 
 
 def predict_deviation(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Array:
-    """Standard deviation of the deflection of each marker by the noise of the centres alone, m."""
+    """Predict the standard deviation of each marker's deflection by the noise of the centres."""
     if method == "harmonic":
         return deviation(tracks, at.omega, exposures)
     mean = (

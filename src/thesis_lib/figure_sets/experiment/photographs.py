@@ -34,7 +34,7 @@ OUTLINED: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
 def _photo(
     axes: Axes, image: Image, box: Box | None = None, smooth: bool = False, scale: float = 1.0
 ) -> None:
-    """A picture in its own pixels, or a part of it; `scale` px of the axes are one of its own."""
+    """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one."""
     height, width = image.shape
     left, right, top, bottom = box or (0, width * scale, 0, height * scale)
     # Only what is shown is drawn: whole pixels around the box.
@@ -52,33 +52,33 @@ def _photo(
 
 
 def _note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
-    """White or coloured letters that are read on any ground."""
+    """Write letters that are read on any ground."""
     (u, v), style = place, {"ha": "center", "va": "center", "fontsize": 9, **style}
     axes.text(u, v, text, color=tint, path_effects=OUTLINED, **style)
 
 
 def _frame(axes: Axes, box: Box, tint: str) -> None:
-    """The border of a part that another panel shows."""
+    """Draw the border of a part that another panel shows."""
     left, right, top, bottom = box
     axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=tint,
                              linewidth=1.3))  # fmt: skip
 
 
 def _edged(axes: Axes, tint: str) -> None:
-    """A border in the colour of the part that the panel shows."""
+    """Draw a border in the colour of the part that the panel shows."""
     for spine in axes.spines.values():
         spine.set(visible=True, color=tint, linewidth=2)
 
 
 def _crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
-    """Crosses at places (2, n), with a dark rim where the ground may be bright."""
+    """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
     if rim:
         axes.plot(*places, "+", color="#222222", markersize=size + 1, markeredgewidth=2.4)
     axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
 
 
 def _around(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
-    """A box of a proportion, width over height, around places (2, n) within a picture."""
+    """Return a box of a proportion, width over height, around places (2, n) in an image."""
     (left, top), (right, bottom) = np.nanmin(places, 1) - margin, np.nanmax(places, 1) + margin
     width = max(right - left, aspect * (bottom - top))
     u, v = (left + right) / 2, (top + bottom) / 2
@@ -89,7 +89,7 @@ def _around(places: Array, aspect: float, margin: float, limits: tuple[int, int]
 
 
 def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
-    """Marker centres of a camera in one frame at full width, (2, markers), px."""
+    """Return marker centres of a camera in one frame at full width, (2, markers), px."""
     part = data["tracks"].sel(width=data["width"].max()).isel(camera=camera, frame=frame)
     return np.asarray(part.transpose("axis", "marker").values, float)
 
@@ -98,7 +98,7 @@ def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 
 
 def views(data: xr.Dataset) -> Figure:
-    """The first frame of every camera (figure 5.2)."""
+    """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     markers = rows_on(setups.beam())
     with in_style():
@@ -119,7 +119,7 @@ def views(data: xr.Dataset) -> Figure:
 
 
 def board(data: xr.Dataset) -> Figure:
-    """A shot of the board, its corners, the central 5 × 7 squares, one corner (D.1 to D.4)."""
+    """Draw a calibration image, its corners, the central squares, and one corner (D.1 to D.4)."""
     picture = data["picture_shot"].values
     corners = data["picture_corners"].transpose("axis", "corner").values
     shape = Board()
@@ -156,7 +156,7 @@ def board(data: xr.Dataset) -> Figure:
 
 
 def outline(data: xr.Dataset) -> Figure:
-    """The first frame with the beam's outline, and its two ends (figures F.2 and F.3)."""
+    """Draw the first frame with the beam's outline, and its two ends (figures F.2 and F.3)."""
     picture = data["picture_first"].values
     corners = data["picture_outline"].transpose("axis", "outline").values
     centres = data["picture_centres"].transpose("axis", "marker").values
@@ -194,13 +194,13 @@ def outline(data: xr.Dataset) -> Figure:
 
 
 def _axis(corners: Array, n: int) -> float:
-    """Height v of the middle of the end of the beam that a corner belongs to."""
+    """Return the height v of the middle of the end of the beam that a corner belongs to."""
     partner = {0: 3, 3: 0, 1: 2, 2: 1}[n]
     return float(corners[1, [n, partner]].mean())
 
 
 def plane(data: xr.Dataset) -> Figure:
-    """The frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
+    """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
     markers = rows_on(setups.beam())
     origin = np.full((2, 1), tracker.REACH)
@@ -236,7 +236,7 @@ def plane(data: xr.Dataset) -> Figure:
 
 
 def centres(data: xr.Dataset) -> Figure:
-    """Marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
+    """Draw marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
     markers = rows_on(setups.beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
     row = markers.columns
@@ -266,7 +266,7 @@ def centres(data: xr.Dataset) -> Figure:
 
 
 def widths(data: xr.Dataset) -> Figure:
-    """Three columns of markers at every width, and what tracking makes of them (section 5.2.1)."""
+    """Draw three columns of markers at every width, and what tracking makes of them."""
     full = data["picture_first"].values
     markers = rows_on(setups.beam())
     row, middle = markers.columns, markers.columns // 2

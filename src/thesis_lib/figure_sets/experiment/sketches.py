@@ -37,12 +37,12 @@ EXAGGERATED = 8000.0  # times that residuals are drawn larger
 
 
 def names_of(data: xr.Dataset) -> str:
-    """The cameras' letters."""
+    """Return the cameras' letters."""
     return "".join(str(name) for name in data["camera"].values)
 
 
 def tip_marker(markers: Markers) -> int:
-    """Index of the last marker on the beam's axis, which moves most."""
+    """Return the index of the last marker on the beam's axis, which moves most."""
     return markers.middle_row.stop - 1
 
 
@@ -50,7 +50,7 @@ def tip_marker(markers: Markers) -> int:
 
 
 def rig(data: xr.Dataset) -> Figure:
-    """Cameras and beam as the calibration found them, and what is printed (figures 5.1, F.1)."""
+    """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
     markers = rows_on(setups.beam())
     found = shapes.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
@@ -69,7 +69,7 @@ def rig(data: xr.Dataset) -> Figure:
 
 
 def _cameras(axes: Axes, places: Array, looks: Array) -> None:
-    """Triangles where cameras (2, n) stand, turned to where they look, with their axes.
+    """Draw triangles where cameras (2, n) stand, turned to where they look, with their axes.
 
     Cameras that hide each other share a label.
     """
@@ -145,7 +145,7 @@ def _bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
 
 
 def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
-    """Markers and hole on the beam, in mm; the whole of it or the clamped end with its measures."""
+    """Draw markers and hole on the beam, in mm: all of it, or the clamped end with measures."""
     length, width = 1e3 * np.array(markers.extent)
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
@@ -201,7 +201,7 @@ def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], t
 
 
 def coverage(data: xr.Dataset) -> Figure:
-    """All corners of all shots on each sensor, with their residuals exaggerated (figure D.5)."""
+    """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
     with in_style():
         figure, grid = subplots(2, 2, figsize=(WIDE, 3.6), layout="constrained")
         for i, axes in enumerate(grid.flat):
@@ -236,7 +236,7 @@ def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
 
 
 def _segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
-    """Segments between points (2, n) as one path, which keeps the file small; NaN is left out."""
+    """Draw segments between points (2, n) as one path; NaN is left out."""
     known = np.isfinite(start + end).all(axis=0)
     points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
     codes = np.tile([Path.MOVETO, Path.LINETO], len(points) // 2)
@@ -244,7 +244,7 @@ def _segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
 
 
 def sound(data: xr.Dataset) -> Figure:
-    """The start of the force on the four audio tracks, before and after alignment."""
+    """Draw the start of the force on the four audio tracks, before and after alignment."""
     signal = data["picture_sound"].transpose("camera", "sample").values
     rate = float(data["picture_sound"].attrs["rate_hz"])
     seconds = np.arange(signal.shape[1]) / rate
@@ -287,7 +287,7 @@ def sound(data: xr.Dataset) -> Figure:
 
 
 def _crossing(time: Array, signal: Array, before: float) -> float:
-    """Time of the steepest zero crossing before a time: where a delay is seen best."""
+    """Find the steepest zero crossing before a time, where a delay is seen best."""
     steps = round(0.02 / (time[1] - time[0]))
     smooth = np.convolve(signal, np.ones(steps) / steps, "same")
     signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))
@@ -297,7 +297,7 @@ def _crossing(time: Array, signal: Array, before: float) -> float:
 
 
 def tracks(data: xr.Dataset) -> Figure:
-    """One marker in four cameras: on their clocks, on one clock with the fit, and what is left."""
+    """Draw one marker in four cameras: on their clocks, on one clock, and the residual."""
     markers = rows_on(setups.beam())
     every = data["tracks"].sel(width=data["width"].max(), axis="v")
     v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values

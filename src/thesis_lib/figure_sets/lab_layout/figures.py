@@ -45,7 +45,7 @@ VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "apertur
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """The figure of a case; the style is that of :func:`thesis_lib.figure_sets.display.figure`."""
+    """Draw the figure of a case."""
     part = select(cube, case, mode)
     return sets(part) if case == "subsets" else _sweep(cube, part)
 
@@ -69,7 +69,7 @@ def _sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
 
 
 def _value_axis(axes: Axes, part: xr.Dataset) -> None:
-    """A logarithmic axis with the settings' values as its ticks."""
+    """Make a logarithmic axis with the settings' values as its ticks."""
     values = part["value"].values
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(FixedLocator(values.tolist()))
@@ -156,7 +156,7 @@ def _along(axes: Axes, part: xr.Dataset) -> None:
 
 
 def plain_ticks(axis: Axis) -> None:
-    """Ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or at powers of ten alone."""
+    """Put ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or at these alone."""
     low, high = axis.get_view_interval()
     subs = (1.0, 2.0, 5.0) if high / low < 100 else (1.0,)
     axis.set_major_locator(LogLocator(subs=subs))
@@ -165,7 +165,7 @@ def plain_ticks(axis: Axis) -> None:
 
 
 def sets(part: xr.Dataset) -> Figure:
-    """All sets, from their part of the cube."""
+    """Draw all sets, from their part of the cube."""
     drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
     parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
     _plans(parts[0, 0], part)
@@ -178,7 +178,7 @@ def sets(part: xr.Dataset) -> Figure:
 
 
 def _plans(place: SubFigure, part: xr.Dataset) -> None:
-    """Plans of the best and the worst sets of two, three and four cameras."""
+    """Draw plans of the best and the worst sets of two, three and four cameras."""
     error, count = expected(part), part["n_cameras"].values
     shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
     panels = place.subplots(2, max(len(shown), 1), squeeze=False)
@@ -207,7 +207,7 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
 
 
 def _places(setting: xr.Dataset) -> Array:
-    """Cameras of one setting in plan, X and Y in mm, shape (cameras, 2)."""
+    """Return the cameras of one setting in plan, X and Y in mm, shape (cameras, 2)."""
     azimuth, elevation = (
         np.radians(setting[f"camera_{a}"].values) for a in ("azimuth", "elevation")
     )

@@ -21,29 +21,29 @@ FINE = 400  # points at which a curve is looked up
 
 
 def cases(cube: xr.Dataset) -> list[str]:
-    """The cases of a cube in their order."""
+    """Return the cases of a cube in their order."""
     return list(dict.fromkeys(cube["case"].values.tolist()))
 
 
 def part_of(cube: xr.Dataset, case: str) -> xr.Dataset:
-    """The settings of one case and the one mode."""
+    """Select the settings of one case and the one mode."""
     return cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
 
 
 def expected(part: xr.Dataset) -> Array:
-    """Rms over the trials of the rms error, (settings,), %; of trial 0 if there are no others."""
+    """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
     error = part["mean_error"].transpose("setting", "trial").values
     drawn = error[:, 1:] if error.shape[1] > 1 else error
     return np.asarray(np.sqrt(np.mean(drawn**2, axis=1)))
 
 
 def ratios(part: xr.Dataset) -> Array:
-    """Error over the trials divided by the law's prediction, (settings,)."""
+    """Return error over the trials divided by the law's prediction, (settings,)."""
     return np.asarray(expected(part) / part["predicted_error"].values, float)
 
 
 def one_sided(part: xr.Dataset) -> Mask:
-    """Whether all cameras of a set look from one side of the beam's axis, (settings,)."""
+    """Tell whether all cameras of a set look from one side of the beam's axis, (settings,)."""
     across = np.cos(np.radians(part["camera_azimuth"].transpose("setting", "camera").values))
     known = np.isfinite(across)
     return np.asarray(
@@ -64,7 +64,7 @@ class Optimum:
 
 
 def optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
-    """The least of a curve through errors (n,) at values (n,), NaN left out.
+    """Find the least of a curve through errors (n,) at values (n,), NaN left out.
 
     An Akima spline between the logarithms of both; nothing is said beyond the outermost of the
     settings that have an error, nor if there are fewer than three.
@@ -92,19 +92,19 @@ def optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
 
 
 def complete(part: xr.Dataset) -> xr.Dataset:
-    """The settings in which every marker is measured: errors of fewer are not comparable."""
+    """Select the settings in which every marker is measured: errors of fewer do not compare."""
     return part.isel(setting=np.flatnonzero(part["missing"].values[:, 0] == 0))
 
 
 def trial_optima(part: xr.Dataset) -> Array:
-    """Elevation of the least error of each trial by itself, degrees."""
+    """Return elevation of the least error of each trial by itself, degrees."""
     error = part["mean_error"].transpose("trial", "setting").values[1:]
     best = [optimum(part["value"].values, own) for own in error]
     return np.array([own.at for own in best if own is not None])
 
 
 def viewable(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with no more sets than a viewer has room for: of each number the best and worst."""
+    """Select the best and worst sets of each number: no more than a viewer has room for."""
     kept = []
     for case in cases(cube):
         rows = np.flatnonzero(cube["case"].values == case)

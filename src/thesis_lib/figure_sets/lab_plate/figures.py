@@ -32,7 +32,7 @@ ERROR_NAMES = {
 
 
 def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """Setup, errors of deflection and sound, maps of the deflection and the field and of errors."""
+    """Draw setup, errors of deflection and sound, and maps of both and of their errors."""
     part = select(cube, case, mode)
     drawing, axes = mosaic(
         "abc;def;ghi", figsize=(8.2, 6.6), layout="constrained", height_ratios=[1.3, 1, 1.1]
@@ -88,7 +88,7 @@ def _deflections(
 def _fields(
     drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode: int, words: list[str]
 ) -> None:
-    """The true field on the louder plane, and the errors of the field there."""
+    """Draw the true field on the louder plane, and the errors of the field there."""
     part = cube.sel(mode=mode)
     largest = part["largest_pressure"]
     plane = str(part["plane"].values[np.argmax(np.nan_to_num(largest.values))])

@@ -54,7 +54,7 @@ class TrueSound:
 
 
 def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
-    """The sound of the true motion, whose largest deflection is `peak` in m, on a fine grid.
+    """Compute the sound of the true motion with a largest deflection `peak` in m, finely.
 
     Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
     error of their sum.
@@ -115,22 +115,22 @@ class MarkerSound:
         return np.asarray(stacked.T @ stacked / len(self.matrix))
 
     def power(self, shape: Amplitudes) -> Estimate:
-        """Sound power in W."""
+        """Return sound power in W."""
         return self._widened(estimates.quadratic(self.power_form, shape))
 
     def efficiency(self, shape: Amplitudes) -> Estimate:
-        """Radiation efficiency."""
+        """Return radiation efficiency."""
         return self._widened(estimates.ratio(self.power_form, self.plain_form, shape))
 
     def _widened(self, of: Estimate) -> Estimate:
         return estimates.widened(of, self._surface.sum_std)
 
     def field_error(self, shape: Amplitudes) -> float:
-        """Stated rms error of the pressure over the plane, in Pa."""
+        """Return stated rms error of the pressure over the plane, in Pa."""
         return float(np.sqrt(np.sum(self._squares * shape.covariance)))
 
     def without_noise(self, peak: float) -> ComplexArray:
-        """What markers show of the true motion, by their edges, shape (markers,)."""
+        """Return what the markers' edges show of the true motion, shape (markers,)."""
         turn = 2 * np.pi * (np.arange(ROUND) + 0.5) / ROUND
         ring = self.own.markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
         edges = (self.own.markers.centres[:, :, None] + ring[:, None]).reshape(2, -1)
@@ -138,7 +138,7 @@ class MarkerSound:
 
 
 def with_grid(own: Driven, grid: tuple[int, int]) -> Driven:
-    """A plate with other markers, at most as large as its own and half as wide as their cells."""
+    """Put other markers on a plate, at most as large and half as wide as their cells."""
     assert isinstance(own.structure, Plate)
     cells = np.array(own.structure.extent) / grid
     structure = replace(own.structure, grid=grid)
@@ -178,7 +178,7 @@ TAP_VARIABLES = declared("""
 
 
 def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
-    """:data:`TAP_VARIABLES`, where centres scatter by so many px; NaN where they hide a mode."""
+    """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
     rig = _rig(study)
     assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
@@ -221,7 +221,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
 
 
 def _rig(study: LabRadiation) -> Rig:
-    """The cameras of the beam's first recording, before a beam that is tapped."""
+    """Set up the cameras of the beam's first recording before a beam that is tapped."""
     rig = rig_of(study, "beam", 0)
     x, y = rig.markers.extent
     rates = np.resize(RATES, len(rig.stations))
@@ -238,7 +238,7 @@ def _rig(study: LabRadiation) -> Rig:
 
 
 def _seen(rig: Rig, scatter: float) -> list[TrackedCentres]:
-    """Where each camera finds the markers, of which none is lost."""
+    """Find the markers in each camera, of which none is lost."""
     found = []
     for index, station in enumerate(rig.stations):
         count = int(rig.duration * station.frame_rate)
@@ -250,7 +250,7 @@ def _seen(rig: Rig, scatter: float) -> list[TrackedCentres]:
 
 
 def _centres(rig: Rig, index: int, times: Array) -> Array:
-    """Images of the markers, (frames, 2, markers), as means over the exposure."""
+    """Project the markers, (frames, 2, markers), as means over the exposure."""
     station, markers, samples = rig.stations[index], rig.markers, 4
     within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
     shapes = rig.motion.shapes(markers.centres)
@@ -260,7 +260,7 @@ def _centres(rig: Rig, index: int, times: Array) -> Array:
 
 
 def _as_measured(found: Modes) -> xr.Dataset:
-    """What the sound takes of the modes, by cameras and a grid that are known."""
+    """Return the modes as the sound takes them, by cameras and a grid that are known."""
     each = ("frequency", "damping", "damping_deviation", "scale_deviation")
     of_markers = {
         "amplitude_real": found.shape.real,
@@ -275,7 +275,7 @@ def _as_measured(found: Modes) -> xr.Dataset:
 
 
 def _true_power(motion: ImpactMotion, moment: float, surface: Surface, medium: Medium) -> Array:
-    """Sound power of each mode of the true motion at a moment in s, W."""
+    """Return sound power of each mode of the true motion at a moment in s, W."""
     shapes = motion.amplitudes(surface.places, moment)
     omega, powers = np.abs(motion.poles), []
     for w, shape in zip(omega, shapes, strict=True):

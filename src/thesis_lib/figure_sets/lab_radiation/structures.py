@@ -58,12 +58,12 @@ class Driven:
         return np.asarray(q / np.nanmax(np.abs(q @ shapes)), complex)
 
     def shape(self, points: Array) -> ComplexArray:
-        """Complex deflection at points (2, n) for a largest one of 1, against the force."""
+        """Return complex deflection at points (2, n) for a largest one of 1, against the force."""
         shapes = self.structure.mode_shapes(range(1, MODES + 1), points)
         return np.asarray(self.coordinates @ shapes, complex)
 
     def components(self, peak: float) -> tuple[Component, ...]:
-        """The modes as parts of a motion whose largest deflection is `peak` in m."""
+        """Return the modes as parts of a motion whose largest deflection is `peak` in m."""
         parts = []
         for n, q in enumerate(self.coordinates, 1):
             up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # as a part has it
@@ -75,13 +75,13 @@ class Driven:
 
 
 def plate(grid: tuple[int, int] = GRID) -> Plate:
-    """The thesis's plate, but thin."""
+    """Return the thesis's plate, but thin."""
     return replace(setups.plate(grid), thickness=THICKNESS, force_position=FORCE)
 
 
 @cache
 def driven(case: str) -> Driven:
-    """The structure of a case, with its tone."""
+    """Return the structure of a case, with its tone."""
     if case == "beam":
         beam = setups.beam()
         row = replace(beam, n_markers=COLUMNS, marker_spacing=beam.length / COLUMNS)
@@ -122,7 +122,7 @@ def _at(
     mode: int,
     name: str,
 ) -> Driven:
-    """A structure that is driven at the resonance of a mode."""
+    """Drive a structure at the resonance of a mode."""
     return Driven(structure, markers, corners, resonance(structure, mode) / (2 * np.pi), name)
 
 
@@ -137,7 +137,7 @@ def _corners_of_l() -> tuple[Point, ...]:
 
 
 def _clear(panel: Panel) -> Array:
-    """Places of a panel's markers that keep a diameter from its edges, shape (2, n)."""
+    """Select markers of a panel that are a diameter away from its edges, shape (2, n)."""
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = PLATE_MARKER * np.stack([np.cos(turn), np.sin(turn)])
     around = panel.markers[:, :, None] + ring[:, None]
