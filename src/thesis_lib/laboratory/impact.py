@@ -57,7 +57,7 @@ class ImpactMotion(Motion):
         return np.where(inside, self._peak * np.sin(np.pi * t / self.ramp), 0.0)
 
     def amplitudes(self, points: ArrayLike, at: float) -> ComplexArray:
-        """Return complex shapes of the free modes e^{λ (t − at)} at points (2, n), m, (modes, n)."""
+        """Return complex shapes (modes, n) of the free modes e^{λ (t − at)} at points (2, n), m."""
         shapes, since = self.shapes(points), at - self.start
         size = [
             -1j * gain * _answer(pole, np.array(since), self.ramp) for pole, gain in self._gains()
