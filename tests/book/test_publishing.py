@@ -149,8 +149,9 @@ DAMAGED = {
 
 
 def contents(book: Path) -> dict[str, bytes]:
+    """Return all files of a book, without the checksums that Sphinx adds to links to styles."""
     return {
-        path.relative_to(book).as_posix(): path.read_bytes()
+        path.relative_to(book).as_posix(): re.sub(rb"\?v=[0-9a-f]{8}", b"", path.read_bytes())
         for path in sorted(book.rglob("*"))
         if path.is_file()
     }
