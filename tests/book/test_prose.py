@@ -19,7 +19,7 @@ from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
-from thesis_lib.figure_sets.claims.compute import judged
+from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
@@ -44,7 +44,7 @@ def ledgered(made):
     """The ledger of some cubes, with few draws of its own."""
     request = validate("claims", {"trials": 3, "readings": ["rest known"]})
     own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
-    found = judged(lambda study: made[study.name], own)
+    found = judge_claims(lambda study: made[study.name], own)
     return ledger.as_cube(found, readings.run(request.other_readings))
 
 

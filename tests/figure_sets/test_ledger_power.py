@@ -50,7 +50,7 @@ def claim(relation, low, high, digits):
     ],
 )
 def test_a_draw_is_printed_with_the_claims_digits(relation, digits, values, low, high):
-    made = verdicts.drawn(claim(relation, 1, 1, digits), np.array(values))
+    made = verdicts.claim_from_errors(claim(relation, 1, 1, digits), np.array(values))
     assert (made.low, made.high) == pytest.approx((low, high))
     assert all(meets(made, value, value) for value in values if relation != "about")
 
@@ -74,7 +74,7 @@ def test_what_is_stated_by_the_model_itself_is_met_as_often_as_expected(conforms
         stated = []
         for one in CLAIMS:
             values = errors(cube, one).transpose("setting", "trial").values[:, trial]
-            stated.append(verdicts.drawn(one, values))
+            stated.append(verdicts.claim_from_errors(one, values))
         shares.append(np.mean([check.inside for check in verdicts.check(cube, stated)]))
     expected = float(power["power_expected"].sel(chapter=3)) / len(CLAIMS)
     conforms.sampled(np.mean(shares), expected, atol=0.03)

@@ -44,7 +44,7 @@ def run(*names, **draws):
 
 
 def test_the_adopted_reading_is_what_the_figure_sets_say(few):
-    made = readings.checks(READINGS[ADOPTED], 0, TRIALS, {})
+    made = readings.judge_interpretation(READINGS[ADOPTED], 0, TRIALS, {})
     cubes = {name: cube_of(name) for name in FEW[:2]}
     cubes[FEW[2]] = sound.run(validate(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
     expected = [c for name in FEW for c in verdicts.check(cubes[name], claims.claims_of(name))]
@@ -66,10 +66,10 @@ def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch
 
 def test_counts_are_those_of_the_checks(few):
     made = run("rest known")
-    adopted = readings.checks(READINGS[ADOPTED], 0, TRIALS, {})
+    adopted = readings.judge_interpretation(READINGS[ADOPTED], 0, TRIALS, {})
     met = {check.claim.id for check in adopted if check.inside}
     for name in made["reading"].values:
-        found = readings.checks(READINGS[str(name)], 0, TRIALS, {})
+        found = readings.judge_interpretation(READINGS[str(name)], 0, TRIALS, {})
         now = {check.claim.id for check in found if check.inside}
         row = made.sel(reading=name)
         assert (row["gained"], row["lost"]) == (len(now - met), len(met - now))
@@ -95,7 +95,7 @@ def test_readings_do_not_depend_on_each_other(monkeypatch):
 
 def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter():
     for name, reading in READINGS.items():
-        taken = [readings.request(reading, one) for one in CAMERA_STUDIES]
+        taken = [readings.reading_parameters(reading, one) for one in CAMERA_STUDIES]
         assert {key for values in taken for key in values} == set(reading.values)
         for one, values in zip(CAMERA_STUDIES, taken, strict=True):
             request = validate(one, values)

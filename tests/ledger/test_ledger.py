@@ -17,7 +17,7 @@ from thesis_lib.facts.readings import READINGS, assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
-from thesis_lib.figure_sets.claims.compute import judged
+from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.claims.tables import LedgerTable
 from thesis_lib.figure_sets.display import promised
@@ -57,36 +57,36 @@ def test_tilting_is_a_turn_about_x(conforms, tilt):
     """From +Z towards +Y; the third column is where the zenith goes."""
     c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
     turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
-    found = axes(ledger_runs.tilted(DIRECTIONS, tilt))
+    found = axes(ledger_runs.tilt_directions(DIRECTIONS, tilt))
     conforms.closed_form(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
 
 
 def test_tilting_keeps_angles_to_the_x_axis_and_between_cameras(conforms):
-    before, after = (axes(d) for d in (DIRECTIONS, ledger_runs.tilted(DIRECTIONS, 33)))
+    before, after = (axes(d) for d in (DIRECTIONS, ledger_runs.tilt_directions(DIRECTIONS, 33)))
     conforms.invariance(after[:, 0], before[:, 0], atol=3e-8)
     conforms.invariance(after @ after.T, before @ before.T, atol=6e-8)
 
 
 def test_tilts_add_up_and_none_changes_nothing(conforms):
-    none = np.array(ledger_runs.tilted(DIRECTIONS[:-1], 0))
+    none = np.array(ledger_runs.tilt_directions(DIRECTIONS[:-1], 0))
     conforms.invariance(none, DIRECTIONS[:-1], atol=1e-6)
-    twice = ledger_runs.tilted(ledger_runs.tilted(DIRECTIONS, 12), 21)
-    conforms.invariance(axes(twice), axes(ledger_runs.tilted(DIRECTIONS, 33)), atol=6e-8)
+    twice = ledger_runs.tilt_directions(ledger_runs.tilt_directions(DIRECTIONS, 12), 21)
+    conforms.invariance(axes(twice), axes(ledger_runs.tilt_directions(DIRECTIONS, 33)), atol=6e-8)
 
 
 def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
     for elevation in range(91):
-        ((_, top),) = ledger_runs.tilted([(180.0, elevation)], 90 - elevation)
+        ((_, top),) = ledger_runs.tilt_directions([(180.0, elevation)], 90 - elevation)
         conforms.closed_form(top, 90, atol=2e-6)
 
 
 def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
     arc = sorted(camera for pair in setups.pairs()["4b"] for camera in pair)
-    (request,) = ledger_runs.own()["beam-tilted"].requests
+    (request,) = ledger_runs.own_sources()["beam-tilted"].requests
     heights = []
     for tilt in ledger_runs.TILTS_DEG:
         (cameras,) = request.layouts[f"tilt {tilt}"]
-        back = axes(ledger_runs.tilted(cameras, -tilt))
+        back = axes(ledger_runs.tilt_directions(cameras, -tilt))
         conforms.closed_form(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
         heights.append([elevation for _, elevation in cameras])
     assert np.all(np.diff(heights, axis=0) < 0)
@@ -110,9 +110,9 @@ def typed(command):
     return name, values
 
 
-@pytest.mark.parametrize("name", ledger_runs.own())
+@pytest.mark.parametrize("name", ledger_runs.own_sources())
 def test_commands_run_what_the_ledger_runs(name):
-    source = ledger_runs.own()[name]
+    source = ledger_runs.own_sources()[name]
     for command, request in zip(source.commands, source.requests, strict=True):
         assert "\n" not in command
         assert validate(*typed(command)).digest == request.digest
@@ -128,7 +128,7 @@ def test_commands_keep_words_and_primes():
 
 @pytest.mark.parametrize("structure", ["beam"])
 def test_corners_are_sixteen_layouts(structure):
-    source = ledger_runs.own()[f"{structure}-corners"]
+    source = ledger_runs.own_sources()[f"{structure}-corners"]
     near, far = source.requests
     assert near.layouts == far.layouts
     assert far.distance_mm == 2 * near.distance_mm
@@ -152,7 +152,7 @@ def request_of(name, **values):
 
 
 def test_each_corner_has_its_cameras_and_distance(conforms):
-    (cameras,) = ledger_runs.own()["beam-corners"].requests[0].layouts["many high narrow"]
+    (cameras,) = ledger_runs.own_sources()["beam-corners"].requests[0].layouts["many high narrow"]
     for distance, word in ((500, "near"), (1000, "far")):
         cube = studies.run(
             request_of("beam-arrays", cases=[], layouts={"x": [cameras]}, distance_mm=distance)
@@ -203,7 +203,7 @@ def test_the_other_order_is_the_other_one():
         assert printed == {"printed" if case == "4b" else "reversed"}
     made = {s.case for s in own()["beam-other-order"]}
     assert made == {"4b-reversed", "4d-printed"}
-    request = ledger_runs.own()["beam-other-order"].requests[0]
+    request = ledger_runs.own_sources()["beam-other-order"].requests[0]
     first = {s.case: s.directions_deg for s in request.settings() if s.value == 2}
     assert {case: {e for _, e in cameras} for case, cameras in first.items()} == {
         "4b": {58.0}, "4d": {8.0}
@@ -442,7 +442,7 @@ def test_without_a_cube_its_entries_are_undefined_for_that_reason(found):
 
 
 def test_without_any_cube_only_the_numbers_are_judged(found):
-    made = judged(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
+    made = judge_claims(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
     assert [entry.id for entry in made] == [entry.id for entry in found]
     for entry in made:
         assert (entry.verdict == "undefined") == (entry.kind != "number")
@@ -648,7 +648,7 @@ def test_entries_come_back_from_their_cube(found, cube, tmp_path):
 
 
 def test_undefined_entries_come_back_too(other_readings):
-    made = judged(lambda study: "no cube", {})
+    made = judge_claims(lambda study: "no cube", {})
     back = ledger.from_cube(ledger.as_cube(made, other_readings))
     assert [entry.record for entry in back] == [entry.record for entry in made]
 
@@ -667,7 +667,7 @@ def test_summary_of_the_ledger_is_its_verdicts(found, cube):
 
 @pytest.mark.parametrize("reading", READINGS.values(), ids=lambda reading: reading.name)
 def test_commands_of_the_readings_are_accepted(reading):
-    name, values = typed(readings.run_it(reading))
+    name, values = typed(readings.format_command(reading))
     assert name == "ch3"
-    expected = camera_study("beam-arrays", readings.request(reading, "beam-arrays"))
+    expected = camera_study("beam-arrays", readings.reading_parameters(reading, "beam-arrays"))
     assert validate("beam-arrays", values).digest == expected.digest

@@ -8,7 +8,7 @@ from scenes.layouts import layouts
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-from thesis_lib.figure_sets.claims.compute import judged
+from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
@@ -62,4 +62,4 @@ def entries(own_series=None, **instead):
     def open_cube(request):
         return instead.get(request.name.replace("-", "_"), cube_of(request.name))
 
-    return judged(open_cube, own() if own_series is None else own_series)
+    return judge_claims(open_cube, own() if own_series is None else own_series)

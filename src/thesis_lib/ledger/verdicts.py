@@ -95,17 +95,17 @@ def point_errors(cube: xr.Dataset) -> xr.DataArray:
     return error.copy(data=ordered).drop_vars(["x", "y"], errors="ignore")
 
 
-def drawn(claim: Claim, values: Array) -> Claim:
+def claim_from_errors(claim: Claim, values: Array) -> Claim:
     """Return the claim as a thesis with these errors (in %) in the settings would have printed it.
 
     An interval from the least to the largest, an upper bound rounded up, a lower one down; one
     value is the middle. All with the digits of the real claim.
     """
-    low, high = printed(claim, np.min(values), np.max(values))
+    low, high = round_as_printed(claim, np.min(values), np.max(values))
     return replace(claim, low=float(low), high=float(high))
 
 
-def printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Array]:
+def round_as_printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Array]:
     """Return both ends of the interval it would have printed for least and largest errors in %."""
     low, high = np.asarray(least, float), np.asarray(most, float)
     digit = 2 * np.array(claim.rounding)

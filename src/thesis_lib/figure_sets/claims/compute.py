@@ -25,7 +25,7 @@ from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, entries, explain_differences
 from thesis_lib.ledger.series import Series
-from thesis_lib.ledger.verdicts import drawn, meets
+from thesis_lib.ledger.verdicts import claim_from_errors, meets
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.variables import declared, labelled
@@ -42,9 +42,9 @@ VARIABLES = declared("""
 """)
 
 
-def judged(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
+def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
     """Return the ledger's entries, from the cubes of figure sets and the series of its own runs."""
-    commands = {name: source.commands for name, source in own_runs.own().items()}
+    commands = {name: source.commands for name, source in own_runs.own_sources().items()}
     return entries(open_cube, own, STUDIES, commands)
 
 
@@ -59,7 +59,7 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
             opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
         return opened[study.name]
 
-    found = explain_differences(judged(open_cube, own_runs.read_own(own)), other)
+    found = explain_differences(judge_claims(open_cube, own_runs.read_own(own)), other)
     tested = compute_power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
     return as_cube(found, other.merge(tested))
 
@@ -88,7 +88,7 @@ def compute_power(
         band = cubes.band(errors)[::2]
         trials = errors.transpose("setting", "trial").values[:, 1 : 1 + DRAWS]
         total[at] += 1
-        expected[at] += np.mean([met(drawn(claim, one), band) for one in trials.T])
+        expected[at] += np.mean([met(claim_from_errors(claim, one), band) for one in trials.T])
         scaled[at] += [met(claim, band, factor) for factor in FACTORS]
     values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
     factor = labelled({"factor": list(FACTORS)}, VARIABLES)

@@ -101,12 +101,14 @@ def _by_layout(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[Seri
     ]
 
 
-def tilted(directions_deg: Iterable[tuple[float, float]], tilt_deg: float) -> list[list[float]]:
+def tilt_directions(
+    directions_deg: Iterable[tuple[float, float]], tilt_deg: float
+) -> list[list[float]]:
     """Turn the directions of an arc about the X axis, as [azimuth, elevation] in degrees.
 
     Examples
     --------
-    >>> tilted([(90.0, 60.0)], 30.0)  # cos 60°, sin 60° sin 30°, sin 60° cos 30°
+    >>> tilt_directions([(90.0, 60.0)], 30.0)  # cos 60°, sin 60° sin 30°, sin 60° cos 30°
     [[49.106605, 48.590378]]
     """
     turned = []
@@ -145,7 +147,7 @@ def _corners(structure: str) -> Source:
     return Source(tuple(runs), read)
 
 
-def _own(structure: str) -> dict[str, Source]:
+def _structure_sources(structure: str) -> dict[str, Source]:
     """Return the ledger's own runs for beam or plate."""
     order = camera_study(
         f"{structure}-arrays",
@@ -153,7 +155,7 @@ def _own(structure: str) -> dict[str, Source]:
     )
     pairs = setups.pairs()
     arc = [camera for pair in pairs["4b"] for camera in pair]
-    tilts = {f"tilt {tilt}": [tilted(arc, tilt)] for tilt in TILTS_DEG}
+    tilts = {f"tilt {tilt}": [tilt_directions(arc, tilt)] for tilt in TILTS_DEG}
     grown = [list(camera) for pair in pairs["4a"] for camera in pair]
     singly = {"4a-singly": [grown[:n] for n in range(2, len(grown) + 1)]}
     distances = setups.table(structure, "distance")["distances_mm"]
@@ -198,16 +200,20 @@ def _askew(study: CameraStudy) -> list[Series]:
     ]
 
 
-def own() -> dict[str, Source]:
+def own_sources() -> dict[str, Source]:
     """Return the ledger's own runs, by name, without ``ASKEW_PLATE``."""
-    return {**_own("beam"), **_own("plate"), "beam-corners": _corners("beam")}
+    return {
+        **_structure_sources("beam"),
+        **_structure_sources("plate"),
+        "beam-corners": _corners("beam"),
+    }
 
 
 def run(study: OwnRuns) -> xr.Dataset:
     """Compute all own runs as one dataset: ``errors(series, setting, trial)``, padded with NaN."""
     draws = {"trials": study.trials, "seed": study.seed}
     found: list[tuple[str, Series]] = []
-    for name, source in own().items():
+    for name, source in own_sources().items():
         requests = [camera_study(one.name, {**one.request, **draws}) for one in source.requests]
         cubes = [studies.run(one).assign_attrs(figure_set=one.name) for one in requests]
         found += [(name, series) for series in source.read(cubes)]

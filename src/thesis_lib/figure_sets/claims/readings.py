@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -50,19 +50,19 @@ VARIABLES = declared("""
 """)
 
 
-def request(reading: Reading, figure_set: str) -> dict[str, Any]:
+def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
     """Return the parameters that a figure set takes of an interpretation."""
     fields = CAMERA_STUDIES[figure_set].model_fields
     return {key: value for key, value in reading.values.items() if key in fields}
 
 
-def run_it(reading: Reading) -> str:
+def format_command(reading: Reading) -> str:
     """Return the command that runs chapter 3 under an interpretation."""
-    study = camera_study("beam-arrays", request(reading, "beam-arrays"))
+    study = camera_study("beam-arrays", reading_parameters(reading, "beam-arrays"))
     return command(study).replace("beam-arrays", "ch3", 1)
 
 
-def measured(study: CameraStudy) -> xr.Dataset:
+def measure_claimed(study: CameraStudy) -> xr.Dataset:
     """Return the cube of beam or plate, only of settings that claims on it or its sound name."""
     names = {study.name, study.name.replace("plate", "sound")}
     spoken = [claim for name in names for claim in claims_of(name)]
@@ -74,7 +74,7 @@ def measured(study: CameraStudy) -> xr.Dataset:
     return studies.outline(study, only=only).in_memory()
 
 
-def heard(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
+def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
     """Return only the errors on the planes, as in the cube of a plate's sound."""
     deflections = plate_cube["measured_deflection"]
     errors = []
@@ -93,7 +93,9 @@ def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) ->
     return PlateSound.of(plate, planes, medium, resonance(plate, mode), shape)
 
 
-def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> list[Check]:
+def judge_interpretation(
+    reading: Reading, seed: int, trials: int, same: dict[str, Any]
+) -> list[Check]:
     """Judge all claims of the simulated chapters under one interpretation.
 
     Parameters
@@ -108,16 +110,17 @@ def checks(reading: Reading, seed: int, trials: int, same: dict[str, Any]) -> li
     found: list[Check] = []
     plates: dict[str, xr.Dataset] = {}
     for name in CAMERA_STUDIES:
-        values = {**request(reading, name), "seed": seed, "trials": trials}
+        values = {**reading_parameters(reading, name), "seed": seed, "trials": trials}
         study = camera_study(name, values)
         if study.digest not in same:
             if study.subject == "sound":
                 plate = name.replace("sound", "plate")
                 if plate not in plates:
-                    plates[plate] = measured(camera_study(plate, study.plate_request))  # type: ignore[attr-defined]
-                cube = heard(study, plates[plate])
+                    of_plate: dict[str, Any] = study.plate_request  # type: ignore[attr-defined]
+                    plates[plate] = measure_claimed(camera_study(plate, of_plate))
+                cube = select_plane_errors(study, plates[plate])
             else:
-                cube = plates[name] = measured(study)
+                cube = plates[name] = measure_claimed(study)
             same[study.digest] = verdicts.check(cube, claims_of(name))
         found += same[study.digest]
     return found
@@ -140,8 +143,9 @@ def run(study: OtherReadings) -> xr.Dataset:
     same: dict[str, Any] = {}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
-        made = [checks(chosen[0], seed, trials, same)]  # first alone: the others share with it
-        made += abreast(lambda reading: checks(reading, seed, trials, same), chosen[1:])
+        judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
+        made = [judge(chosen[0])]  # first alone: the others share with it
+        made += abreast(judge, chosen[1:])
     chapters = list(CHAPTERS.values())
     shape = (len(chosen), len(chapters))
     counts = np.zeros((*shape, len(OUTCOMES)), int)

@@ -213,7 +213,8 @@ def readings_table(cube: xr.Dataset) -> Markdown:
 def readings_commands(cube: xr.Dataset) -> Markdown:
     """List the command that runs chapter 3 under each interpretation."""
     names = cube["reading"].values.tolist()
-    return _fill("commands", commands={name: readings.run_it(READINGS[name]) for name in names})
+    commands = {name: readings.format_command(READINGS[name]) for name in names}
+    return _fill("commands", commands=commands)
 
 
 def best_reading(cube: xr.Dataset) -> Markdown:
