@@ -13,7 +13,7 @@ LOCK := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.1
 	--no-emit-index-url --no-emit-find-links
 # Three on two processors: tests also wait, for kernels and browsers.
 WORKERS ?= 3
-PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --longest-first \
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile \
 	--nbval tests $(NOTEBOOKS)
 NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
 
@@ -29,7 +29,7 @@ test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
 test-all: check book  ## all tests, those of the rendered book included
-	$(PYTEST) -m "not nightly" --times --hypothesis-seed 0 --junitxml build/conformance.xml
+	$(PYTEST) -m "not nightly" --hypothesis-seed 0 --junitxml build/conformance.xml
 
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py

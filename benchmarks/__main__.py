@@ -20,7 +20,6 @@ import numpy as np
 
 from benchmarks import compression, limits, own, peers, publish, rayleigh, scale, tracking
 from thesis_lib.book.pieces import benchmarks as page
-from thesis_lib.studies import times
 
 
 def measure_peers() -> dict[str, Any]:
@@ -54,14 +53,6 @@ MEASUREMENTS = {  # by option: title, what measures, parts of the page
 }
 
 
-def print_times() -> None:
-    """Print what took longer here, the last time that it ran, than is published."""
-    here, published = times.read(times.measured_path()), times.read(times.published_path())
-    print("\nSteps of the book and files of tests that take longer than published: loops then, now")
-    for what, then, now in times.longer(published, here):
-        print(f"{what:<60} {then:>8.0f} {now:>8.0f}")
-
-
 def main() -> None:
     """Run what is asked for, by default everything."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
@@ -83,7 +74,6 @@ def main() -> None:
             publish.keep(data)
     if not chosen:
         own.print_all()
-        print_times()
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ from command import hears_signals
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytest_plugins = ["conforms", "quick", "small_book", "tiers", "times"]
+pytest_plugins = ["conforms", "quick", "small_book", "tiers"]
 PROJECT = Path(__file__).parents[1]
-PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml"]
+PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py"]
 
 
 def until_study(document: nbformat.NotebookNode) -> None:

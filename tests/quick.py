@@ -1,25 +1,25 @@
 """``make quick``: the tests that what was edited can reach, the nearest first, for half a minute.
 
-What was edited is what differs from the last commit. A test reaches what it imports, what that
-imports, and files that one of these names; with a copy of the project it reaches the whole command.
+What was edited is what differs from the last commit. A test reaches what it names, and the room of
+the library whose tests it belongs to.
 """
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from thesis_lib.files import project_root
-from thesis_lib.studies.reach import reached
 
 FILES = 12  # no more are imported
+FAR = 3  # what a test does not reach
 SECONDS = 20  # of these; the test that runs when they are over comes on top
-OPTIONS = ["-q", "-rs", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
+OPTIONS = ["-q", "-rs", "-n", "2", "--dist", "loadfile"]
 OPTIONS += ["-m", "not (slow or book or nightly)", "--seconds", str(SECONDS)]
 
 
@@ -55,33 +55,26 @@ def edited(root: Path) -> set[Path]:
     return {root / line for line in lines}
 
 
-def steps_to(files: Iterable[Path], test: Path) -> dict[Path, int]:
-    """How far each of some files is from a test; those that it does not reach are left out."""
-    steps = dict(reached(test))
-    behind = [project_root() / "tests" / "conftest.py"]  # its fixtures are not imported
-    if "checkout" in test.read_text(encoding="utf-8"):
-        behind.append(project_root() / "src" / "thesis_lib" / "__main__.py")
-    for start in behind:
-        for file, far in reached(start).items():
-            steps.setdefault(file, far + 2)
-    named = {file: file.name for file in files if file.suffix != ".py"}
-    for one, far in list(steps.items()) if named else ():
-        text = one.read_text(encoding="utf-8")
-        for file, name in named.items():
-            if name in text:
-                steps[file] = min(far + 1, steps.get(file, far + 1))
-    return {file: steps[file] for file in files if file in steps}
+def distance(file: Path, test: Path, text: str) -> int:
+    """Return how near an edited file is to a test: 0 is the test, 1 named in it, 2 in its room."""
+    root = project_root()
+    if file == test:
+        return 0
+    if re.search(rf"\b{re.escape(file.stem)}\b", text):
+        return 1
+    rooms = [path.relative_to(root).parts for path in (file, test)]
+    return 2 if rooms[0][:2] == ("src", "thesis_lib") and rooms[0][2] == rooms[1][1] else FAR
 
 
 def main() -> int:
     """Run the tests that the edited files reach."""
     root = project_root()
     files = edited(root)
-    near = {test: steps_to(files, test) for test in sorted((root / "tests").rglob("test_*.py"))}
-    for file in sorted(files - {file for steps in near.values() for file in steps}):
-        print(f"no test reaches {file.relative_to(root)}")
-    chosen = [test for test, steps in near.items() if steps]
-    chosen.sort(key=lambda test: (min(near[test].values()), len(reached(test))))
+    near = {}
+    for test in sorted((root / "tests").rglob("test_*.py")):
+        text = test.read_text(encoding="utf-8")
+        near[test] = min((distance(file, test, text) for file in files), default=FAR)
+    chosen = sorted((test for test in near if near[test] < FAR), key=lambda test: near[test])
     if not chosen:
         return 0
     print(f"{len(chosen)} files of tests reach it; the nearest {FILES}:", flush=True)

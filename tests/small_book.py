@@ -8,21 +8,35 @@ import pytest
 import yaml
 
 GOOD, BAD = "beam-resolution", "beam-distance"
-MAKE = f"""
-import sys
-from thesis_lib.book import build as p, plan
-from thesis_lib.book.pieces import write as prose
-from thesis_lib.runs import tasks
+STEPS = f"""
+import runpy
+from pathlib import Path
 
-plan.STUDIES = {{name: plan.STUDIES[name] for name in ("{GOOD}", "{BAD}")}}
-prose.PIECES = {{"beam-results": prose.PIECES["beam-results"]}}
-p.walk.PICTURES = p.walk.VALUES = {{}}
-p.sample.NAMES = ()
-p.demos.PAGES = p.reference.PIECES = p.thesis_index.PIECES = p.assumptions.PIECES = {{}}
-try:
-    print(p.build())
-except tasks.RunError as error:
-    sys.exit(str(error))
+from thesis_lib.book.build import EXECUTED, cubes, result_files, step, without_cubes
+from thesis_lib.book.pieces import write
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
+
+for name in STUDIES.keys() - {{"{GOOD}", "{BAD}"}}:
+    del STUDIES[name], FIGURE_SETS[name]
+whole = runpy.run_path(str(Path(__file__).with_name("whole.py")))
+DOIT_CONFIG = {{**whole["DOIT_CONFIG"], "default_tasks": ["notebook"]}}
+task_notebook, task_figures = whole["task_notebook"], whole["task_figures"]
+"""
+PAGES = """
+DOIT_CONFIG["default_tasks"] = ["notebook", "assets", "piece", "figures", "pages"]
+task_assets, task_pages = whole["task_assets"], whole["task_pages"]
+
+
+def task_inputs():
+    yield {"name": "none", "actions": None}
+
+
+def task_piece():
+    def act():
+        write.write(cubes(), EXECUTED, without_cubes(), ["beam-results"])
+
+    needs = [result_files(name)[0] for name in STUDIES]
+    yield step("numbers", act, needs, [EXECUTED / "beam-results.md"])
 """
 INTRO = """# A small book
 
@@ -36,6 +50,13 @@ See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-
 """
 
 
+def shrink(checkout, pages: bool = False) -> None:
+    """Leave the book of a checkout two figure sets, and the steps of pages or not."""
+    (checkout.root / "dodo.py").rename(checkout.root / "whole.py")
+    text = STEPS + PAGES if pages else STEPS
+    (checkout.root / "dodo.py").write_text(text, encoding="utf-8")
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """A checkout whose book has two pages of results and is not made yet."""
@@ -46,6 +67,7 @@ def small(tmp_path_factory):
         pytest.skip("no build/assets: render the book first")
     checkout = Checkout(tmp_path_factory.mktemp("small") / "project")
     root = checkout.root
+    shrink(checkout, pages=True)
     for name in ("_config.yml", "package.json", "package-lock.json"):
         shutil.copy(PROJECT / name, root)
     shutil.copytree(assets, root / "build" / "assets")
@@ -61,4 +83,4 @@ def small(tmp_path_factory):
 
 
 def make(checkout):
-    return checkout.python("-c", MAKE, cwd=checkout.root, timeout=900)
+    return checkout.thesis("book", cwd=checkout.root, timeout=900)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from command import refusal, thesis
 
-from thesis_lib.files import staging, sweep
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.pictures import write_png
 from thesis_lib.outputs import (
@@ -191,18 +190,3 @@ def test_a_folder_of_the_users_is_no_cache(tmp_path):
     (tmp_path / "mine" / "tracks-00.npy").write_bytes(MINE)
     with pytest.raises(OutputError, match="mine"):
         check_cache(tmp_path / "mine")
-
-
-def test_only_folders_that_were_locked_are_swept(tmp_path):
-    """A folder of the user's may have any name."""
-    mine = tmp_path / ".staging-abcdefgh"
-    mine.mkdir()
-    (mine / "notes.txt").write_bytes(MINE)
-    killed = tmp_path / ".staging-hgfedcba"
-    killed.mkdir()
-    (killed / ".lock").touch()
-    (killed / "half.nc").touch()
-    with staging(tmp_path):
-        sweep(tmp_path)
-    assert (mine / "notes.txt").read_bytes() == MINE
-    assert not killed.exists()

@@ -17,9 +17,9 @@ from scenes import own
 from conftest import PARTS
 from thesis_lib import files
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.record import experiments
-from thesis_lib.figure_sets.registry import validate
-from thesis_lib.runs import execute
+from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.studies import storage
 from thesis_lib.vibration.motion import Component
 
@@ -136,11 +136,11 @@ def test_a_run_is_the_one_of_a_clone(reader, run):
         storage.opened(run / f"{NAME}.nc").attrs["commit"].strip() == "unknown"
     )  # and not the reader's own
     targets = (run / f"{NAME}.{kind}" for kind in ("ipynb", "nc", "html"))
-    job = execute.Job(validate(NAME, VALUES), *targets)
-    assert execute.digest(job) in job.notebook.read_text(encoding="utf-8")
-    assert files.sha256(job.cube) in job.page.read_text(encoding="utf-8")
-    again = reader.thesis("run", NAME, *PARAMETERS)
-    assert f"{NAME}: up to date" in again.stderr
+    _, cube, page = targets
+    made_by = storage.opened(cube).attrs
+    assert made_by["parameters_hash"] == validate(NAME, VALUES).digest
+    assert made_by["library_sha256"] == code_digest(FIGURE_SETS[NAME])
+    assert files.sha256(cube) in page.read_text(encoding="utf-8")
     assert set(reader.written()) <= {"build", "example", "plan", "runs"}
 
 

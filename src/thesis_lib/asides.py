@@ -1,4 +1,4 @@
-"""Remarks that change no result, for whoever waits for a command."""
+"""Status messages on standard error, which change no result."""
 
 from __future__ import annotations
 
@@ -12,17 +12,12 @@ from thesis_lib.text import message, visible
 
 QUIET = "THESIS_QUIET"
 """Set in the environment of kernels, whose standard error would be an output of the notebook."""
-_told: list[str] = []
 
 
 def aside(text: str) -> None:
-    """Tell something beside the result, as one line on standard error.
-
-    In a notebook's kernel it would become an output; there the command that runs it passes it on.
-    """
-    _told.append(message(text))
+    """Write one line on standard error, but not in a notebook's kernel, where it is output."""
     if QUIET not in os.environ:
-        say(_told[-1])
+        say(message(text))
 
 
 def echo(*lines: str, err: bool = False) -> None:
@@ -46,8 +41,3 @@ def say(line: str, passing: bool = False) -> None:
         line = f"\r\x1b[K{line[:width] if passing else line}"
     sys.stderr.write(line if passing else f"{line}\n")
     sys.stderr.flush()
-
-
-def asides() -> list[str]:
-    """What has been told aside in this process."""
-    return list(_told)

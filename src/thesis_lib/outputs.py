@@ -10,15 +10,17 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import threading
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from thesis_lib.asides import aside
-from thesis_lib.files import one_at_a_time, sha256, whole_text
+from thesis_lib.files import only_command, sha256, whole_text
 from thesis_lib.text import hidden, one_line
 
 RECORD = ".written.json"
 CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
+_ALONE = threading.Lock()  # a lock of a folder keeps out other processes, not threads
 _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_lib\n"
 
 
@@ -81,7 +83,7 @@ def put_files(part: Path, folder: Path) -> None:
     """
     found = [path for path in sorted(part.rglob("*")) if path.is_file()]
     names = [path.relative_to(part).as_posix() for path in found]
-    with one_at_a_time(folder):
+    with _ALONE, only_command(folder, wait=True):
         check_outputs(folder, [folder / name for name in names])
         record = dict(_read_record(folder))
         for name in names:  # what is there, too: a kill may come before it is replaced

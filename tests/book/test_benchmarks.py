@@ -14,7 +14,6 @@ from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.measure.messages import LIMIT
-from thesis_lib.studies import times
 
 OPERATIONS = """
 import numpy as np
@@ -182,10 +181,8 @@ def test_compression_takes_more_of_a_smaller_motion(monkeypatch):
 
 
 def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
-    for shown in (benchmark_tables, times):
-        monkeypatch.setattr(shown, "published_path", lambda: tmp_path / "none.json")
+    monkeypatch.setattr(benchmark_tables, "published_path", lambda: tmp_path / "none.json")
     said = {name: piece() for name, piece in benchmark_tables.PIECES.items()}
-    assert "Nothing was timed yet" in said.pop("benchmarks-times")
     assert set(said.values()) == {benchmark_tables.NOT_YET}
 
 

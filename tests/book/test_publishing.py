@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import zipfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import nbformat
@@ -20,7 +18,7 @@ from rocrate.rocrate import ROCrate
 from small_book import BAD, GOOD, make
 
 from thesis_lib import files
-from thesis_lib.book import crate, downloads, missing, search_index
+from thesis_lib.book import crate, downloads, missing
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.files import sha256
@@ -114,87 +112,20 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
-def cut(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
-def falsify(path: Path) -> None:
-    """Change a number, and keep the size and the date."""
-    text, when = path.read_text(encoding="utf-8"), path.stat().st_mtime_ns
-    path.write_text(re.sub(r"[1-8](?=%| %)", "9", text), encoding="utf-8")
-    os.utime(path, ns=(when, when))
-
-
-def lose(path: Path) -> None:
-    path.unlink()
-
-
-def flip(path: Path) -> None:
-    """Change a byte of numbers: a file that may well open."""
-    content = bytearray(path.read_bytes())
-    content[-1000] ^= 255
-    path.write_bytes(content)
-
-
-DAMAGED = {
-    "build/html/executed/beam-distance.html": falsify,
-    "build/html/index.html": cut,
-    "build/html/_static/documentation_options.js": lose,
-    f"build/{downloads.ARCHIVE}.zip": cut,
-    f"book/executed/{GOOD}.ipynb": falsify,
-    f"data/results/{BAD}.nc": flip,
-    "book/executed/beam-results.md": falsify,
-    "build/assets/mathjax/tex-svg-full.js": cut,
-}
-
-
-def contents(book: Path) -> dict[str, bytes]:
-    """Return all files of a book, without the checksums that Sphinx adds to links to styles."""
-    return {
-        path.relative_to(book).as_posix(): re.sub(rb"\?v=[0-9a-f]{8}", b"", path.read_bytes())
-        for path in sorted(book.rglob("*"))
-        if path.is_file()
-    }
-
-
 @pytest.mark.book
-def test_whatever_of_a_book_is_damaged_is_made_anew(whole, small):
-    cube = small.root / "data" / "results" / f"{BAD}.nc"
-    before, numbers = contents(small.root / "build" / "html"), cube_file.read(cube)
-    for name, damage in DAMAGED.items():
-        damage(small.root / name)
-    assert len(contents(small.root / "build" / "html")) < len(before)
+def test_an_edited_page_is_rendered_again_and_nothing_else_is_done(whole, small):
+    page = small.root / "book" / "intro.md"
+    before = page.read_text(encoding="utf-8")
+    unchanged = make(small)
+    assert (unchanged.returncode, unchanged.stderr) == (0, "the book is up to date\n")
+    page.write_text(before.replace("A small book", "An edited book"), encoding="utf-8")
     done = make(small)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert cube_file.read(cube).equals(numbers)
-    for name in (GOOD, BAD, "numbers", "MathJax and MiniSearch", "pages"):
-        assert f"{name}: done in" in done.stderr
-    after = contents(small.root / "build" / "html")
-    assert set(after) == set(before)
-    anew = {name for name in after if after[name] != before[name]}
-    anew -= {crate.NAME, search_index.FILE}  # hold the dates of the sets, which ran again
-    assert all(GOOD in name or BAD in name for name in anew), anew
-    with zipfile.ZipFile(small.root / f"build/{downloads.ARCHIVE}.zip") as packed:
-        assert packed.testzip() is None
-        packed_names = {name.partition("/")[2] for name in packed.namelist()}
-    assert packed_names == set(after)
-
-
-@pytest.mark.nightly
-def test_two_books_at_once_are_one_book(whole, small):
-    cut(small.root / "data" / "results" / f"{GOOD}.nc")
-    with ThreadPoolExecutor(2) as two:
-        ended = [one.result() for one in [two.submit(make, small) for _ in range(2)]]
-    for done in ended:
-        assert "Traceback" not in done.stderr
-        assert done.returncode in (0, 1), done.stderr
-    assert any(done.returncode == 0 for done in ended), ended[0].stderr + ended[1].stderr
-    last = make(small)
-    assert last.returncode == 0, last.stderr
-    assert f"{GOOD}: up to date" in last.stderr
-    assert set(contents(small.root / "build" / "html")) == set(contents(whole))
-    left = [path for path in small.root.rglob(".staging-*")]
-    assert left == []
+    assert done.returncode == 0, done.stderr
+    assert [line.split("  ")[-1] for line in done.stderr.splitlines() if "running" in line] == [
+        "pages: running"
+    ]
+    assert "An edited book" in (small.root / "build/html/intro.html").read_text(encoding="utf-8")
+    page.write_text(before, encoding="utf-8")
 
 
 @pytest.mark.book
@@ -227,7 +158,7 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     small.notebook(BAD).write_bytes(kept)
     mended = make(small)
     assert mended.returncode == 0, mended.stdout + mended.stderr
-    assert f"{GOOD}: up to date" in mended.stderr
+    assert f"{GOOD}: running" not in mended.stderr
     assert "went out" not in page(book, BAD)
     assert (book / "data" / f"{BAD}.nc").exists()
 

@@ -20,9 +20,8 @@ from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import postprocess
-from thesis_lib.studies import cache, commands, effort, storage
+from thesis_lib.studies import commands, effort, storage
 from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.studies.cache import cached
 from thesis_lib.studies.effort import Effort
 
 EVIL = "<script>alert(\"1\")</script> &amp; '*y*'"
@@ -236,26 +235,6 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
     assert (tmp_path / "again.nc").read_bytes() == (tmp_path / "compact.nc").read_bytes()
     storage.write(compact, tmp_path / "again.nc", compact=True)  # what is rounded stays
     np.testing.assert_array_equal(cube_file.read(tmp_path / "again.nc")["drawn"], compact["drawn"])
-
-
-def test_what_a_cache_spares_is_counted(monkeypatch, tmp_path):
-    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(effort, "_loaded", effort._Loaded())
-    request = validate("plate-distance", {"trials": 1})
-    calls = []
-
-    def compute(study):
-        calls.append(study)
-        return studies.run(study)
-
-    first = cached(request, compute)
-    assert effort.loaded_seconds() == 0
-    second = cached(request, compute)
-    assert len(calls) == 1
-    assert effort.loaded_seconds() == second.attrs["run_time_s"] == first.attrs["run_time_s"] > 0
-    said = json.loads(effort.told())
-    assert said["loaded_s"] == effort.loaded_seconds()
-    assert said["peak_memory_mb"] > 50
 
 
 def test_efforts_are_kept_and_read(tmp_path):

@@ -6,10 +6,10 @@ from scenes.laboratory import replicates
 from scenes.layouts import layouts
 
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets import keys
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
+from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -41,7 +41,7 @@ def cube_of(name):
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)
-    return with_provenance(cube, request, 0.0, keys.library(FIGURE_SETS[name], request))
+    return with_provenance(cube, request, 0.0, code_digest(FIGURE_SETS[name]))
 
 
 @cache

@@ -2,39 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from thesis_lib import files
 from thesis_lib.book import conformance
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.display import as_svg
-from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.files import project_root
 from thesis_lib.runs import execute as runs
-from thesis_lib.studies import effort, published, times
+from thesis_lib.studies import effort, published
 
 
-def publish(jobs: Sequence[runs.Job], picture: Path, measured: Path) -> None:
-    """Make the results of all figure sets, executed, the published ones.
+def publish(made: Mapping[str, tuple[Path, Path]]) -> None:
+    """Make results the published ones: executed notebook and cube of all figure sets.
 
-    `picture` is that of the README, which is drawn anew, `measured` what the tests have measured.
+    The picture of the README is drawn again, too. What the tests have measured is published if it
+    is in ``build``.
 
     Raises
     ------
-    RunError
+    BookError
         If a test had failed; nothing is published then.
     """
+    measured = project_root() / "build" / conformance.REPORT
     if measured.is_file():  # first, for what failed in it publishes nothing
         conformance.publish(measured)
-    for job in jobs:
-        published.publish(cube_file.read(job.cube))
-        keep_outputs(runs.source(job.study.name), job.notebook)
-    costs = {job.study.name: effort.of(job.notebook) for job in jobs}
-    effort.write((name, costs[name]) for name in STUDIES)
-    times.write(times.published_path(), times.read(times.measured_path()))
-    arrays = next(job for job in jobs if job.study.name == "beam-arrays")
-    text = as_svg(cube_file.read(arrays.cube), "4a", 3)
-    files.whole_text(picture, text)
+    for name, (notebook, cube) in made.items():
+        published.publish(cube_file.read(cube))
+        keep_outputs(runs.source(name), notebook)
+    effort.write((name, effort.of(notebook)) for name, (notebook, _) in made.items())
+    text = as_svg(cube_file.read(made["beam-arrays"][1]), "4a", 3)
+    files.whole_text(project_root() / "book" / "assets" / "overview.svg", text)
 
 
 def keep_outputs(notebook: Path, executed: Path) -> None:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets import keys, outside
+from thesis_lib.figure_sets import outside
+from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
 from thesis_lib.files import workplace
 from thesis_lib.studies import cubes
@@ -54,7 +55,7 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
         return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
     if cube.attrs.get("parameters_hash") != study.digest:
         return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != keys.library(FIGURE_SETS[study.name], study):
+    if cube.attrs.get("library_sha256") != code_digest(FIGURE_SETS[study.name]):
         return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
     return cube
 

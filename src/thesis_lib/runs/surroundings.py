@@ -8,15 +8,14 @@ import os
 import signal
 import sys
 import threading
-import time
 import warnings
 from pathlib import Path
 from typing import Any, NoReturn
 
-from thesis_lib.files import cache_folder
+from thesis_lib.files import cache_folder, remove_temporary
 
 MIN_OPEN_FILES = 128  # a run needs some 90 at a time
-MAX_WAIT_FOR_THREADS_S = 5.0
+MAX_WAIT_FOR_THREADS_S = 1.0
 _SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
@@ -99,9 +98,12 @@ def stop(status: int) -> NoReturn:
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     try:
-        until = time.monotonic() + MAX_WAIT_FOR_THREADS_S
-        while _end_children() and time.monotonic() < until:
-            time.sleep(0.1)
+        _end_children()
+        for thread in threading.enumerate():  # which fail without their kernels
+            if thread is not threading.current_thread():
+                thread.join(MAX_WAIT_FOR_THREADS_S)
+        _end_children()
+        remove_temporary()
         with contextlib.suppress(OSError, ValueError):
             print("interrupted; run the same command again to go on", file=sys.stderr)
             sys.stdout.flush()
@@ -110,8 +112,8 @@ def stop(status: int) -> NoReturn:
         os._exit(status)  # threads that do not listen do not matter any more
 
 
-def _end_children() -> bool:
-    """Kill all processes that this one has started; return whether threads are still at work."""
+def _end_children() -> None:
+    """Kill all processes that this one has started."""
     import psutil
 
     with contextlib.suppress(psutil.Error):
@@ -119,5 +121,3 @@ def _end_children() -> bool:
             with contextlib.suppress(psutil.Error):
                 if not any("resource_tracker" in word for word in child.cmdline()):
                     child.kill()  # the tracker removes semaphores, and ends by itself
-    here = threading.main_thread()
-    return any(one is not here and not one.daemon for one in threading.enumerate())

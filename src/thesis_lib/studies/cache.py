@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,6 @@ from thesis_lib.files import (
     sha256,
     whole_text,
 )
-from thesis_lib.studies import effort
 from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.request import Study
@@ -53,22 +53,22 @@ def keep(path: Path) -> None:
 
 
 def kept(path: Path, compute: Callable[[], xr.Dataset | Outline], key: str = "") -> xr.Dataset:
-    """What a file keeps, if it has the key; else computed, written and read from there.
+    """Return what a file holds, if it has the key; else compute, write and read it.
 
-    Its attributes `run_time_s` and `peak_memory_mb` tell what it took. An outline that is too large
-    to be held is filled in on disk, and read from there as it is needed.
+    Its attribute `run_time_s` says how long it took. An outline that is too large to be held is
+    filled in on disk, and read from there as it is needed.
     """
     data = read(path)
     if data is not None and data.attrs.get("key", "") == key:
-        effort.note_loaded(*(float(data.attrs[name]) for name in ("run_time_s", "peak_memory_mb")))
         return data
-    seconds, made = effort.stopwatch(), compute()
+    begun = time.perf_counter()
+    made = compute()
     if isinstance(made, Outline) and not made.is_held:
-        fill_in(made, path, seconds)
+        fill_in(made, path, lambda: time.perf_counter() - begun)
     else:
         cube = made.in_memory() if isinstance(made, Outline) else made
-        spent = {"run_time_s": seconds(), "peak_memory_mb": effort.peak_memory_mb()}
-        write(cube.assign_attrs(spent, **({"key": key} if key else {})), path)
+        cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
+        write(cube.assign_attrs({"key": key} if key else {}), path)
     keep(path)
     return opened(path)
 
@@ -93,12 +93,15 @@ def cached(
         Digests of all that determines it besides the request, and of the code alone; empty if that
         is the whole library.
     """
-    key = key or digest_of(library_files())
-    name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
-    path = cache_folder() / f"{study.name}-{name}.nc"
+    path = cache_path(study, key or digest_of(library_files()))
     cube = kept(path, lambda: compute(study))
-    spent = {name: cube.attrs.pop(name) for name in ("run_time_s", "peak_memory_mb")}
-    return with_provenance(cube, study, float(spent["run_time_s"]), library)
+    return with_provenance(cube, study, float(cube.attrs.pop("run_time_s")), library)
+
+
+def cache_path(study: Study, key: str) -> Path:
+    """Return the file of a study's cube, whose name tells what determines the cube."""
+    name = hashlib.sha256(f"{study.name} {study.digest} {key}".encode()).hexdigest()[:16]
+    return cache_folder() / f"{study.name}-{name}.nc"
 
 
 def key_of(values: Any, files: Iterable[Path] = ()) -> str:

@@ -1,20 +1,14 @@
-"""What a figure set costs: time and memory, measured, and known before one starts.
-
-What was computed before comes from a cache in no time. Its cost is kept with it and counted again,
-so that the effort of a set is always that of making all of it from nothing.
-"""
+"""Time and memory of figure sets, as the published run took them."""
 
 from __future__ import annotations
 
 import csv
 import json
 import sys
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.asides import asides
 from thesis_lib.files import shipped, whole_file
 from thesis_lib.text import damaged, duration
 
@@ -28,9 +22,9 @@ class EffortError(ValueError):
 
 @dataclass(frozen=True)
 class Effort:
-    """What a figure set costs."""
+    """Time and memory that a figure set takes."""
 
-    seconds: float  #: Run time of the notebook on a machine with two cores, with all that it needs
+    seconds: float  #: Run time of the notebook
     peak_memory_mb: float  #: Largest resident memory of its process
     cube_mb: float  #: Size of its cube
 
@@ -72,41 +66,8 @@ def together(efforts: Iterable[Effort]) -> Effort:
     )
 
 
-@dataclass
-class _Loaded:
-    """What came from caches in this process: the seconds it took, the memory it needed."""
-
-    seconds: float = 0.0
-    peak_memory_mb: float = 0.0
-
-
-_loaded = _Loaded()
-
-
-def loaded_seconds() -> float:
-    """Seconds that caches have spared this process so far."""
-    return _loaded.seconds
-
-
-def note_loaded(seconds: float, peak_memory_mb: float) -> None:
-    """Count what was taken from a cache as if it had been made here."""
-    _loaded.seconds += seconds
-    _loaded.peak_memory_mb = max(_loaded.peak_memory_mb, peak_memory_mb)
-
-
-def stopwatch() -> Callable[[], float]:
-    """Tells the seconds from now on, those that caches spare included."""
-    start, before = time.perf_counter(), loaded_seconds()
-    return lambda: time.perf_counter() - start + loaded_seconds() - before
-
-
 def peak_memory_mb() -> float:
-    """Largest resident memory so far, of this process and of what made the cached parts."""
-    return max(_own_peak_mb(), _loaded.peak_memory_mb)
-
-
-def _own_peak_mb() -> float:
-    """Largest resident memory of this process in MB; 0 where the system does not tell."""
+    """Return the largest resident memory of this process in MB; 0 where it is not known."""
     try:  # getrusage counts, on Linux, the process that started this one, too
         status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
         return float(status.partition("VmHWM:")[2].split()[0]) * 1024 / 1e6
@@ -120,23 +81,8 @@ def _own_peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def told() -> str:
-    """The last words of a notebook that is executed for its files: what :func:`heard` reads."""
-    said = {"loaded_s": loaded_seconds(), "peak_memory_mb": peak_memory_mb(), "asides": asides()}
-    return json.dumps(said)
-
-
-def heard(text: str, seconds: float, cube: Path) -> Effort:
-    """The effort of an executed notebook that took so many seconds here, with what was cached.
-
-    `text` is what :func:`told` said at its end.
-    """
-    said = json.loads(text)
-    return Effort(seconds + said["loaded_s"], said["peak_memory_mb"], cube.stat().st_size / 1e6)
-
-
 def of(notebook: Path) -> Effort:
-    """The effort that an executed notebook carries."""
+    """Return the effort that an executed notebook carries."""
     kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
     return Effort(*(float(kept[name]) for name in FIELDS[1:]))
 

@@ -6,11 +6,12 @@ import ast
 import hashlib
 import json
 import os
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from thesis_lib.files import imports, shipped, statements
+from thesis_lib.files import shipped
 
 
 def library() -> Path:
@@ -60,6 +61,21 @@ def reached(*files: Path) -> dict[Path, int]:
 def digest(file: Path) -> str:
     """The first 16 digits of a file's SHA-256."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return all imports of a Python file, those inside functions included."""
+    every = statements([ast.parse(path.read_text(encoding="utf-8"))])
+    return [node for node in every if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+def statements(nodes: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """All statements, those inside others included."""
+    for node in nodes:
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            inside = getattr(node, part, ())
+            yield from statements(inside if isinstance(inside, list) else ())
 
 
 @cache

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.files import project_root
-from thesis_lib.studies import times
 from thesis_lib.templates import render
 
 Row = Mapping[str, Any]
@@ -24,9 +23,7 @@ OWN_PACKAGES = ("", "numba")  # needed by no peer
 PLANNED_POINTS = 10**9
 CHUNK_POINTS = 2**20  # that a worker holds at a time
 WORKERS = (1, 2, 8, 32)
-MAX_TIMES = 20
 NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
-TIMES_WORDS = {"book": "step of `thesis book`", "tests": "file of tests, `make test-all`"}
 
 
 def published_path() -> Path:
@@ -184,22 +181,6 @@ def format_share(share: float) -> str:
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
-def tabulate_times() -> str:
-    """Tabulate the longest of the published times of each kind, and the sum of all."""
-    known = times.read(times.published_path())
-    kinds = [
-        {
-            "words": words,
-            "longest": [(name, s, s / loop) for name, (s, loop) in known[kind].items()][:MAX_TIMES],
-            "count": len(known[kind]),
-            "total": sum(seconds for seconds, _ in known[kind].values()),
-        }
-        for kind, words in TIMES_WORDS.items()
-        if any(known.values())
-    ]
-    return render(__file__, "benchmarks-times", kinds=kinds)
-
-
 VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
     "machine": ("machine", lambda run: {}),
     "targets": ("triangulation", compare_targets),
@@ -225,5 +206,4 @@ def tabulate(part: str, run: Row | None = None) -> str:
 
 PIECES: dict[str, Callable[[], str]] = {
     **{f"benchmarks-{part}": partial(tabulate, part) for part in VALUES},
-    "benchmarks-times": tabulate_times,
 }

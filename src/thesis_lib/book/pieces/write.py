@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from thesis_lib import files, records
+from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, rounding, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
-from thesis_lib.figure_sets import display, keys
+from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.parametric import sound, sound_turn
@@ -20,45 +20,15 @@ from thesis_lib.figure_sets.planner import tables as planner_tables
 
 
 def write(
-    made: Sequence[Path],
-    folder: Path,
-    without: Iterable[str] = (),
-    names: Iterable[str] = (),
-    costs: Sequence[Path] = (),
+    made: Sequence[Path], folder: Path, without: Iterable[str] = (), names: Iterable[str] = ()
 ) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
 
-    Those whose cubes are as they were, and the published `costs`, stay. Pieces that need the figure
-    sets `without` a cube say that these are missing.
+    Pieces that need the figure sets `without` a cube say that these are missing.
     """
     opened = Opened(made, without)
-    digests = {path.stem: files.sha256(path) for path in made}
-    filled = {display.figures_module(name).__name__ for name, _ in LABORATORY.values()}
-    code = keys.made_by(__name__, *sorted(filled))
-    key = f"{code}{files.digest_of(costs)}{','.join(sorted(digests))}"
-    (folder / ".made").mkdir(exist_ok=True)
     for name in names or PIECES:
-        target, record = folder / f"{name}.md", folder / ".made" / f"{name}.json"
-        kept = records.read(record)
-        if (
-            kept is not None
-            and kept.made_from == _made_from(key, used(record), digests)
-            and not records.damage(record, [target])
-        ):
-            continue
-        files.whole_text(target, _text(PIECES[name], opened))
-        records.write(record, _made_from(key, opened.used, digests), [target])
-
-
-def _made_from(key: str, names: Iterable[str], digests: Mapping[str, str]) -> str:
-    """What a piece is made from: all code, and the cubes that it uses."""
-    return " ".join([key, *(f"{name}={digests.get(name)}" for name in sorted(names))])
-
-
-def used(record: Path) -> list[str]:
-    """The cubes that a piece used, by its record."""
-    kept = records.read(record)
-    return [part.partition("=")[0] for part in kept.made_from.split()[1:]] if kept else []
+        files.whole_text(folder / f"{name}.md", _text(PIECES[name], opened))
 
 
 def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:

@@ -4,8 +4,9 @@ from thesis_lib.figure_sets.claims.parameters import Claims
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs, Product
 from thesis_lib.studies.request import Study
 
-OWN_RUNS = Product(module=f"{__package__}.own_runs", kept=True)
-OTHER_READINGS = Product(module=f"{__package__}.readings", kept=True)
+ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
+OWN_RUNS = Product(module=f"{__package__}.own_runs", rooms=ROOMS, kept=True)
+OTHER_READINGS = Product(module=f"{__package__}.readings", rooms=ROOMS, kept=True)
 
 
 def needs(asked: Claims) -> Inputs:
@@ -21,5 +22,12 @@ def reads() -> list[Study]:
 
 
 FIGURE_SETS = [
-    FigureSet(request=Claims, chapter="", module=f"{__package__}.compute", needs=needs, reads=reads)
+    FigureSet(
+        request=Claims,
+        chapter="",
+        module=f"{__package__}.compute",
+        rooms=ROOMS,
+        needs=needs,
+        reads=reads,
+    )
 ]

@@ -18,6 +18,8 @@ from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods, photographs, sketches
+from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
+from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.markers import rows_on
 from thesis_lib.plotting.style import saved, slices
@@ -204,3 +206,11 @@ VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
 def text(data: xr.Dataset, name: str) -> str:
     """Fill in a table or paragraph of the page."""
     return render(__file__, name, data=data, slices=slices, **VALUES[name](data))
+
+
+def write_all(folder: Path) -> None:
+    """Write pictures and texts into a folder, from the recordings of chapter 5."""
+    data = EXPERIMENT.load(ExperimentResolution().recordings)
+    write(data, folder)
+    for name in VALUES:
+        files.whole_text(folder / f"{name}.md", text(data, name))

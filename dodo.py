@@ -1,0 +1,159 @@
+"""The book as tasks: notebooks to cubes, cubes to pieces of pages, all of it to pages.
+
+``thesis book`` runs what is stale, and so does ``doit``; ``doit list --all`` shows the tasks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from thesis_lib.book import build, conformance, demos, downloads, rendering, sample
+from thesis_lib.book.build import EXECUTED, HTML, ROOT, code, cubes, result_files, step
+from thesis_lib.book.pieces import (
+    assumptions,
+    illustrations,
+    shown,
+    summary_figure,
+    thesis_index,
+)
+from thesis_lib.book.pieces import manifest as reference
+from thesis_lib.book.pieces import write as texts
+from thesis_lib.figure_sets import sample as measured_sample
+from thesis_lib.figure_sets.experiment import walk
+from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.registry import STUDIES
+from thesis_lib.files import folder_files, library_files
+from thesis_lib.web.page import PACKAGES
+
+DOIT_CONFIG = {
+    "dep_file": str(ROOT / "build" / ".doit.sqlite"),
+    "backend": "sqlite3",  # whose file is whole after a kill
+    "num_process": 2,
+    "par_type": "thread",  # notebooks and Sphinx compute in processes of their own
+    "continue": True,
+    "reporter": build.StepReporter,
+    "default_tasks": ["inputs", "notebook", "assets", "piece", "figures", "pages"],
+}
+PAGES = [path for path in folder_files([ROOT / "book"]) if EXECUTED not in path.parents]
+NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
+PUBLISHED = sorted((ROOT / "data" / "published").glob("*.*"))
+TEXT_CODE = code(
+    "book", "facts", "figure_sets", "ledger", "planning", "plotting", "templates.py", "web"
+)
+
+
+def task_inputs() -> Iterator[dict[str, Any]]:
+    """Compute the interpretations of the thesis first: they take long, and rest on no cube."""
+    yield {
+        "name": "interpretations",
+        "actions": [(build.make_inputs, ["claims"])],
+        "targets": build.input_files("claims"),
+        "uptodate": [True],  # their names tell what they are made from
+        "io": {"capture": False},
+    }
+
+
+def task_notebook() -> Iterator[dict[str, Any]]:
+    """Execute the notebooks; each makes its cube."""
+    for name in build.longest_first():
+        first = [f"notebook:{other}" for other in build.inputs_of(name)]
+        yield {
+            "name": name,
+            "actions": [(build.make_results, [name])],
+            "targets": list(result_files(name)),
+            "task_dep": [*first, *["inputs"] * (name == "claims")],
+            "uptodate": [lambda task, values, name=name: build.is_made(name)],
+            "io": {"capture": False},
+        }
+
+
+def task_assets() -> Iterator[dict[str, Any]]:
+    """Install MathJax and MiniSearch from the lock of npm."""
+    needs = [ROOT / "package-lock.json", ROOT / "package.json"]
+    made = [ROOT / "build" / "assets" / name for name in PACKAGES]
+    yield step("MathJax and MiniSearch", lambda: rendering.install_assets(ROOT), needs, made)
+
+
+def task_piece() -> Iterator[dict[str, Any]]:
+    """Write the tables, sentences and pictures that pages include."""
+    others = [path for path in NOTEBOOKS if path.stem != "claims"]
+    ledger = [name for name in texts.PIECES if name in texts.OF_LEDGER]
+    numbers = [name for name in texts.PIECES if name not in ledger]
+    figures = shown.names(PAGES)
+    data = ExperimentResolution().recordings.stored_path
+
+    def write(names: list[str], but: str = "") -> None:
+        made = cubes(name for name in STUDIES if name != but)
+        texts.write(made, EXECUTED, build.without_cubes(), names)
+
+    def included(*names: str) -> list[Any]:
+        return [EXECUTED / f"{name}.md" for name in names]
+
+    yield step(
+        "numbers", lambda: write(numbers, "claims"), [*others, *PUBLISHED, *TEXT_CODE],
+        included(*numbers),
+    )  # fmt: skip
+    yield step(
+        "numbers of the ledger", lambda: write(ledger), [*NOTEBOOKS, *TEXT_CODE], included(*ledger)
+    )
+    yield step(
+        "figure of the conclusions", lambda: summary_figure.write(cubes(), EXECUTED),
+        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED / summary_figure.NAME],
+    )  # fmt: skip
+    yield step(
+        "figures of notebooks", lambda: shown.write(figures, NOTEBOOKS, EXECUTED),
+        [*NOTEBOOKS, *PAGES, *code("book/pieces")],
+        [EXECUTED / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
+    )  # fmt: skip
+    yield step(
+        "walk through chapter 5", lambda: walk.write_all(EXECUTED),
+        [data, *code("figure_sets/experiment", "laboratory", "measure", "plotting")],
+        [*map(EXECUTED.joinpath, map(walk.file_name, walk.PICTURES)), *included(*walk.VALUES)],
+    )  # fmt: skip
+    yield step(
+        "reference of own recordings", lambda: reference.write(EXECUTED),
+        code("book/pieces", "measure", "planning", "web"), included(*reference.PIECES),
+    )  # fmt: skip
+    yield step(
+        "sample report", lambda: sample.write(EXECUTED),
+        [measured_sample.path(), *code("book/sample.py", "laboratory", "measure", "plotting")],
+        [EXECUTED / name for name in sample.NAMES],
+    )  # fmt: skip
+    yield step(
+        "index and assumptions",
+        lambda: [one.write(EXECUTED) for one in (thesis_index, assumptions)],
+        [*PAGES, *library_files()], included(*thesis_index.PIECES, *assumptions.PIECES),
+    )  # fmt: skip
+    yield step(
+        "explorer, form and demonstrations", lambda: demos.write(EXECUTED),
+        [*PUBLISHED, *TEXT_CODE], [EXECUTED / f"{name}.html" for name in demos.PAGES],
+    )  # fmt: skip
+    yield step(
+        "conformance", lambda: conformance.write(EXECUTED),
+        [*PUBLISHED, *code("book/conformance.py", "book/templates")],
+        [EXECUTED / conformance.FIGURE, *included(*conformance.PIECES)],
+    )  # fmt: skip
+
+
+def task_figures() -> Iterator[dict[str, Any]]:
+    """Draw the figures of chapters, and write the numbers of each cube to download."""
+    for name in (*STUDIES, "facts"):
+        drawn = [one for one in illustrations.NAMES if illustrations.cube_of(one) == name]
+
+        def act(name: str = name, drawn: list[str] = drawn) -> None:
+            illustrations.write(cubes([name]), EXECUTED, drawn)
+            downloads.write_tables(build.TABLES, cubes([name]))
+
+        facts = code("facts", "planning", "vision")  # of figures of no cube
+        needs = facts if name == "facts" else [result_files(name)[0]]
+        needs = [*needs, *code("book/pieces", "figure_sets", "plotting")]
+        yield step(f"figures and numbers of {name}", act, needs, [EXECUTED / one for one in drawn])
+
+
+def task_pages() -> dict[str, Any]:
+    """Render the pages, and pack them as one file."""
+    made = ["inputs", "notebook", "assets", "piece", "figures"]
+    needs = [*PAGES, *NOTEBOOKS, *library_files(), ROOT / "_config.yml"]
+    task = step("pages", build.render_pages, needs, [HTML / "index.html", build.ARCHIVE])
+    return {key: value for key, value in task.items() if key != "name"} | {"task_dep": made}

@@ -1,0 +1,48 @@
+"""Whether a finished book is what its sources make, told by contents before much is imported.
+
+The tasks of ``dodo.py`` know better what is stale, but to ask them takes some seconds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thesis_lib.files import digest_of, folder_files, project_root, whole_text
+
+SOURCES = (
+    "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
+    "package.json", "package-lock.json",
+)  # fmt: skip
+MADE = ("book/executed", "data/results", "build/html", "build/assets")
+
+
+def source_digest() -> str:
+    """Return the digest of all that people write."""
+    return digest_of(path for path in _files(SOURCES) if not _is_made(path))
+
+
+def remember(sources: str) -> None:
+    """Keep the state of a book that has just been finished, made from sources of this digest."""
+    whole_text(_record(), f"{sources} {digest_of(_files(MADE))}\n")
+
+
+def is_up_to_date() -> bool:
+    """Return whether sources and book are as they were when the book was finished."""
+    record = _record()
+    if not record.is_file():
+        return False
+    state = f"{source_digest()} {digest_of(_files(MADE))}\n"
+    return record.read_text(encoding="utf-8") == state
+
+
+def _record() -> Path:
+    return project_root() / "build" / ".book"
+
+
+def _files(places: tuple[str, ...]) -> list[Path]:
+    return folder_files(project_root() / place for place in places)
+
+
+def _is_made(path: Path) -> bool:
+    root = project_root()
+    return any(root / place in path.parents for place in MADE)

@@ -1,0 +1,52 @@
+"""Digests of what results are made by: folders of code, facts, recordings, and the lock.
+
+A folder counts as a whole. What a product does not share with all others, it names in its
+:attr:`~thesis_lib.figure_sets.figure_set.Product.rooms`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+from thesis_lib.facts.setups import data_folder
+from thesis_lib.figure_sets.figure_set import Product
+from thesis_lib.figure_sets.registry import FIGURE_SETS
+from thesis_lib.files import digest_of, folder_files, shipped
+from thesis_lib.studies.request import Study
+
+PACKAGE = Path(__file__).parents[1]
+SCIENCE = ("acoustics", "arrays.py", "facts", "studies", "vibration", "vision")
+FACTS = ("assumptions.toml", "setups.toml", "structures.toml")
+LOCK = Path("requirements", "book.txt")
+
+
+def source_files(product: Product) -> list[Path]:
+    """Return the files of code and facts that can change a product, and the lock."""
+    own = Path(import_module(product.module.rpartition(".")[0]).__path__[0])
+    rooms = [PACKAGE / room for room in (*SCIENCE, *product.rooms)]
+    every = sorted(data_folder().iterdir())
+    facts = every if "ledger" in product.rooms else [one for one in every if one.name in FACTS]
+    code = [path for path in folder_files([*rooms, own]) if path.suffix == ".py"]
+    return [*code, *facts, shipped() / LOCK]
+
+
+@cache
+def code_digest(product: Product) -> str:
+    """Return the digest that a cube carries of the code and facts that made it.
+
+    It is that of the files when this process first asked, as what it has imported is, too.
+    """
+    return digest_of(source_files(product))
+
+
+def request_key(product: Product, asked: Study) -> str:
+    """Return the digest of all that determines a product for a request, inputs included."""
+    needed = [request_key(*each) for each in product.needs(asked).values()]
+    needed += [request_key(FIGURE_SETS[one.name], one) for one in product.reads()]
+    needed += [digest_of(product.stored(asked))]
+    text = json.dumps([asked.name, asked.digest, code_digest(product), *needed])
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,52 @@
+"""Digests of code: the folders that a figure set names hold all that computes it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from thesis_lib.figure_sets.claims.figure_set import OTHER_READINGS, OWN_RUNS
+from thesis_lib.figure_sets.digests import PACKAGE, source_files
+from thesis_lib.figure_sets.registry import FIGURE_SETS
+
+PRODUCTS = {one.module: one for one in (*FIGURE_SETS.values(), OWN_RUNS, OTHER_READINGS)}
+LOADED = """
+import importlib, json, sys
+import thesis_lib.figure_sets.registry
+
+known = set(sys.modules)  # all requests, which a cube carries itself
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+print(json.dumps([module.__file__ for name, module in sys.modules.items()
+                  if name.startswith("thesis_lib.") and name not in known]))
+"""
+INFRASTRUCTURE = {"web"}  # which shows results and changes none
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("module", sorted(PRODUCTS))
+def test_what_computes_a_cube_is_in_the_folders_that_count(module):
+    product = PRODUCTS[module]
+    modules = [module, *[product.experiment.partition(":")[0]] * bool(product.experiment)]
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, *modules], capture_output=True, text=True, check=True
+    )
+    counted = {str(path) for path in source_files(product)}
+    places = [PACKAGE / place for place in json.loads(done.stdout)]
+    inside = [place.relative_to(PACKAGE).parts for place in places]
+    missed = [
+        parts for place, parts in zip(places, inside, strict=True)
+        if str(place) not in counted and len(parts) > 1 and parts[0] not in INFRASTRUCTURE
+        and not (parts[0] == "figure_sets" and len(parts) == 2)
+    ]  # fmt: skip
+    assert missed == []
+    assert any(parts[0] == "figure_sets" for parts in inside)
+
+
+def test_an_edit_of_one_figure_set_leaves_others_alone():
+    cameras, planner = FIGURE_SETS["cameras"], FIGURE_SETS["planner"]
+    own = set(source_files(planner)) - set(source_files(cameras))
+    assert {path.relative_to(PACKAGE).parts[0] for path in own} == {"figure_sets", "planning"}

@@ -1,0 +1,288 @@
+"""What a book and a run promise, on the real commands: nothing is believed that is not so."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import nbformat
+import pytest
+import xarray as xr
+from small_book import BAD, GOOD, shrink
+
+from conftest import Checkout, until_study
+from thesis_lib.studies.attributes import RUN_DEPENDENT
+
+pytest.importorskip("doit", reason="the book needs doit")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+STATES = """
+import json
+from thesis_lib.book import build
+
+print(json.dumps({name: [build.results_key(name), build.is_made(name)] for name in build.STUDIES}))
+"""
+EVERY = {GOOD, BAD}
+KILLS = 3
+WAITS = """
+import time
+from pathlib import Path
+
+Path({begun!r}).touch()
+for _ in range(3000):
+    if Path({go!r}).exists():
+        break
+    time.sleep(0.1)
+"""
+FULL = """
+import collections, shutil
+
+usage = collections.namedtuple("usage", "total used free")
+shutil.disk_usage = lambda _: usage(1, 1, 0)
+"""
+NO_SPACE = 'raise OSError(28, "No space left on device")'
+
+
+def shorten(checkout: Checkout, name: str, last: str = "") -> None:
+    """Leave a notebook its parameters and its study, and give it one more cell."""
+
+    def edit(document):
+        until_study(document)
+        if last:
+            document.cells.append(nbformat.v4.new_code_cell(last, id="last"))
+
+    checkout.change(name, edit)
+
+
+def append(path: Path, text: str = "\n") -> None:
+    with path.open("ab") as stream:
+        stream.write(text.encode())
+
+
+def library(checkout: Checkout, *place: str) -> Path:
+    return checkout.root.joinpath("src", "thesis_lib", *place)
+
+
+def cubes(folder: Path) -> dict[str, xr.Dataset]:
+    found = {}
+    for path in sorted(folder.glob("*.nc")):
+        with xr.open_dataset(path) as cube:
+            found[path.stem] = cube.load()
+        for name in (*RUN_DEPENDENT, "library_sha256"):
+            del found[path.stem].attrs[name]
+    return found
+
+
+@pytest.fixture(scope="module")
+def book(tmp_path_factory) -> Checkout:
+    """A checkout whose book has two figure sets, executed."""
+    made = Checkout(tmp_path_factory.mktemp("book") / "project")
+    shrink(made)
+    for name in (GOOD, BAD):
+        shorten(made, name)
+    done = made.thesis("book", cwd=made.root, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return made
+
+
+def states(checkout: Checkout) -> dict[str, list[object]]:
+    """Key of each figure set, and whether its files are believed."""
+    done = checkout.python("-c", STATES, cwd=checkout.root)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def restored(book):
+    """Put back what a test changes, with its times."""
+    places = [path for path in book.root.rglob("*") if path.is_file() and path.name != ".lock"]
+    kept = [path for path in places if "build" not in path.parts]
+    before = {path: (path.read_bytes(), path.stat()) for path in kept}
+    yield
+    for path, (content, status) in before.items():
+        if not path.exists() or path.read_bytes() != content:
+            path.write_bytes(content)
+            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+# Killed.
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("restored")
+def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book):
+    results = book.root / "data" / "results"
+    wanted, asked = cubes(results), {name: book.notebook(name).read_bytes() for name in EVERY}
+    for number in range(KILLS):
+        for name in EVERY:  # it is killed while it puts the cubes of another request there
+            text = re.sub(rb"trials: int = \d+", b"trials: int = %d" % (10 + number), asked[name])
+            assert text != asked[name]
+            book.notebook(name).write_bytes(text)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "thesis_lib", "book"],
+            cwd=book.root, env=book.environment, stdin=-3, stdout=-3, stderr=-3,
+        )  # fmt: skip
+        time.sleep(random.Random(number).uniform(2, 15))
+        process.kill()
+        process.wait()
+        for name in EVERY:
+            book.notebook(name).write_bytes(asked[name])
+        done = book.thesis("book", cwd=book.root, timeout=300)
+        assert done.returncode == 0, done.stderr
+        made = cubes(results)
+        assert made.keys() == wanted.keys()
+        assert all(made[name].identical(cube) for name, cube in wanted.items())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.usefixtures("interrupts_ignored")
+def test_an_interrupted_run_says_so_and_leaves_nothing_behind(
+    own_checkout, tmp_path, start, politely
+):
+    begun = tmp_path / "begun"
+    shorten(own_checkout, BAD, WAITS.format(begun=str(begun), go=str(tmp_path / "go")))
+    running = start(own_checkout, tmp_path / "log.txt", "run", BAD, "-p", "trials=1", "--out", "o")
+    running.wait_for(begun.exists)
+    os.killpg(running.process.pid, politely)
+    assert running.process.wait(timeout=60) == 130
+    assert "interrupted; run the same command again to go on" in running.said()
+    assert "Traceback" not in running.said()
+    assert [path.name for path in (tmp_path / "o").iterdir() if path.name != ".lock"] == []
+
+
+# Edited or damaged.
+
+EDITS = {
+    "library": (lambda one: append(library(one, "vision", "rounding.py"), "_n = 1\n"), EVERY),
+    "figure set": (
+        lambda one: append(library(one, "figure_sets", "parametric", "compute.py"), "_n = 1\n"),
+        EVERY,
+    ),
+    "another figure set": (
+        lambda one: append(library(one, "figure_sets", "planner", "compute.py"), "_n = 1\n"),
+        set(),
+    ),
+    "what draws": (lambda one: append(library(one, "plotting", "panels.py"), "_n = 1\n"), EVERY),
+    "what measures": (lambda one: append(library(one, "measure", "steps.py"), "_n = 1\n"), set()),
+    "fact": (lambda one: append(one.root / "data" / "thesis" / "setups.toml"), EVERY),
+    "the ledger's fact": (lambda one: append(one.root / "data" / "thesis" / "claims.csv"), set()),
+    "lock": (lambda one: append(one.root / "requirements" / "book.txt"), EVERY),
+    "notebook": (lambda one: append(one.notebook(BAD)), {BAD}),
+    "cube": (lambda one: append(one.root / "data" / "results" / f"{BAD}.nc", "x"), {BAD}),
+    "no cube": (lambda one: (one.root / "data" / "results" / f"{BAD}.nc").unlink(), {BAD}),
+    "executed notebook": (lambda one: append(one.root / "book/executed" / f"{BAD}.ipynb"), {BAD}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edit", EDITS)
+@pytest.mark.usefixtures("restored")
+def test_an_edit_makes_stale_what_depends_on_it(book, edit):
+    change, stale = EDITS[edit]
+    assert {name for name in EVERY if states(book)[name][1]} == EVERY
+    change(book)
+    assert {name for name in EVERY if not states(book)[name][1]} == stale
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("restored")
+def test_an_edited_recording_makes_its_figure_set_and_the_ledger_stale(book):
+    (recording,) = (book.root / "data" / "recordings").glob("lab-plate*.nc")
+    before = states(book)
+    append(recording, "x")
+    after = states(book)
+    changed = {name for name, (key, _) in after.items() if key != before[name][0]}
+    assert changed == {"lab-plate", "claims"}
+
+
+@pytest.mark.slow
+def test_a_damaged_cube_is_made_again(book):
+    cube = book.root / "data" / "results" / f"{BAD}.nc"
+    wanted = cubes(cube.parent)
+    content = bytearray(cube.read_bytes())
+    content[-1000] ^= 255
+    cube.write_bytes(content)
+    done = book.thesis("book", cwd=book.root, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert f"{BAD}: done in" in done.stderr
+    assert f"{GOOD}: running" not in done.stderr
+    assert all(made.identical(wanted[name]) for name, made in cubes(cube.parent).items())
+
+
+# Two at once, and failures.
+
+
+@pytest.mark.slow
+def test_of_two_commands_in_one_folder_the_second_is_refused(own_checkout, tmp_path, start):
+    begun, go = tmp_path / "begun", tmp_path / "go"
+    shrink(own_checkout)
+    shorten(own_checkout, GOOD)
+    shorten(own_checkout, BAD, WAITS.format(begun=str(begun), go=str(go)))
+    for command in (["book"], ["run", BAD, "-p", "trials=1", "--out", "out"]):
+        first = start(own_checkout, tmp_path / "log.txt", *command)
+        first.wait_for(begun.exists)
+        second = own_checkout.thesis(*command, cwd=tmp_path)
+        assert second.returncode == 1
+        (line,) = second.stderr.splitlines()
+        assert "another command writes there; wait until it has ended" in line
+        go.touch()
+        assert first.process.wait(timeout=300) == 0, first.said()
+        begun.unlink()
+        go.unlink()
+
+
+@pytest.mark.slow
+def test_a_failing_notebook_stops_no_other_and_is_told_in_its_place(own_checkout):
+    shrink(own_checkout)
+    shorten(own_checkout, GOOD)
+    kept = own_checkout.notebook(BAD).read_bytes()
+    shorten(own_checkout, BAD, "1 / 0")
+    failed = own_checkout.thesis("book", cwd=own_checkout.root, timeout=300)
+    assert failed.returncode == 1
+    assert re.search(rf"{BAD}: cell \d+ failed with ZeroDivisionError", failed.stderr)
+    assert f"{GOOD}: done in" in failed.stderr
+    executed = own_checkout.root / "book" / "executed"
+    assert "ZeroDivisionError" in (executed / f"{BAD}.ipynb").read_text(encoding="utf-8")
+    made = [path.name for path in (own_checkout.root / "data" / "results").iterdir()]
+    assert made == [f"{GOOD}.nc"]
+    own_checkout.notebook(BAD).write_bytes(kept)
+    shorten(own_checkout, BAD)
+    mended = own_checkout.thesis("book", cwd=own_checkout.root, timeout=300)
+    assert mended.returncode == 0, mended.stderr
+    assert f"{BAD}: done in" in mended.stderr
+    assert f"{GOOD}: running" not in mended.stderr
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(own_checkout, tmp_path):
+    run = ["run", BAD, "-p", "trials=1", "--out", "out"]
+    shorten(own_checkout, BAD)
+    assert own_checkout.thesis(*run, cwd=tmp_path).returncode == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "out").glob(f"{BAD}.*")}
+    shorten(own_checkout, BAD, NO_SPACE)
+    (tmp_path / "evil").mkdir()
+    (tmp_path / "evil" / "sitecustomize.py").write_text(FULL)
+    path = os.pathsep.join([str(tmp_path / "evil"), own_checkout.environment["PYTHONPATH"]])
+    full = own_checkout.python("-m", "thesis_lib", *run, cwd=tmp_path, PYTHONPATH=path)
+    assert full.returncode == 1
+    last = full.stderr.splitlines()[-1]
+    assert last.startswith(f"thesis: {BAD}: the disk of ")
+    assert last.endswith("is full; make room, and run the same command again")
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.slow
+def test_a_kernel_that_is_killed_is_told_in_one_line(own_checkout, tmp_path):
+    shorten(own_checkout, BAD, "import os\n\nos.kill(os.getpid(), 9)")
+    done = own_checkout.thesis("run", BAD, "-p", "trials=1", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"thesis: {BAD}: the process that executes its notebook has ended")
+    assert len(done.stderr.splitlines()) == 3
