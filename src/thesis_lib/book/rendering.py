@@ -19,13 +19,18 @@ from typing import Any
 
 import yaml
 
-from thesis_lib import records
 from thesis_lib.asides import aside
 from thesis_lib.book import downloads
 from thesis_lib.book.html_pages import finish_pages
-from thesis_lib.files import staging
+from thesis_lib.files import folder_files, sha256, staging
 from thesis_lib.studies import attributes
-from thesis_lib.web.page import INSTALLED, PACKAGES, BookError, damaged_assets
+from thesis_lib.web.page import (
+    INSTALLED,
+    PACKAGES,
+    BookError,
+    damaged_assets,
+    installed_assets,
+)
 
 _WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
@@ -124,8 +129,8 @@ def install_assets(root: Path) -> Path:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
         raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    record, damage = records.read(assets / INSTALLED), damaged_assets(assets)
-    if record is not None and record.made_from == digest and not damage:
+    damage = damaged_assets(assets)
+    if installed_assets(assets)["lock"] == digest and not damage:
         return assets
     if damage:
         aside(f"{damage}; it is installed again")
@@ -138,7 +143,8 @@ def install_assets(root: Path) -> Path:
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
-        records.write(new / INSTALLED, digest, [new / package for package in PACKAGES])
+        files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
+        (new / INSTALLED).write_text(json.dumps({"lock": digest, "files": files}))
         downloads.replace_folder(new, assets)
     return assets
 

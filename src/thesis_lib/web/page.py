@@ -5,6 +5,7 @@ It is for a single run; the book is rendered by :mod:`thesis_lib.book.rendering`
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -20,9 +21,8 @@ from mdit_py_plugins.colon_fence import colon_fence_plugin
 from mdit_py_plugins.deflist import deflist_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
-from thesis_lib import records
 from thesis_lib.asides import aside
-from thesis_lib.files import workplace
+from thesis_lib.files import sha256, workplace
 from thesis_lib.web.html import render_html
 
 MATHJAX = "mathjax/tex-svg-full.js"
@@ -101,7 +101,19 @@ def mathjax_path() -> Path:
 
 def damaged_assets(assets: Path) -> str:
     """What in a folder of installed assets is not what was installed, or empty."""
-    return records.damage(assets / INSTALLED, [assets / name for name in PACKAGES])
+    for name, digest in installed_assets(assets)["files"].items():
+        if sha256(assets / name) != digest:
+            return f"{assets / name} is not what was installed"
+    return ""
+
+
+def installed_assets(assets: Path) -> dict[str, Any]:
+    """Return what is installed in a folder: the digest of the lock, and that of each file."""
+    try:
+        found = json.loads((assets / INSTALLED).read_text(encoding="utf-8"))
+        return {"lock": str(found["lock"]), "files": dict(found["files"])}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {"lock": "", "files": {}}
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
