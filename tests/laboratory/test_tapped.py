@@ -8,14 +8,10 @@ import xarray as xr
 from scenes.driven import Driven, random_force
 from scenes.modes import BEAM, DIRECTIONS
 from scenes.rendered import beam_rig, force_heard, pushed, written
+from scenes.rolling import RollingView, track_rolling
 from scipy.integrate import quad, solve_ivp
 
-from thesis_lib.laboratory.impact import (
-    RollingView,
-    select_free_decay,
-    tap_structure,
-    track_rolling,
-)
+from thesis_lib.laboratory.impact import select_free_decay, tap_structure
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.modes.identify import Asked, assurance, identify

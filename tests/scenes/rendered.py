@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scenes.driven import FINE, Driven, write_wav
 from scenes.modes import BEAM
+from scenes.rolling import rolling_frames
 
 from thesis_lib.arrays import Array
-from thesis_lib.laboratory.impact import rolling_frames
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE, manifest_of
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import MAX_START_S, Rig, default_rig

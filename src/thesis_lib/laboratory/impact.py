@@ -1,29 +1,22 @@
-"""A structure that is tapped and rings, and cameras with rolling shutters that film it."""
+"""The impact test: a structure that is tapped and rings, and tracks of its free decay."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array, ComplexArray, Image
-from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
+from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.laboratory.rig import Rig
-from thesis_lib.laboratory.tracking import TrackedCentres, true_view
+from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
-from thesis_lib.measure.recordings.markers import Markers, on_surface
-from thesis_lib.measure.tracking.homography import as_dark
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Structure
 from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
 
 
 @dataclass(frozen=True)
@@ -131,55 +124,6 @@ def tap_structure(
     begin = max(station.start for station in stations) + rest
     motion = ImpactMotion(structure, parts, begin, pulse, impulse, point, damping)
     return replace(rig, stations=stations, motion=motion, duration=seconds)
-
-
-class RollingView(BeamView):
-    """A camera whose rows are exposed one after the other: each point at the time of its row."""
-
-    def __init__(
-        self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor, readout: float
-    ) -> None:
-        super().__init__(camera, markers, motion, sensor)
-        self.readout = readout
-        rest = lens.project(camera, on_surface(markers.extent, self.points))
-        self.late = readout * (rest[1] / camera.size[1] - 0.5)
-
-    def light(self, time: float) -> Light:
-        """Collect the light around a time in s of the motion, that of the middle row."""
-        samples, late = self.sensor.samples, self.late
-        within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
-        for _ in range(2):  # a moving point is seen at the time of the row where it is then
-            at = time + within[:, None] + late
-            deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
-            uv = lens.project(self.camera, on_surface(self.markers.extent, self.points[:, None],
-                                                      deflection))  # fmt: skip
-            late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
-        return collect_light(uv, self.polygons, self.camera.size, self.sensor)
-
-
-def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
-    """Render the frames of one camera whose rows are read in `readout` s."""
-    station = rig.stations[index]
-    view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
-    for k in range(int(rig.duration * station.frame_rate)):
-        yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
-
-
-def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
-    """Track the markers in every camera; rows are read in `readout` s."""
-
-    def one(index: int) -> TrackedCentres:
-        station, markers = rig.stations[index], rig.markers
-        found = []
-        tracker = None
-        for frame in rolling_frames(rig, index, readout):
-            image = as_dark(frame, markers)
-            tracker = tracker or Tracker(sharpen(image, true_view(station.camera, markers)), 0.0)
-            found.append(tracker.centres(image))
-        times, centres = station.start + np.arange(len(found)) / station.frame_rate, np.array(found)
-        return TrackedCentres(times, centres, np.full_like(centres, np.nan))
-
-    return abreast(one, range(len(rig.stations)))
 
 
 def select_free_decay(

@@ -309,46 +309,30 @@ def tracks(data: xr.Dataset) -> Figure:
             3, 1, figsize=(WIDE, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
         )
         for i, name in enumerate(names_of(data)):
+            ink: Any = {"color": color(i)}
+            dots: Any = {**ink, "markersize": 3.5}
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest
-            axes[0].plot(
-                own[i], moved, ".-", color=color(i), markersize=3.5, linewidth=0.6, label=name
-            )
-            axes[1].plot(common[i], moved, ".", color=color(i), markersize=3.5)
+            axes[0].plot(own[i], moved, ".-", linewidth=0.6, label=name, **dots)
+            axes[1].plot(common[i], moved, ".", **dots)
             steady = (common[i] >= begin) & (common[i] <= end)
             fit = fit_harmonics(omega, common[i, steady], moved[steady], ORDER)
             fine = np.linspace(begin, end, 400)
-            axes[1].plot(fine, fit.at(omega, fine), color=color(i), linewidth=0.8, zorder=1)
-            left = moved[steady] - fit.at(omega, common[i, steady])
-            axes[2].plot(common[i, steady], 1e3 * left, ".", color=color(i), markersize=3.5)
-        axes[0].set(
-            title="(a) the tip's marker on each camera's own clock",
-            xlabel="s after its first frame",
-            xlim=(begin - 0.75, begin + 0.5),
-        )
+            axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
+            residual = moved[steady] - fit.at(omega, common[i, steady])
+            axes[2].plot(common[i, steady], 1e3 * residual, ".", **dots)
+        axes[0].set(title="(a) the tip's marker on each camera's own clock")
+        axes[0].set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))
         axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
-        axes[1].set(
-            title="(b) on A's clock, with each camera's harmonic fit",
-            xlim=(begin - 0.75, end + 0.05),
-        )
-        axes[2].set(
-            title="(c) what the fit leaves",
-            xlim=(begin - 0.75, end + 0.05),
-            xlabel="s after A's first frame",
-            ylabel="thousandths of a px",
-        )
+        axes[1].set(title="(b) on A's clock, with each camera's harmonic fit")
+        axes[2].set(title="(c) what the fit leaves", ylabel="thousandths of a px")
+        axes[2].set_xlabel("s after A's first frame")
         for panel in axes[:2]:
             panel.set_ylabel("v minus v at rest, px")
             panel.margins(y=0.15)
         for panel in axes[1:]:
+            panel.set_xlim(begin - 0.75, end + 0.05)
             panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
-        axes[1].text(
-            begin + 0.02,
-            0.98,
-            "steady part",
-            ha="left",
-            va="top",
-            color=INK,
-            transform=axes[1].get_xaxis_transform(),
-        )
+        where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
+        axes[1].text(begin + 0.02, 0.98, "steady part", color=INK, **where)
     return figure
