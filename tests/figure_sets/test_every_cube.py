@@ -27,17 +27,13 @@ POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the s
 def declared() -> dict[str, Variable]:
     """Return the variables that figure sets declare for their cubes, by module and name."""
     found = pkgutil.walk_packages(figure_sets.__path__, f"{figure_sets.__name__}.")
-    names = [one.name for one in found if one.name.rpartition(".")[2] not in INSIDE]
     tables = [
         (module.__name__, table)
-        for module in (plan_cube, *map(import_module, names))
+        for module in (plan_cube, *(import_module(one.name) for one in found))
         for table in vars(module).values()
         if isinstance(table, dict) and all(isinstance(one, Variable) for one in table.values())
     ]
     return {f"{module}.{name}": one for module, table in tables for name, one in table.items()}
-
-
-INSIDE = ("recordings", "chain", "direct")  # of recordings, which are no cubes
 
 
 def faults(variables: dict[str, dict[str, str]]) -> list[str]:

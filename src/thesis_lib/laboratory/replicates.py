@@ -36,7 +36,7 @@ RAMP_PERIODS = 0.5  # periods in which the vibration takes up
 EXPOSURE_SAMPLES = 3  # of the motion within an exposure
 TRACKS = declared("""
     tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
-    truth(camera, frame, axis, marker) [px] where they were at the middle of the exposure
+    truth(camera, frame, axis, marker) [px] true marker images at the middle of the exposure
     quiet(camera, frame, axis, marker) [px] centres in frames without noise
     time(camera, frame) [s] middle of the exposure
 """)

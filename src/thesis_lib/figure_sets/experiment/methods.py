@@ -46,13 +46,14 @@ UNEVEN = 0.1  # frames that a time stamp may be off
 CALIBRATIONS = ("literal", "full")
 VARIABLES = declared("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
-    matches(camera, width, frame, axis, marker) [px] the same as the template match alone has them
+    matches(camera, width, frame, axis, marker) [px] marker centres by the template match
+        alone, lens distortion included
     exposure(camera) [s] exposure time
     rest() [s] time at rest at the start
     full_scale() [N] force at full scale of the audio tracks
     frame_rate(camera) [Hz] frame rate
     delay(camera) [s] start after the reference camera's
-    delay_frames(camera) [1] the same in whole frames
+    delay_frames(camera) [1] start after the reference camera's, in whole frames
     frequency() [Hz] frequency of the force
     force(part) [1] amplitude of the force over full scale, real and imaginary part
     steady(end) [s] steady part on the reference camera's clock
