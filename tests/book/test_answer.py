@@ -6,14 +6,14 @@ import shlex
 import pytest
 from command import thesis
 
-from thesis_lib.book.pieces import answer, benchmarks
+from thesis_lib.book.pieces import benchmarks, filming
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.messages import LIMIT
 
 
 def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
-    text = answer.answer()
+    text = filming.answer_for_plate()
     block = re.search(r"```console\n(.*?)```", text, re.DOTALL).group(1).replace("\\\n", " ")
     commands = [shlex.split(line.removeprefix("$ "))[1:] for line in block.splitlines()]
     first, check = (thesis(*command, cwd=tmp_path) for command in commands)
@@ -24,19 +24,21 @@ def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
 
 def test_the_rule_is_the_limit_that_the_check_warns_of():
     assert LIMIT["small-motion"] == 0.5
-    text = answer.rule()
+    text = filming.state_rule()
     assert "half a pixel is the least" in text
     row = next(line for line in text.splitlines() if line.startswith("| as a phone"))
-    at_one = 100 * answer.wrong_px(answer.COMPRESSED)
+    at_one = 100 * filming.film_error_px(filming.COMPRESSED)
     assert f"{at_one:.1f} %" in row
     assert f"{at_one / 0.5:.0f} %" in row
-    assert 10 * answer.wrong_px(answer.LOSSLESS) < answer.wrong_px(answer.COMPRESSED)
+    assert 10 * filming.film_error_px(filming.LOSSLESS) < filming.film_error_px(filming.COMPRESSED)
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    moved = min(row.motion_px for row in assess(draft_manifest(answer.PLATE)).table)
-    share = benchmarks.format_share(answer.wrong_px(answer.COMPRESSED) / moved)
-    line = next(line for line in answer.answer().splitlines() if line.startswith("| full HD"))
+    moved = min(row.motion_px for row in assess(draft_manifest(filming.PLATE)).table)
+    share = benchmarks.format_share(filming.film_error_px(filming.COMPRESSED) / moved)
+    line = next(
+        line for line in filming.answer_for_plate().splitlines() if line.startswith("| full HD")
+    )
     assert f"| {moved:.2f} | {share} |" in line
 
 
@@ -46,6 +48,6 @@ def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
      (2.0, "will do in full HD (2.2 %) and 4K (1.1 %).**")],
 )  # fmt: skip
 def test_the_verdict_turns_with_the_deflection(monkeypatch, deflection, verdict):
-    plate = answer.PLATE | {"excitation.amplitude_mm": deflection}
-    monkeypatch.setattr(answer, "PLATE", plate)
-    assert verdict in answer.answer()
+    plate = filming.PLATE | {"excitation.amplitude_mm": deflection}
+    monkeypatch.setattr(filming, "PLATE", plate)
+    assert verdict in filming.answer_for_plate()

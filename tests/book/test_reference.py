@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from thesis_lib.book import sample
-from thesis_lib.book.pieces import filming as guidance
+from thesis_lib.book.pieces import filming
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
@@ -115,7 +115,7 @@ def made():
 @pytest.mark.parametrize("part", reference.PARTS)
 def test_every_field_is_told_with_its_default(part):
     model = reference.PARTS[part]
-    listed = dict(terms(reference.fields(part)))
+    listed = dict(terms(reference.list_fields(part)))
     names = {re.match(r"`(\w+)` · ", term).group(1): term for term in listed}
     assert list(names) == list(model.model_fields)
     for name, field in model.model_fields.items():
@@ -127,7 +127,7 @@ def test_every_field_is_told_with_its_default(part):
 def test_defaults_are_those_that_an_empty_manifest_gets():
     for part in ("structure", "markers", "board", "excitation"):
         made = reference.PARTS[part]().model_dump(mode="json")
-        for term, _ in terms(reference.fields(part)):
+        for term, _ in terms(reference.list_fields(part)):
             name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
             if shown != "its fields below":
                 unit = re.escape(vocabulary.unit(name))
@@ -263,9 +263,9 @@ def test_pieces_are_written_as_the_page_includes_them(tmp_path):
 
 
 def test_sides_and_elevations_are_as_the_page_says():
-    one_side = guidance.seen_from((-10, 10), 25.0).rig.one_frame[0]
-    opposite = guidance.seen_from((0, 180), 25.0).rig.one_frame[0]
+    one_side = filming.assess_layout((-10, 10), 25.0).rig.one_frame[0]
+    opposite = filming.assess_layout((0, 180), 25.0).rig.one_frame[0]
     assert one_side > 2 * opposite
-    low, high = (guidance.seen_from((0, 180), phi).table[0] for phi in (15.0, 35.0))
+    low, high = (filming.assess_layout((0, 180), phi).table[0] for phi in (15.0, 35.0))
     assert low.across_px < high.across_px
     assert low.move_spacings > high.move_spacings

@@ -228,11 +228,11 @@ def test_pieces_are_written_as_the_page_includes_them(tmp_path):
 
 
 def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypatch, tmp_path):
-    text = thesis_index.chapter("3")
+    text = thesis_index.tabulate_chapter("3")
     assert "[Beam: distance of the cameras](fig-3-4)" in text
     assert "[The beam](beam.md), equation {eq}`eq-modal`" in text
     assert "[The beam](beam.md#what-vibrates)" in text
-    assert "[The experiment](lab-rig)" in thesis_index.chapter("5")
+    assert "[The experiment](lab-rig)" in thesis_index.tabulate_chapter("5")
     assert "(errata [A6](errata-a6))" in text
     assert (
         "{py:obj}`vibration.beam.Beam.mode_shapes <thesis_lib.vibration.beam.Beam.mode_shapes>`"
@@ -248,7 +248,7 @@ def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypa
         ".. automodule:: thesis_lib.vibration.beam\n   :members: Beam\n\n"
         ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance\n"
     )
-    text = thesis_index.chapter("3")
+    text = thesis_index.tabulate_chapter("3")
     assert text.count("{py:obj}") == sum(
         name.startswith(
             ("thesis_lib.vibration.beam.Beam", "thesis_lib.vibration.structure.resonance")

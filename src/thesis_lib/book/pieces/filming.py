@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from thesis_lib.book.pieces import benchmarks
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, Assessment, assess, describe
+from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.feasibility.prediction import alias
 from thesis_lib.measure.messages import LIMIT
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.templates import render
+from thesis_lib.vision import cone_law
 from thesis_lib.vision.optics import depth_of_field
-from thesis_lib.web.markdown import columns, table
 
 LAYOUTS = {
     "two on one side, 20° apart": (-10, 10),
@@ -22,157 +27,214 @@ LAYOUTS = {
     "three all around": (0, 120, 240),
     "four, as in the thesis": (10, -10, 170, 190),
 }
-ELEVATIONS = (5, 15, 25, 35, 50, 70)
+ELEVATIONS_DEG = (5, 15, 25, 35, 50, 70)
 SHUTTERS = (60, 125, 250, 500, 1000)  # parts of a second
-FREQUENCIES = (5, 25, 100)  # Hz
-STOPS = (2.8, 5.6, 11)
-SECONDS = (1, 10, 60)
+FREQUENCIES_HZ = (5, 25, 100)
+F_NUMBERS = (2.8, 5.6, 11)
+WIDTHS_PX = (1280, 1920)
+STEADY_S = (1, 10, 60)
+ALIASED_HZ, FRAME_RATE_HZ = 110.0, 60.0
+MOTIONS_PX = (2.0, 1.0, LIMIT["small-motion"], 0.1)
+LOSSLESS, COMPRESSED = "lossless", "H.264, crf 23"
+PLATE: dict[str, Any] = {
+    "cameras": 4,
+    "structure.kind": "plate",
+    "structure.length_mm": 600,
+    "structure.width_mm": 400,
+    "structure.thickness_mm": 3,
+    "excitation.frequency_hz": 50,
+    "excitation.amplitude_mm": 0.2,
+}
+"""A plate, for which the page answers whether phones will do."""
+PHONES: dict[str, dict[str, Any]] = {
+    "full HD": {},
+    "4K": {"cameras.width_px": 3840, "cameras.height_px": 2160},
+}
 
 
-def seen_from(azimuths: Sequence[float], elevation: float) -> Assessment:
-    """The assessment of the example's structure and camera, filmed from other places."""
+def film_error_px(film: str) -> float:
+    """Return the rms error of a motion in a kind of film in px, at the worst of all motions."""
+    rows = benchmarks.read()["compression"]["rows"]
+    return float(max(row["motion_px"] * row["error"] for row in rows if row["film"] == film))
+
+
+def format_command(given: Mapping[str, Any]) -> str:
+    """Format the command that makes the manifest, in lines that a page can show."""
+    parts = [f"-p {name}={shlex.quote(str(value))}" for name, value in given.items()]
+    lines = [" ".join(parts[i : i + 3]) for i in range(0, len(parts), 3)]
+    return " \\\n    ".join(["thesis measure --new plate", *lines])
+
+
+def _format_share(share: float) -> str:
+    return benchmarks.format_share(share) if share < 1 else "all of it"
+
+
+def state_rule() -> str:
+    """State how many pixels of motion are enough, by the errors of films."""
+    whole = float(cone_law.cone_deflection_error(1, 1, PLATE["cameras"], np.pi / 2))
+    errors_px = {
+        "as a phone compresses it": film_error_px(COMPRESSED),
+        "without loss": film_error_px(LOSSLESS),
+        "rounded to whole pixels, as in the thesis": whole,
+    }
+    films = [
+        (name, [_format_share(error / moved) for moved in MOTIONS_PX])
+        for name, error in errors_px.items()
+    ]
+    return render(__file__, "film-rule", motions_px=MOTIONS_PX, films=films)
+
+
+def answer_for_plate() -> str:
+    """Answer for the plate: what to type, what comes out, and whether it will do."""
+    assessed = {name: assess(draft_manifest(PLATE | phone)) for name, phone in PHONES.items()}
+    steady_s = assessed["full HD"].rig.steady_s
+    return render(
+        __file__,
+        "film-answer",
+        rows=[_phone_values(name, one) for name, one in assessed.items()],
+        frequency_hz=PLATE["excitation.frequency_hz"],
+        known_hz=LIMIT["alias"] / steady_s,
+        command=format_command(PLATE),
+        for_4k=" ".join(f"-p {name}={value}" for name, value in PHONES["4K"].items()),
+        check=describe(assessed["full HD"]),
+    )
+
+
+def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
+    """Return the motion in one kind of phone, and errors over the largest deflection."""
+    moved = min(row.motion_px for row in one.table)
+    return {
+        "name": name,
+        "pixel_mm": one.table[0].ground_sample_mm,
+        "motion_px": moved,
+        "enough": "small-motion" not in {warning.code for warning in one.warnings},
+        "compressed": _format_share(film_error_px(COMPRESSED) / moved),
+        "lossless": _format_share(film_error_px(LOSSLESS) / moved),
+        "whole": _format_share(one.rig.rounding[1] / PLATE["excitation.amplitude_mm"]),
+    }
+
+
+def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assessment:
+    """Assess the example's structure and camera, filmed from other places."""
     example = example_manifest(example_rig())
     cameras = tuple(
         example.cameras[0].model_copy(
-            update={"name": str(i), "azimuth_deg": float(azimuth), "elevation_deg": elevation}
+            update={"name": str(i), "azimuth_deg": float(azimuth), "elevation_deg": elevation_deg}
         )
-        for i, azimuth in enumerate(azimuths)
+        for i, azimuth in enumerate(azimuths_deg)
     )
     return assess(example.model_copy(update={"cameras": cameras}))
 
 
-def _rms_um(of: Assessment) -> tuple[float, float]:
-    """Standard errors of one frame and of the fit, rms over the markers, in µm."""
+def _std_um(of: Assessment) -> tuple[float, float]:
+    """Return standard errors of one frame and of the fit, rms over the markers, in µm."""
     return 1000 * of.rig.one_frame[0], 1000 * of.rig.fit[0]
 
 
-def _layouts() -> str:
-    """What sides do."""
-    own = _camera()
-    rows = []
-    for name, azimuths in LAYOUTS.items():
-        one, fit = _rms_um(seen_from(azimuths, 25.0))
-        rows.append([name, f"{one:.0f}", f"{fit:.1f}"])
-    seconds = seen_from((0, 180), 25.0).rig.steady_s
-    header = ["cameras, 25° up", "one frame, µm", f"fit of {seconds:g} s, µm"]
-    return table(header, rows) + (
-        "\nStandard errors of the deflection, root mean square over the markers of the example: "
-        f"{own.distance_mm:g} mm away, {own.focal_length_mm:g} mm lens on {own.sensor_width_mm:g} "
-        f"mm, {own.width_px} px, {own.frame_rate_hz:g} frames a second, centres that scatter "
-        f"{CENTRE_NOISE_PX:g} px.\n"
-    )
-
-
-def _elevations() -> str:
-    """What elevation does."""
-    rows = []
-    for degrees in ELEVATIONS:
-        phi = np.radians(degrees)
-        one, _ = _rms_um(seen_from((0, 180), float(degrees)))
-        of = seen_from((0, 180), float(degrees)).table[0]
-        rows.append(
-            {
-                "elevation": f"{degrees}°",
-                "deflection seen": f"{100 * np.cos(phi):.0f} %",
-                "markers high, px": f"{of.across_px:.1f}",
-                "slides, mm/mm": f"{1 / np.tan(phi):.1f}",
-                "one frame, µm": f"{one:.0f}",
-            }
-        )
-    return columns(rows) + (
-        "\nTwo cameras that face each other. *Slides*: along the plane at rest, where its "
-        "neighbours are, a marker seems to move so far for each mm of deflection. The last column "
-        "takes the centres to scatter alike at all elevations, which flat markers do not.\n"
-    )
-
-
-def _exposure() -> str:
-    """What shutters take."""
-    rows = [
-        [f"1/{parts} s", *(_lost(frequency / parts) for frequency in FREQUENCIES)]
-        for parts in SHUTTERS
-    ]
-    header = ["shutter", *(f"{frequency} Hz" for frequency in FREQUENCIES)]
-    return table(header, rows) + (
-        f"\nShare of the amplitude that is lost. From {LIMIT['long-exposure']:g} of a period on, "
-        f"which takes {_lost(LIMIT['long-exposure'])}, the assessment warns. A dash: open for a "
-        "whole period or more, of which nothing useful is left.\n"
-    )
-
-
-def _lost(turns: float) -> str:
-    return f"{100 * (1 - np.sinc(turns)):.2g} %" if turns < 1 else "–"
-
-
-def _alias() -> str:
-    """What a vibration above half of the frame rate asks for."""
-    rate, frequency = 60.0, 110.0
-    turns = LIMIT["alias"]
-    rows = [
-        [f"{seconds} s", f"{turns / seconds:.2g}", f"{1e6 * turns / seconds / frequency:.0f}"]
-        for seconds in SECONDS
-    ]
-    header = ["steady part", "known to, Hz", f"millionths of {frequency:g} Hz"]
-    return (
-        f"At {rate:g} frames a second {frequency:g} Hz look like {alias(frequency, rate):g} Hz. "
-        f"The frequency must be known so well that it drifts by less than {turns:g} of a turn "
-        f"over the steady part, which takes {_lost(turns)} of the amplitude:\n\n"
-        + table(header, rows)
-        + "\nThe last column is asked of the camera's clock, too. The alias must also stay "
-        f"{LIMIT['alias-edge']:g} turns of the steady part away from 0 and from half of the "
-        "frame rate.\n"
-    )
-
-
-def _focus() -> str:
-    """What apertures keep sharp."""
-    own, outlook = _camera(), assess(example_manifest(example_rig())).table
-    focal, distance = own.focal_length_mm or 0.0, own.distance_mm or 0.0
-    rows = []
-    for stop in STOPS:
-        row = [f"f/{stop:g}"]
-        for width in (1280, 1920):
-            circle = LIMIT["depth-of-field"] * (own.sensor_width_mm or 0.0) / width
-            near, far = depth_of_field(focal, stop, distance, circle)
-            row.append(f"{near:.0f}–{far:.0f}")
-        rows.append(row)
-    nearest = min(one.nearest_mm for one in outlook)
-    farthest = max(one.farthest_mm for one in outlook)
-    return table(["aperture", "1280 px, mm", "1920 px, mm"], rows) + (
-        f"\nDepths that a {focal:g} mm lens on {own.sensor_width_mm:g} mm, focused at "
-        f"{distance:g} mm, keeps sharp to {LIMIT['depth-of-field']:g} px. The example's markers "
-        f"lie between {nearest:.0f} and {farthest:.0f} mm.\n"
-    )
-
-
-def _markers() -> str:
-    """What markers must look like."""
-    return (
-        f"In every picture a marker is at least {LIMIT['coarse']:g} px wide and "
-        f"{LIMIT['foreshortened']:g} px high, and {LIMIT['crowded-markers']:g} px of ground lie "
-        "between it and its neighbour. From one frame to the next it may move by "
-        f"{LIMIT['large-move']:g} of the distance to that neighbour while the tracker does not "
-        "know the motion yet.\n"
-    )
-
-
-def _check() -> str:
-    """What the command tells of the example."""
-    lines = describe(assess(example_manifest(example_rig())))
-    return "\n".join(["```text", *lines, "```", ""])
-
-
 def _camera() -> CameraFiles:
-    example: Manifest = example_manifest(example_rig())
-    return example.cameras[0]
+    return example_manifest(example_rig()).cameras[0]
+
+
+def tabulate_layouts() -> str:
+    """Tabulate the effect of the sides from which cameras look."""
+    return render(
+        __file__,
+        "film-layouts",
+        rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in LAYOUTS.items()],
+        fit_s=assess_layout((0, 180), 25.0).rig.steady_s,
+        camera=_camera(),
+        centre_noise_px=CENTRE_NOISE_PX,
+    )
+
+
+def tabulate_elevations() -> str:
+    """Tabulate the effect of the elevation."""
+    rows = []
+    for degrees in ELEVATIONS_DEG:
+        phi, found = np.radians(degrees), assess_layout((0, 180), float(degrees))
+        values = {
+            "degrees": degrees,
+            "cosine": np.cos(phi),
+            "across_px": found.table[0].across_px,
+            "slides": 1 / np.tan(phi),
+            "one_frame_um": _std_um(found)[0],
+        }
+        rows.append(values)
+    return render(__file__, "film-elevations", rows=rows)
+
+
+def _amplitude_loss(turns: float) -> float | None:
+    """Return the share of an amplitude that a mean over so many turns loses; None of a whole."""
+    return float(1 - np.sinc(turns)) if turns < 1 else None
+
+
+def tabulate_exposure() -> str:
+    """Tabulate what shutters take from the amplitude."""
+    limit = LIMIT["long-exposure"]
+    return render(
+        __file__,
+        "film-exposure",
+        frequencies_hz=FREQUENCIES_HZ,
+        rows=[(n, [_amplitude_loss(hertz / n) for hertz in FREQUENCIES_HZ]) for n in SHUTTERS],
+        limit=limit,
+        limit_loss=_amplitude_loss(limit),
+    )
+
+
+def tabulate_alias() -> str:
+    """Tabulate what a vibration above half of the frame rate needs."""
+    return render(
+        __file__,
+        "film-alias",
+        rate_hz=FRAME_RATE_HZ,
+        frequency_hz=ALIASED_HZ,
+        alias_hz=alias(ALIASED_HZ, FRAME_RATE_HZ),
+        turns=LIMIT["alias"],
+        turns_loss=_amplitude_loss(LIMIT["alias"]),
+        steady_s=STEADY_S,
+        edge_turns=LIMIT["alias-edge"],
+    )
+
+
+def tabulate_focus() -> str:
+    """Tabulate the depths that apertures keep sharp."""
+    camera, outlook = _camera(), assess(example_manifest(example_rig())).table
+    focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
+    circles_mm = [LIMIT["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX]
+    rows = [
+        (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
+        for stop in F_NUMBERS
+    ]
+    return render(
+        __file__,
+        "film-focus",
+        widths_px=WIDTHS_PX,
+        rows=rows,
+        camera=camera,
+        sharp_px=LIMIT["depth-of-field"],
+        nearest_mm=min(one.nearest_mm for one in outlook),
+        farthest_mm=max(one.farthest_mm for one in outlook),
+    )
+
+
+def describe_markers() -> str:
+    """Describe what markers must look like."""
+    return render(__file__, "film-markers", limit=LIMIT)
+
+
+def show_check() -> str:
+    """Show what the command reports of the example."""
+    return render(__file__, "film-check", lines=describe(assess(example_manifest(example_rig()))))
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    "film-check": _check,
-    "film-layouts": _layouts,
-    "film-elevations": _elevations,
-    "film-exposure": _exposure,
-    "film-alias": _alias,
-    "film-focus": _focus,
-    "film-markers": _markers,
+    "film-rule": state_rule,
+    "film-answer": answer_for_plate,
+    "film-check": show_check,
+    "film-layouts": tabulate_layouts,
+    "film-elevations": tabulate_elevations,
+    "film-exposure": tabulate_exposure,
+    "film-alias": tabulate_alias,
+    "film-focus": tabulate_focus,
+    "film-markers": describe_markers,
 }

@@ -1,19 +1,18 @@
-"""What the book tells of manifests and warnings, made from the models and limits themselves."""
+"""The book's reference of manifests and warnings, from the models and messages themselves."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
-from thesis_lib.book.pieces import answer
-from thesis_lib.book.pieces import filming as guidance
+from thesis_lib.book.pieces import filming
 from thesis_lib.files import whole_text
-from thesis_lib.measure.messages import CHECKS, NEW, NOTES, UNCHECKED, Message
+from thesis_lib.measure.messages import CHECKS, NEW, NOTES, UNCHECKED
 from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
@@ -26,6 +25,7 @@ from thesis_lib.measure.recordings.radiation_fields import Radiation
 from thesis_lib.measure.recordings.reuse import Reuse
 from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.studies.vocabulary import allowed_text, unit
+from thesis_lib.templates import render
 
 PARTS: dict[str, type[BaseModel]] = {
     "manifest": Manifest,
@@ -41,9 +41,17 @@ PARTS: dict[str, type[BaseModel]] = {
     "sweep": Sweep,
 }
 
+NOTE_GROUPS = {
+    "notes": "shape",
+    "notes-modes": "modes",
+    "notes-sound": "sound",
+    "notes-force": "force",
+}
+"""By piece of the page: the group of notes that it lists."""
 
-def fields(part: str) -> str:
-    """The fields of a part of the manifest, as a Markdown definition list.
+
+def list_fields(part: str) -> str:
+    """List the fields of a part of the manifest, as a Markdown definition list.
 
     Parameters
     ----------
@@ -51,19 +59,20 @@ def fields(part: str) -> str:
         A name of :data:`PARTS`.
     """
     model = PARTS[part]
-    entries = []
-    for name, field in model.model_fields.items():
-        given = _default(model, name)
-        term = f"`{name}` · {given}"
-        parts = [str(field.description)]
-        if allowed_text(model, name) != "an object":  # whose fields stand in a list of their own
-            parts.append(f"Allowed: {allowed_text(model, name)}")
-        entries.append((term, ". ".join(_sentence(one) for one in parts) + "."))
-    return _definitions(entries)
+    fields = [
+        {
+            "name": name,
+            "default": _default(model, name),
+            "meaning": field.description,
+            "allowed": allowed_text(model, name),
+        }
+        for name, field in model.model_fields.items()
+    ]
+    return render(__file__, "record-fields", fields=fields)
 
 
 def _default(model: type[BaseModel], name: str) -> str:
-    """A field's default with its unit, or what it says of being given."""
+    """Return a field's default with its unit, or that it is required."""
     if model.model_fields[name].is_required():
         return "required" + (f", in {unit(name)}" if unit(name) else "")
     required = any(field.is_required() for field in model.model_fields.values())
@@ -74,74 +83,31 @@ def _default(model: type[BaseModel], name: str) -> str:
         return "its fields below"
     if value is None:
         return "null" + (f", else in {unit(name)}" if unit(name) else "")
-    return f"{_shown(value)} {unit(name)}".rstrip()
+    return f"{_format_value(value)} {unit(name)}".rstrip()
 
 
-def _shown(value: Any) -> str:
-    """A value as it stands in YAML."""
+def _format_value(value: Any) -> str:
+    """Return a value as it stands in YAML."""
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_shown, value))}]"
+        return f"[{', '.join(map(_format_value, value))}]"
     number = isinstance(value, float)
     return f"{value:.10g}" if number else json.dumps(value, ensure_ascii=False).strip('"')
 
 
-def warnings() -> str:
-    """Return every check of a manifest, its limit, the reason, and what to do."""
-    parts = []
-    for title, checks in CHECKS.items():
-        entries = []
-        for code, one in checks.items():
-            space = "" if one.unit == "°" else " "
-            term = f"{_named(code)} · {one.limit:g}{space}{one.unit}"
-            entries.append((term, f"{one.meaning} {one.remedy}"))
-        parts.append(f"*{title}*\n\n{_definitions(entries)}")
-    return "\n".join(parts)
-
-
-def notes(group: str) -> str:
-    """Return a group of notes, what each means, and what to do, as a definition list."""
-    return _definitions(
-        (f"{_named(code)} · {one.pattern}", f"{one.meaning} _What to do._ {one.remedy}")
-        for code, one in NOTES[group].items()
-    )
-
-
-def lines(of: Mapping[str, Message]) -> str:
-    """Return lines of the command, and what to do about each, as a definition list."""
-    return _definitions((one.pattern, one.remedy) for one in of.values())
-
-
-def _named(code: str) -> str:
-    """A name that links lead to."""
-    return f"[`{code}`]{{#{code}}}"
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _definitions(entries: Iterable[tuple[str, str]]) -> str:
-    """A Markdown definition list."""
-    escaped = ((term, text.replace("*", r"\*")) for term, text in entries)
-    return "\n".join(f"{term}\n: {text}\n" for term, text in escaped)
-
-
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"record-{part}": partial(fields, part) for part in PARTS},
-    "record-warnings": warnings,
-    "record-unchecked": partial(lines, UNCHECKED),
-    "record-new": partial(lines, NEW),
-    "record-notes": partial(notes, "shape"),
-    "record-notes-modes": partial(notes, "modes"),
-    "record-notes-sound": partial(notes, "sound"),
-    "record-notes-force": partial(notes, "force"),
-    **guidance.PIECES,
-    **answer.PIECES,
+    **{f"record-{part}": partial(list_fields, part) for part in PARTS},
+    "record-warnings": partial(render, __file__, "record-warnings", groups=CHECKS),
+    "record-unchecked": partial(render, __file__, "record-lines", lines=UNCHECKED),
+    "record-new": partial(render, __file__, "record-lines", lines=NEW),
+    **{
+        f"record-{name}": partial(render, __file__, "record-notes", notes=NOTES[group])
+        for name, group in NOTE_GROUPS.items()
+    },
+    **filming.PIECES,
 }
 
 
 def write(folder: Path) -> None:
     """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
-        text = piece()
-        whole_text(folder / f"{name}.md", text)
+        whole_text(folder / f"{name}.md", piece())

@@ -14,12 +14,13 @@ from typing import Any
 
 from thesis_lib import files
 from thesis_lib.book.missing import write_placeholder
+from thesis_lib.templates import render
 
 _INCLUDED = re.compile(r"executed/(fig-[\w-]+)\.md")
 
 
 def names(pages: Iterable[Path]) -> list[str]:
-    """Names of the figures that `pages` show."""
+    """Return names of the figures that `pages` show."""
     texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
     return sorted({name for text in texts for name in _INCLUDED.findall(text)})
 
@@ -31,7 +32,8 @@ def write(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> Non
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
         if name in found:
             files.whole_text(picture, found[name]["picture"])
-            files.whole_text(words, _block(name, found[name]))
+            text = render(__file__, "figure", name=name, figure=found[name])
+            files.whole_text(words, text)
         else:  # its set is of another chapter, or was run without this mode
             write_placeholder(picture, name)
             write_placeholder(words, name)
@@ -52,11 +54,3 @@ def _figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
 def _one(about: Mapping[str, Any], picture: str) -> dict[str, str]:
     alt = about.get("image", {}).get("alt", "")
     return {"picture": picture, "alt": alt, "caption": about["figure"]["caption"]}
-
-
-def _block(name: str, figure: Mapping[str, str]) -> str:
-    return (
-        f"```{{figure}} executed/{name}.svg\n:width: 100%\n"
-        f":alt: {' '.join(figure['alt'].split())}\n\n"
-        f"{figure['caption']} {{ref}}`Data and settings <{name}>`.\n```\n"
-    )

@@ -6,46 +6,37 @@ import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from thesis_lib.facts.claims import IndexEntry, read_index
+from thesis_lib.facts.claims import read_index
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root, whole_text
-from thesis_lib.web.markdown import table
+from thesis_lib.templates import render
 
 CHAPTERS = {**{number: number for number in "123456"}, "appendices": "ABCDEF"}
 
 
-def chapter(name: str) -> str:
-    """Markdown tables of the figures, tables and equations of a chapter of ``CHAPTERS``."""
-    rows: dict[str, list[list[str]]] = {"figure": [], "table": [], "equation": []}
+def tabulate_chapter(name: str) -> str:
+    """Tabulate the figures, tables and equations of a chapter of ``CHAPTERS``."""
+    kinds: dict[str, list[dict[str, Any]]] = {"figure": [], "table": [], "equation": []}
     for entry in read_index():
         kind, number = entry.item.split()
         if number[0] in CHAPTERS[name]:
-            tests = "<br>".join(map(_code, entry.test)) or "–"
-            rows[kind].append([number, _what(entry), _where(entry), tests])
-    words = ("what", "where", "checked by")
-    return "\n".join(table([kind, *words], of_kind) for kind, of_kind in rows.items() if of_kind)
-
-
-def _what(entry: IndexEntry) -> str:
-    ids = [anchor.removeprefix("errata#errata-") for anchor in entry.errata]
-    links = ", ".join(f"[{one.upper()}](errata-{one})" for one in ids)
-    return f"{entry.what} (errata {links})" if ids else entry.what
-
-
-def _where(entry: IndexEntry) -> str:
-    page = _link(entry.page) if entry.page else entry.reason
-    lines = [page, *map(_reference, entry.function), *map(_code, entry.cube)]
-    return "<br>".join(filter(None, lines))
-
-
-def _code(text: str) -> str:
-    """Program text whose long names may break after underscores and colons."""
-    return f"<code>{text.replace('_', '_<wbr>').replace('::', '::<wbr>')}</code>"
+            values = {
+                "number": number,
+                "what": entry.what,
+                "errata": [one.removeprefix("errata#errata-") for one in entry.errata],
+                "page": _link(entry.page) if entry.page else entry.reason,
+                "functions": [(function, _is_documented(function)) for function in entry.function],
+                "cubes": entry.cube,
+                "tests": entry.test,
+            }
+            kinds[kind].append(values)
+    return render(__file__, "thesis-index", kinds=kinds)
 
 
 def _link(page: str) -> str:
-    """A link to a document of the book, or to an equation, label or heading in it."""
+    """Return a link to a document of the book, or to an equation, label or heading in it."""
     document, _, anchor = page.partition("#")
     if document.startswith("executed/"):
         return f"[{STUDIES[document.removeprefix('executed/')].title}]({anchor or document})"
@@ -57,8 +48,8 @@ def _link(page: str) -> str:
     return f"[{title}]({anchor if label else page.replace('#', '.md#')})"
 
 
-def _reference(name: str) -> str:
-    """A name in the library, linked to its room's page if it stands there."""
+def _is_documented(name: str) -> bool:
+    """Return whether a name in the library stands on its room's page."""
     short = name.removeprefix("thesis_lib.")
     room = project_root() / "book" / "api" / f"{short.split('.')[0].replace('_', '-')}.rst"
     api = room.read_text(encoding="utf-8") if room.is_file() else ""
@@ -67,11 +58,13 @@ def _reference(name: str) -> str:
         member = name.removeprefix(f"{target}.").split(".")[0]
         members = re.search(rf":members:( *$|.*\b{member}\b)", options, re.MULTILINE)
         if name == target or (name.startswith(f"{target}.") and members):
-            return f"{{py:obj}}`{short} <{name}>`"
-    return _code(short)
+            return True
+    return False
 
 
-PIECES: dict[str, Callable[[], str]] = {f"thesis-index-{n}": partial(chapter, n) for n in CHAPTERS}
+PIECES: dict[str, Callable[[], str]] = {
+    f"thesis-index-{n}": partial(tabulate_chapter, n) for n in CHAPTERS
+}
 
 
 def write(folder: Path) -> None:
