@@ -29,7 +29,9 @@ def show(chromium: Browser, tmp_path: Path) -> Show:
     @contextmanager
     def opened(name: str, width: int = 900) -> Iterator[Opened]:
         file = tmp_path / f"{name}.html"
-        file.write_text(f"{HEAD}<body style='margin: 0'>{demos.html(name)}", encoding="utf-8")
+        file.write_text(
+            f"{HEAD}<body style='margin: 0'>{demos.write_experiment(name)}", encoding="utf-8"
+        )
         with open_offline(chromium, file, width) as page:
             yield page
             assert page.trouble == []
@@ -163,7 +165,7 @@ def test_a_link_shows_the_same_experiment(
     chromium: Browser, tmp_path: Path, name: str, label: str, value: float, told: str, rubbish: str
 ) -> None:
     file = tmp_path / "page.html"
-    file.write_text(f"{HEAD}{demos.html(name)}", encoding="utf-8")
+    file.write_text(f"{HEAD}{demos.write_experiment(name)}", encoding="utf-8")
     with open_offline(chromium, file, query="other=1#top") as opened:
         page = opened.page
         usual = run(opened, "return { ...demo.state }")

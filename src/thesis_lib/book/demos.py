@@ -1,4 +1,4 @@
-"""What computes in the page itself: the explorer, the rerun form and small experiments.
+"""Pieces of pages that compute in the browser: explorer, rerun form and small experiments.
 
 The experiments of the page on the law of rounding use the explorer's model
 (``assets/explorer_model.js``), which the tests hold against the library.
@@ -21,7 +21,7 @@ FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of
 NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
 
-def html(name: str) -> str:
+def write_experiment(name: str) -> str:
     """Write one of :data:`NAMES` as a self-contained HTML fragment."""
     data = explorer_data()
     state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
@@ -41,7 +41,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer_html,
     "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-8", compact=True),
     "rerun-form": rerun_form_html,
-    **{name.replace("_", "-"): partial(html, name) for name in NAMES},
+    **{name.replace("_", "-"): partial(write_experiment, name) for name in NAMES},
 }
 """Pieces of pages that depend on the library, and what is published, alone."""
 

@@ -1,4 +1,4 @@
-"""The explorer: beam or plate, cameras to drag around it, and at once the accuracy they give.
+"""The explorer: a beam or plate, cameras to drag around it, and at once the accuracy they give.
 
 The forward model runs in the page itself (``assets/explorer_model.js``), so that no kernel is
 needed. Everything else it shows comes from here: the structures' constants, the thesis's setups,
@@ -36,7 +36,7 @@ _CSS = VIEWER_CSS + asset("explorer.css")
 
 
 def explorer_data() -> dict[str, Any]:
-    """What the page needs beside its model, as plain JSON values.
+    """Collect what the page needs in addition to its model, as plain JSON values.
 
     Returns
     -------
@@ -51,21 +51,21 @@ def explorer_data() -> dict[str, Any]:
         "colors": list(COLORS),
         "colormap": list(DIVERGING[::4]),
         "sensor_width_mm": camera_study("beam-arrays").sensor_width_mm,
-        "structures": {subject: _structure(subject) for subject in ("beam", "plate")},
+        "structures": {subject: _describe_structure(subject) for subject in ("beam", "plate")},
     }
 
 
-def _structure(subject: str) -> dict[str, Any]:
+def _describe_structure(subject: str) -> dict[str, Any]:
     studies = [one() for one in CAMERA_STUDIES.values() if one.subject == subject]
     arrays = next(one for one in studies if one.study == "arrays")
     return {
         **model(arrays.structure, max(MODES)),
         "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
-        "setups": [one for study in studies for one in _setups(study)],
+        "setups": [one for study in studies for one in _list_setups(study)],
     }
 
 
-def _setups(study: CameraStudy) -> list[dict[str, Any]]:
+def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
     published, claims = read_published(study.name), claims_of(study.name)
     found: dict[tuple[object, ...], list[float]] = {}
     if published is not None:
@@ -88,15 +88,16 @@ def _setups(study: CameraStudy) -> list[dict[str, Any]]:
             "c": [list(direction) for direction in setting.directions_deg],
             "errors": {error: errors(setting, error) for error in ERRORS},
             "stated": {
-                error: [_stated(claims, setting, mode, error) for mode in MODES] for error in ERRORS
+                error: [_quote_claims(claims, setting, mode, error) for mode in MODES]
+                for error in ERRORS
             },
         }
         for setting in study.settings()
     ]
 
 
-def _stated(claims: tuple[Claim, ...], setting: Setting, mode: int, error: str) -> str:
-    """What the thesis states of an error, such as ``10 % (figure 3.4 d)``."""
+def _quote_claims(claims: tuple[Claim, ...], setting: Setting, mode: int, error: str) -> str:
+    """Return the claimed value of an error, such as ``10 % (figure 3.4 d)``."""
     return "; ".join(
         claim.stated
         + (f" but for {claim.excepted}" if claim.excepted else "")
@@ -142,11 +143,11 @@ class Explorer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = _page(self.data, self.address)
+        page = _write_fragment(self.data, self.address)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
-def _page(data: dict[str, Any], address: str, compact: bool = False) -> str:
+def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
     return static_html(_ESM, _CSS, traits, WITHOUT, prints=True)
 
@@ -162,4 +163,4 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
         Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
         that has them all.
     """
-    return _page(explorer_data(), address, compact)
+    return _write_fragment(explorer_data(), address, compact)
