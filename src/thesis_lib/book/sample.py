@@ -27,7 +27,7 @@ def page(data: xr.Dataset) -> str:
 
 
 def summary(data: xr.Dataset) -> str:
-    """The last lines that the measurement prints, as a block of text."""
+    """Format the last lines that the measurement prints, as a block of text."""
     from thesis_lib.measure.report.build import summarise_shape
     from thesis_lib.measure.report.warnings import check_shape
 
@@ -37,7 +37,7 @@ def summary(data: xr.Dataset) -> str:
 
 
 def counted(data: xr.Dataset) -> str:
-    """What the assessment of the manifest counts and does not, against what was measured."""
+    """Compare the predicted smallest deflection of the example with the measured one."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.feasibility.assess import assess
     from thesis_lib.measure.fitting.models import rms
