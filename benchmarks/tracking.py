@@ -26,7 +26,7 @@ from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.tracking.homography import View, find_view
 from thesis_lib.measure.tracking.tabulated import Follower
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen

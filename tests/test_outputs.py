@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from command import refusal, thesis
 
-from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.outputs import (
     RECORD,
     OutputError,

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from thesis_lib.asides import aside
 from thesis_lib.files import only_command, sha256, whole_text
-from thesis_lib.text import hidden, one_line
+from thesis_lib.text import has_hidden, one_line
 
 RECORD = ".written.json"
 CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
@@ -68,8 +68,8 @@ def check_file(file: Path, ending: str) -> None:
     if file.suffix.lower() != ending:
         given = one_line(str(file) if file.name else "")
         raise OutputError(f"given the file {given!r}, allowed: one that ends in {ending}")
-    if found := hidden(file.name):
-        raise OutputError(f"given the file {file} with {found}, allowed: visible text")
+    if has_hidden(file.name):
+        raise OutputError(f"given the file {file.name!r}, allowed: a visible name")
     check_outputs(file.parent, [file])
 
 

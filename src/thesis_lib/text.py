@@ -2,68 +2,27 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 HIDDEN = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}  # Unicode's categories of what has no glyph
-# Letters and marks that are drawn as nothing: joiners, fillers, selectors, Braille without a dot.
-_BLANK = re.compile(
-    "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0"
-    "\U000e0100-\U000e01ef]"
-)
 LONGEST = 400  # characters of a message
 
 
-def hidden(text: str) -> str:
-    """The first character that a reader would not see, by number and name, or empty.
+def has_hidden(text: str) -> bool:
+    """Return whether a text has a character that a reader would not see.
 
     Examples
     --------
-    >>> hidden("plain"), hidden("a" + chr(0x202E) + "b"), hidden("a" + chr(0) + "b")
-    ('', 'U+202E (RIGHT-TO-LEFT OVERRIDE)', 'U+0000 (a control character)')
+    >>> has_hidden("plain"), has_hidden("a" + chr(0x202E) + "b"), has_hidden("a" + chr(0) + "b")
+    (False, True, True)
     """
-    for one in text:
-        kind = unicodedata.category(one)
-        if kind in HIDDEN or _BLANK.match(one):
-            other = {
-                "Cc": "a control character",
-                "Cs": "half of a character",
-                "Co": "a private character",
-            }.get(kind, "no character")
-            return f"U+{ord(one):04X} ({unicodedata.name(one, other)})"
-    return ""
-
-
-def strings(value: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Every text in plain values, keys of objects included, with its place such as ``a.b[2]``."""
-    left = [(place, value)]
-    while left:  # no recursion: values may be nested without measure
-        place, value = left.pop()
-        if isinstance(value, str):
-            yield place, value
-        elif isinstance(value, Mapping):
-            for key, inside in reversed(list(value.items())):
-                yield place or "a field's name", str(key)
-                shown = key if str(key).isidentifier() else one_line(repr(key))
-                left.append((f"{place[:80]}.{shown}".lstrip("."), inside))
-        elif isinstance(value, list | tuple):
-            left += reversed([(f"{place[:80]}[{i}]", inside) for i, inside in enumerate(value)])
-
-
-def first_hidden(value: Any, place: str = "") -> str:
-    """What is wrong with the first text in plain values that hides something, or empty."""
-    for where, text in strings(value, place):
-        if found := hidden(text):
-            given = f"given {one_line(repr(text))} with {found}"
-            return f"{one_line(where)}: {given}, allowed: visible text"
-    return ""
+    return any(unicodedata.category(one) in HIDDEN for one in text)
 
 
 def visible(text: str) -> str:
-    """The text with every character that could act on a screen written out."""
+    """Return the text with every character that could act on a screen written out."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -74,7 +33,7 @@ def one_line(text: str, longest: int = 60) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time in words, as exact as one plans with it.
+    """Return a time in words, as exact as one plans with it.
 
     Examples
     --------
@@ -92,7 +51,7 @@ def listed(names: Iterable[str], command: str) -> str:
 
 
 def message(text: str) -> str:
-    """A message as one line of at most :data:`LONGEST` characters; the end says how to go on."""
+    """Shorten a message to a line of :data:`LONGEST` characters; its end says how to go on."""
     text = visible(text.strip())
     if len(text) <= LONGEST:
         return text
@@ -101,7 +60,7 @@ def message(text: str) -> str:
 
 
 def of_error(error: BaseException) -> str:
-    """An error that nobody foresaw, in words: its kind comes first, its text may be anything.
+    """Describe an unforeseen error: its kind comes first, its text may be anything.
 
     The system's errors are told by their file and what is wrong with it.
 
@@ -119,6 +78,6 @@ def of_error(error: BaseException) -> str:
 
 
 def damaged(path: Path, line: int, problem: str) -> str:
-    """What is said of a published file that is not as it was."""
+    """Return what is said of a published file that is not as it was."""
     mend = f"`git checkout {path}`, or installing the library anew, restores it"
     return f"{path}: damaged: line {line} {problem}; {mend}"

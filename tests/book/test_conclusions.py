@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.experiment import compute as experiment
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.studies import storage
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 
 
 def power_law(name, knob, power, factor=3.0):

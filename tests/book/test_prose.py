@@ -37,7 +37,7 @@ from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 
 
 def ledgered(made):

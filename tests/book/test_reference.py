@@ -16,9 +16,9 @@ from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.messages import CHECKS, MESSAGES, NEW, NOTES
-from thesis_lib.measure.recordings.manifest import _model_at, read_manifest, write_manifest
+from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.studies import vocabulary
+from thesis_lib.studies import fields
 
 NAMES = ("recordings", "recordings-filming", "recordings-results", "recordings-warnings",
          "recordings-reference")  # fmt: skip
@@ -32,7 +32,7 @@ FAMILIES = {
     "MediaError",
     "ModalError", "SynchronisationError", "TrackingError",
 }  # fmt: skip
-OF_RECORDINGS = {"check.py", "steps.py", "listen.py"}  # which hold manifest and recordings together
+OF_RECORDINGS = {"validation.py", "steps.py", "listen.py"}  # with manifest and recordings
 SIZES = "…, allowed: … …"  # of a picture, each as … × … px
 # What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
 INTERNAL = {
@@ -78,7 +78,7 @@ def messages():
                 text = literal(node.exc.args[0]) if name in family else ""
                 if text and text not in INTERNAL and "of shape …" not in text:
                     found[text] = f"{path.name}:{node.lineno}"
-    return found | lines_of(SOURCES / "measure" / "recordings" / "check.py")
+    return found | lines_of(SOURCES / "measure" / "recordings" / "validation.py")
 
 
 def lines_of(path):
@@ -130,7 +130,7 @@ def test_defaults_are_those_that_an_empty_manifest_gets():
         for term, _ in terms(reference.list_fields(part)):
             name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
             if shown != "its fields below":
-                unit = re.escape(vocabulary.unit(name))
+                unit = re.escape(fields.unit(name))
                 text = re.sub(rf"( {unit}|, else in {unit})$", "", shown) if unit else shown
                 assert yaml.safe_load(text) == made[name], term
 
@@ -139,7 +139,9 @@ def test_every_part_that_a_manifest_holds_is_told():
     held, new = set(), {Manifest}
     while new:
         held |= new
-        new = {_model_at(model, name) for model in new for name in model.model_fields} - {None}
+        new = {fields._model_in(f.annotation) for one in new for f in one.model_fields.values()} - {
+            None
+        }
     assert held == set(reference.PARTS.values())
 
 
@@ -176,7 +178,7 @@ def test_the_book_lists_every_message_once_with_meaning_limit_and_remedy():
 
 def test_every_line_about_a_new_manifest_is_explained():
     folder = SOURCES / "measure" / "recordings"
-    texts = lines_of(folder / "new.py") | lines_of(folder / "folder.py")
+    texts = lines_of(folder / "template.py")
     begins = "missing: |not given, |passed over: |… plays at "
     said = [text for text in texts if re.match(begins, text)]
     listed = [message.text for message in NEW.values()]

@@ -21,9 +21,8 @@ from thesis_lib.figure_sets.parametric.in_page import COMPUTED
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
 from thesis_lib.notebook.form import form_data
 from thesis_lib.runs.requested import Refused, assigned_values, requests_of
-from thesis_lib.studies.commands import command
-from thesis_lib.studies.refusals import permitted
-from thesis_lib.studies.request import ParameterError, describe
+from thesis_lib.studies.fields import permitted
+from thesis_lib.studies.request import ParameterError, command, describe
 from thesis_lib.web.fragment import static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 

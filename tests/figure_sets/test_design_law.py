@@ -27,8 +27,8 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import comparison, cubes, storage
-from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.published import read_published
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX, cone_cameras
 from thesis_lib.vision.estimators import exponent

@@ -16,8 +16,8 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.optics import compute as optics
 from thesis_lib.figure_sets.planner import compute as planner
 from thesis_lib.figure_sets.registry import STUDIES, validate
-from thesis_lib.planning import cube as plan_cube
-from thesis_lib.studies.variables import Variable
+from thesis_lib.planning import results as plan_cube
+from thesis_lib.studies.schema import Variable
 
 # Words that point to another variable, which is not beside this one in a list of variables.
 POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the same)\b", re.I)

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.experiment.parameters import (
     method_of,
 )
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vibration.motion import Component
 
 BEAM = setups.beam()

@@ -11,7 +11,7 @@ from thesis_lib.figure_sets.lab_equal_pixels.parameters import REPLICATES
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.zhang import CalibrationError
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.pinhole import project
 

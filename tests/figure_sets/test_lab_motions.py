@@ -28,13 +28,13 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import replicates as lab_films
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.fitting import aliasing
-from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import viewer_data
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import cubes, storage
-from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.request import ParameterError
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration import torsion
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import deflection_shape, resonance

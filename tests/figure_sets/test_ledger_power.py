@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import errors, meets
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 
 CLAIMS = claims.claims_of("beam-distance")
 

@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import comparison, cubes, published
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, intrinsics, project

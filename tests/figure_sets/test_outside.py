@@ -186,7 +186,7 @@ BROKEN = {
         lambda f: rewrite(f / "parameters.py", "varied, varied_label =", "_, _ ="),
         "Footprint does not say varied, varied_label"),
     "default": (
-        lambda f: rewrite(f / "parameters.py", "field(24.0,", "field(-24.0,"),
+        lambda f: rewrite(f / "parameters.py", "Field(24.0,", "Field(-24.0,"),
         "of its defaults, footprint: focal_length_mm: given -24.0, allowed: a number above 0"),
     "syntax": (lambda f: (f / "parameters.py").write_text("def"), "SyntaxError"),
     "no list": (lambda f: rewrite(f / "figure_set.py", "FIGURE_SETS", "SETS"), "FIGURE_SETS"),

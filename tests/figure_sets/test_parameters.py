@@ -22,10 +22,25 @@ from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 from thesis_lib.book.pieces.manifest import PARTS
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.planning.request import PlanRequest
+from thesis_lib.studies.fields import unit
 from thesis_lib.studies.request import ParameterError, describe
-from thesis_lib.studies.vocabulary import NO_UNIT, unit
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+# Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
+NO_UNIT = (
+    "f_number",
+    "f_numbers",
+    "lens_k1",
+    "in_view",
+    "poissons_ratio",
+    "damping",
+    "shot_noise",  # grey levels
+    "read_noise",  # grey levels
+    "pixels_per_second",
+    "target_percent",
+    "prices",  # of any currency
+    "layouts",  # names beside degrees
+)
 INF, NAN = math.inf, math.nan
 DISTANCE, APERTURE = "beam-distance", "beam-aperture"
 RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
@@ -94,8 +109,6 @@ BAD = [
     (DISTANCE, "amplitude_mm", "Force", "", '"Force"'),
     (DISTANCE, "amplitude_mm", "forse", "", '"forse"'),
     (DISTANCE, "amplitude_mm", True, "", "true"),
-    (DISTANCE, "amplitude_mm", [5.5, 5.5], "", "[5.5, 5.5]"),
-    (DISTANCE, "amplitude_mm", [], "", "[]"),
     (DISTANCE, "amplitude_mm", [5.5, -1, 2], "", "[5.5, -1, 2]"),
     (DISTANCE, "focal_length_mm", 0, "", "0"),
     (DISTANCE, "focal_length_mm", [24], "", "[24]"),
@@ -122,13 +135,10 @@ BAD = [
     (RESOLUTION, "widths_px", [320.0], "[0]", "320.0"),
     (ARRAYS, "cases", ["4f"], "[0]", '"4f"'),
     (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
-    (ARRAYS, "cases", [], "", "[]"),
     (ARRAYS, "pair_order", {"4f": "printed"}, '["4f"]', '"4f"'),
     (ARRAYS, "pair_order", {"4b": "forwards"}, '["4b"]', '"forwards"'),
     (ARRAYS, "pair_order", {"4b": None}, '["4b"]', "null"),
     (ARRAYS, "pair_order", "reversed", "", '"reversed"'),
-    (ARRAYS, "layouts", {"4a": [PAIR]}, "", '{"4a": [[[80.0, 10.0], [-80.0, 10.0]]]}'),
-    (ARRAYS, "layouts", {"4a′": [PAIR]}, "", """{"4a'": [[[80.0, 10.0], [-80.0, 10.0]]]}"""),
     (ARRAYS, "layouts", {"mine": [[[80, 10]]]}, '["mine"][0]', "[[80, 10]]"),
     (ARRAYS, "layouts", {"mine": []}, '["mine"]', "[]"),
     (ARRAYS, "layouts", {"mine": [[[80, 10], [361, 9]]]}, '["mine"][0][1][0]', "361"),
@@ -175,8 +185,6 @@ BAD = [
     (SOUND, "plane_half_width_mm", 100_001, "", "100001"),
     (SOUND, "plane_bottom_mm", 0, "", "0"),
     (SOUND, "plane_bottom_mm", -44.5, "", "-44.5"),
-    (SOUND, "plane_top_mm", 44.5, "", "44.5"),
-    (SOUND, "plane_top_mm", 44, "", "44.0"),
     (SOUND, "plane_top_mm", 0, "", "0"),
     (SOUND, "plane_shape", [1, 99], "[0]", "1"),
     (SOUND, "plane_shape", [149, 1], "[1]", "1"),
@@ -197,13 +205,9 @@ BAD = [
     (LAW, "frame_rates_hz", [60, 0], "[1]", "0"),
     (LAW, "frame_rates_hz", [60, INF], "[1]", "Infinity"),
     (LAW, "frame_rates_hz", [60, 60.0], "", "[60.0, 60.0]"),
-    (LAW, "frame_rates_hz", [60, 50_000], "", "[60.0, 50000.0]"),
     (LAW, "pixels_per_second", 0, "", "0"),
     (LAW, "pixels_per_second", "many", "", '"many"'),
-    (LAW, "frequency_hz", 24.1, "", "24.1"),
-    (LAW, "frequency_hz", 0.9, "", "0.9"),
     (LAW, "duration_s", 0, "", "0"),
-    (LAW, "duration_s", 4.2, "", "4.2"),
     (LAW, "amplitude_mm", "force", "", '"force"'),
     (LAW, "small_amplitude_mm", 0, "", "0"),
     (LAW, "resolution_px", [320, 1], "[1]", "1"),
@@ -236,6 +240,27 @@ def test_refusal_names_the_place_repeats_the_value_and_says_what_is_allowed(
 ):
     message = refusal(name, **{field: value})
     assert message == f"{name}: {field}{place}: given {shown}, {allowed(name, field)}"
+
+
+# Values that do not go with others: set, field, value, and words of the rule.
+TOGETHER = [
+    (DISTANCE, "amplitude_mm", [5.5, 5.5], "a list with one for each mode"),
+    (DISTANCE, "amplitude_mm", [], "a list with one for each mode"),
+    (ARRAYS, "cases", [], "at least one, or layouts"),
+    (ARRAYS, "layouts", {"4a": [PAIR]}, "new names, each with sets that grow"),
+    (ARRAYS, "layouts", {"4a′": [PAIR]}, "new names, each with sets that grow"),
+    (SOUND, "plane_top_mm", 44.5, "a number above plane_bottom_mm, in mm"),
+    (LAW, "frame_rates_hz", [60, 50_000], "a sensor 16 to 20000 px wide"),
+    (LAW, "frequency_hz", 24.1, "1 Hz, one over the duration, to 24 Hz"),
+    (LAW, "duration_s", 4.2, "at most 4000 frames"),
+]
+
+
+@pytest.mark.parametrize(("name", "field", "value", "words"), TOGETHER)
+def test_values_that_do_not_go_together_are_refused_by_the_rule(name, field, value, words):
+    message = refusal(name, **{field: value})
+    assert message.startswith(f"{name}: {field}: given ")
+    assert words in message
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -334,11 +359,11 @@ def test_values_that_are_not_json_are_refused_by_name():
     nested: list = []
     for _ in range(50_000):
         nested = [nested]
-    hopeless = [nested, nested[0], object(), {1, 2}, {(1, 2): 3}, 10**5000]
+    hopeless = [nested, nested[0], object(), {(1, 2): 3}, 10**5000]
     for value in hopeless:
         for field in ("modes", "cube", "trials"):
             message = refusal(DISTANCE, **{field: value})
-            assert message.startswith(f"{DISTANCE}: {field}: given ")
+            assert message.startswith(f"{DISTANCE}: {field}")
             assert message.endswith(allowed(DISTANCE, field))
     while nested:  # freed link by link: freeing all at once would recurse
         nested = nested[0]

@@ -11,7 +11,7 @@ from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 
 
 @pytest.fixture(scope="module")

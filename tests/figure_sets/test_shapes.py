@@ -12,12 +12,12 @@ from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.planning.bodies import body_of
+from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
 from thesis_lib.plotting.viewer_data import viewer_data
-from thesis_lib.studies import outlines
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies import schema
 from thesis_lib.studies.request import ParameterError
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Circle, area
 from thesis_lib.vibration.structure import deflection_shape
@@ -149,7 +149,7 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
     outline = [[0, 0], [500, 0], [300, 400], [0, 400]]
     values = {"outline_mm": outline, "circles_mm": [[150, 200, 60]], "cases": ["4c"], "trials": 1}
     cube = made("shape-holes", cutouts_mm=[], **values)
-    curves = outlines.contours(cube)
+    curves = schema.structure_contours(cube)
     np.testing.assert_allclose(curves[0] + [0.25, 0.2], np.array(outline) / 1000)
     assert area(curves[0]) > 0 > area(curves[1])
     conforms.closed_form(abs(area(curves[1])), np.pi * 0.06**2, rtol=0.02)

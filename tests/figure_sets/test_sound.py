@@ -22,8 +22,8 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import cache as studies_cache
 from thesis_lib.studies import storage
-from thesis_lib.studies.attributes import RUN_DEPENDENT, with_provenance
-from thesis_lib.studies.shared_fields import READING
+from thesis_lib.studies.request import READING
+from thesis_lib.studies.schema import RUN_DEPENDENT, with_provenance
 from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import measure

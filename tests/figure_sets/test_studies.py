@@ -22,9 +22,9 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies import attributes, storage
 from thesis_lib.studies import blocks as chunks
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies import schema, storage
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.analytic_centre import analytic_centre
@@ -445,7 +445,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
 def test_equal_runs_give_equal_bytes(tmp_path, monkeypatch):
     files = []
     for commit, seconds in (("abc", 0.25), ("abc", 0.25), ("0123456789ab+", 123.456)):
-        monkeypatch.setattr(attributes, "_commit", lambda commit=commit: commit)
+        monkeypatch.setattr(schema, "_commit", lambda commit=commit: commit)
         path = tmp_path / f"{len(files)}.nc"
         written(path, seconds=seconds)
         files.append(path.read_bytes())
@@ -556,7 +556,6 @@ def test_physics_needs_neither_labels_nor_figures():
         "from thesis_lib.vibration import beam, plate, panel, finite_elements, meshing; "
         "from thesis_lib.vibration import motion, torsion; "
         "from thesis_lib.acoustics import radiation, sources, planes, plate_sound; "
-        "from thesis_lib.planning import bodies, places, optimum; "
         f"print([m for m in {forbidden} if m in sys.modules], 'numpy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -27,13 +27,13 @@ from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
-from thesis_lib.measure.recordings import check as recordings_check
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings import validation as recordings_check
+from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.manifest import read_manifest
+from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.measure.recordings.media_info import MediaError, probe
-from thesis_lib.measure.recordings.pictures import write_png
-from thesis_lib.measure.recordings.sound import read_audio
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.measure.tracking.homography import TrackingError
 from thesis_lib.vibration.motion import Component, Motion, amplitudes

@@ -21,8 +21,7 @@ from thesis_lib.laboratory.render import (
     rasterise,
 )
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.markers import on_surface, rows_on
+from thesis_lib.measure.recordings.board import Board, on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 

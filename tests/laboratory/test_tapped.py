@@ -17,7 +17,7 @@ from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.board import rows_on
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
 MARKERS = rows_on(replace(BEAM, n_markers=12, marker_spacing=0.05), diameter=0.008, hole=None)

@@ -7,8 +7,8 @@ import pytest
 from command import thesis
 from scenes.sounds import claps, click, later, music, write_film
 
+from thesis_lib.measure.recordings.audio import opened_audio, read_audio
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.recordings.sound import opened_audio, read_audio
 from thesis_lib.measure.synchronisation.alone import decimals, format_seconds, synchronised
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 

@@ -16,8 +16,7 @@ import yaml
 from command import thesis
 from scenes.manifests import change
 
-from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.media import write_png, write_video
 
 WIDTH, HEIGHT, RATE = 64, 48, 60
 
@@ -211,7 +210,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "another language": (text("cameras = A.mkv, B.mkv"), WRONG, ["fields and their values"]),
     "a list": (text("- A.mkv\n- B.mkv\n"), WRONG, ['given ["A.mkv", "B.mkv"]']),
     "an alias": (text("%truth: &a x\nboard: *a\n"), WRONG, ["an alias"]),
-    "a date": (text("truth: 2026-01-01\n"), WRONG, ["a date"]),
+    "a date": (text("truth: 2026-01-01\n"), WRONG, ["date"]),
     "a comma for a point": (given("excitation.frequency_hz", "4,25"), WRONG,
                             ['excitation.frequency_hz: given "4,25"', "in Hz"]),
     "a unit in a number": (given("board.tile_mm", "30 mm"), WRONG,
@@ -244,7 +243,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "exposure in ms": (given("cameras.1.exposure_s", 4), WRONG, ["cameras[1].exposure_s: given 4"]),
     "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
     "a slow shutter": (given("cameras.1.readout_s", 0.1), WRONG, ["cameras[1].readout_s"]),
-    "three corners": (given("cameras.1.corners_px", [[1, 1], [9, 1], [9, 9]]), WRONG, ["four"]),
+    "three corners": (given("cameras.1.corners_px", [[1, 1], [9, 1], [9, 9]]), WRONG, ["4 lists"]),
     "crossed corners": (given("cameras.1.corners_px", [[1, 1], [9, 9], [9, 1], [1, 9]]), WRONG,
                         ["convex quadrilateral"]),
     # Videos.

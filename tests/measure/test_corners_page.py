@@ -11,9 +11,9 @@ import pytest
 import yaml
 from browser import Opened, open_offline
 
-from thesis_lib.measure.recordings.corners import corners_page
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.media import write_video
+from thesis_lib.measure.recordings.template import corners_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

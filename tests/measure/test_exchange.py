@@ -23,7 +23,7 @@ from thesis_lib.measure.exchange import files, mesh, sep005, uff
 from thesis_lib.measure.exchange.history import motion
 from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.viewer import view_shape
 from thesis_lib.measure.tracking.tracks import Recording

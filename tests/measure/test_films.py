@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from av.stream import Disposition
 
+from thesis_lib.measure.recordings.encode import pack
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -16,7 +17,6 @@ from thesis_lib.measure.recordings.media_info import (
     frame_clock,
     probe,
 )
-from thesis_lib.measure.recordings.pack import pack
 
 WIDTH, HEIGHT, COUNT, RATE = 64, 48, 30, 30
 

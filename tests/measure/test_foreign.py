@@ -30,9 +30,9 @@ from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import Calibration, zhang
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.delays import delay_deviation
 from thesis_lib.vision.lens import Camera
 

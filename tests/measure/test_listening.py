@@ -9,12 +9,12 @@ import pytest
 from thesis_lib.facts import setups
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
-from thesis_lib.measure.recordings.check import check_excitation
-from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.audio import opened_audio, read_audio
+from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.recordings.sound import opened_audio, read_audio
+from thesis_lib.measure.recordings.validation import check_excitation
 from thesis_lib.measure.synchronisation import audio as hearing
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.synchronisation.tones import SynchronisationError

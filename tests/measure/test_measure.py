@@ -37,11 +37,11 @@ from thesis_lib.laboratory.recording_files import AMPLITUDE, example_manifest, e
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUTS
-from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import frame_times
-from thesis_lib.measure.recordings.sound import read_audio
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.outputs import CACHE_TAG, RECORD, put_files

@@ -8,8 +8,11 @@ import av
 import numpy as np
 import pytest
 
+from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.media import (
     read_frames,
+    read_png,
+    write_png,
     write_video,
 )
 from thesis_lib.measure.recordings.media_info import (
@@ -18,8 +21,6 @@ from thesis_lib.measure.recordings.media_info import (
     frame_times,
     probe,
 )
-from thesis_lib.measure.recordings.pictures import read_png, write_png
-from thesis_lib.measure.recordings.sound import read_audio
 
 RATE = 48000
 SIZE = (64, 48)

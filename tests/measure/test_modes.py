@@ -26,8 +26,8 @@ from thesis_lib.measure.modes.poles import (
 )
 from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.pipeline import measure_modes
-from thesis_lib.measure.recordings.force_fields import Excitation
-from thesis_lib.measure.recordings.radiation_fields import Radiation
+from thesis_lib.measure.recordings.excitation import Excitation
+from thesis_lib.measure.recordings.manifest_model import Radiation
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.vibration.motion import Component
 

@@ -12,10 +12,9 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.pipeline import measure
-from thesis_lib.measure.recordings.board import Board
+from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
-from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.steps import calibrated
 from thesis_lib.vibration.motion import Component

@@ -8,10 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from thesis_lib.cli import cli
-from thesis_lib.measure.recordings.media import read_frames
+from thesis_lib.measure.recordings.encode import pack
+from thesis_lib.measure.recordings.media import read_frames, write_png
 from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe
-from thesis_lib.measure.recordings.pack import pack
-from thesis_lib.measure.recordings.pictures import write_png
 
 FRAMES = np.random.default_rng(0).integers(0, 4096, (7, 48, 64), np.uint16)  # of twelve bits
 EIGHT = (FRAMES >> 4).astype(np.uint8)

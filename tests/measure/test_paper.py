@@ -13,8 +13,8 @@ from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.paper.page import SIZES, STRIP
 from thesis_lib.measure.recordings.board import MARK, Board
-from thesis_lib.measure.recordings.board_fields import BoardSpec
 from thesis_lib.measure.recordings.manifest import write_manifest
+from thesis_lib.measure.recordings.manifest_model import BoardSpec
 
 DPI = 200
 PX = DPI / 25.4  # of a mm

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
-from thesis_lib.measure.recordings.markers import on_surface, rows_on
+from thesis_lib.measure.recordings.board import on_surface, rows_on
 from thesis_lib.vibration.motion import Motion, amplitudes
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate

@@ -28,13 +28,12 @@ from thesis_lib.measure.modes.identify import assurance
 from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.pipeline import measure_motion
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.check import check_recordings
-from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
+from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.recordings.sought import Sought
+from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.band import at_times
 from thesis_lib.measure.response.motion import deflections, noise_of

@@ -14,8 +14,8 @@ from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.calibration.reprojection import Network, stepped
 from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.fitting.result import result
-from thesis_lib.measure.recordings.check import ChainError
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.board import on_surface
+from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component, Motion

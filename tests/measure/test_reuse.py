@@ -28,7 +28,7 @@ from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.steps import CALIBRATION
 from thesis_lib.studies import storage
-from thesis_lib.studies.variables import labelled
+from thesis_lib.studies.schema import labelled
 from thesis_lib.vibration.motion import Component
 
 CAMERAS = rig()

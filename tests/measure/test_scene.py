@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.facts import setups
-from thesis_lib.measure.recordings.markers import on_surface, rows_on
+from thesis_lib.measure.recordings.board import on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion, amplitudes
 
 BEAM = setups.beam()

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, effort
-from thesis_lib.studies.commands import command
+from thesis_lib.studies.request import command
 
 LIVE = [name for name in STUDIES if name != "claims"]
 

@@ -21,13 +21,12 @@ from scipy.optimize import differential_evolution
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.planning import errors, optimum, places, search, structure_file
-from thesis_lib.planning.bodies import Body, body_of
-from thesis_lib.planning.camera_table import COLUMNS
-from thesis_lib.planning.limits import ImpossibleError
-from thesis_lib.planning.planner import pareto, plan
+from thesis_lib.planning import errors, positions, search, structure_file
+from thesis_lib.planning.planner import ImpossibleError, pareto, plan
+from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.planning.report import FILES, summarise_plan, write_plan
 from thesis_lib.planning.request import plan_request
+from thesis_lib.planning.results import COLUMNS
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
@@ -39,7 +38,7 @@ QUICK = {"counts": [2, 4], "starts": 1, "step_deg": 15, "trials": 60}
 
 def rules(**changed):
     """Limits that hold nothing back, but for those given."""
-    free = places.Rules(
+    free = positions.Rules(
         (1.0, 1.0), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.pi / 2, 1.0, 0.0, **NONE
     )
     return replace(free, **changed)
@@ -52,7 +51,7 @@ def point_body():
 
 
 def scene_of(body, focals=(24 / 36,), peak=1e-3, **changed):
-    return places.Scene(body, (peak,) * len(body.modes), rules(**changed), focals, 9 / 16)
+    return positions.Scene(body, (peak,) * len(body.modes), rules(**changed), focals, 9 / 16)
 
 
 def beam(modes=(1, 2, 3)):
@@ -64,7 +63,7 @@ def plate(modes=(1, 2)):
 
 
 def best(scene, count, objective="mean", step=15.0, starts=2):
-    grid = places.candidates(scene, np.radians(step))
+    grid = positions.candidates(scene, np.radians(step))
     (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
     return layout
 
@@ -76,9 +75,9 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
 def test_variance_is_that_of_triangulation(conforms, body):
     scene = scene_of(body)
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
-    rig = places.cameras(scene, layout, 640)
+    rig = positions.cameras(scene, layout, 640)
     expected = covariance(rig.P, body.points)[2, 2]
-    found = optimum.variances(optimum.information(scene, layout).sum(axis=1)) / 640**2
+    found = errors.variances(errors.information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
 
 
@@ -89,14 +88,14 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms, azimuth, elevation, low, high
 ):
     scene = scene_of(plate(), peak=5e-3, tilt=np.pi)
-    layout = places.at(np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36)
+    layout = positions.at(np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36)
     law = errors.averaged_by_law(scene, layout, 640)
     scales = np.linspace(*errors.AMPLITUDES, 101)
     peaks = [replace(scene, peaks=tuple(scale * one for one in scene.peaks)) for scale in scales]
     metres = [errors.predicted(one, layout, 640) / errors.percent(one) for one in peaks]
     mean = np.sqrt(np.mean(np.square(metres), axis=(0, 2))) * errors.percent(scene)[:, 0]
     conforms.independent(law, mean.max(), rtol=0.02)
-    noise = errors.averaged(scene) / 640 * np.sqrt(optimum.layout_cost(scene, layout, "mean"))
+    noise = errors.averaged(scene) / 640 * np.sqrt(errors.layout_cost(scene, layout, "mean"))
     conforms.sampled(law / noise, above=low, below=high)
 
 
@@ -115,7 +114,7 @@ def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(con
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7]])
     for i, row in enumerate(layout):
         own = hemisphere_cameras(row[2], row[:1], row[1:2], 320 * row[3], (320, 180))
-        conforms.independent(places.cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
+        conforms.independent(positions.cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
 
 
 def test_law_along_a_normal_is_that_of_z_in_a_turned_world(conforms):
@@ -142,42 +141,42 @@ def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
     scene = scene_of(point_body(), elevations=(low, np.pi / 2), separation=0.05)
     layout = best(scene, count)
     closed = 1.0 / ((24 / 36) ** 2 * count * np.cos(low) ** 2)  # R²/(f² N sin²θ), θ from normal
-    conforms.closed_form(optimum.layout_cost(scene, layout, "mean"), closed, rtol=1e-6)
+    conforms.closed_form(errors.layout_cost(scene, layout, "mean"), closed, rtol=1e-6)
     conforms.closed_form(layout[:, 1], low, atol=1e-6)
 
 
-@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.OBJECTIVES)
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     scene = scene_of(plate(), separation=0.3)
-    grid = places.candidates(scene, np.radians(40))
+    grid = positions.candidates(scene, np.radians(40))
     rng = np.random.default_rng(count)
     grid = grid[rng.choice(len(grid), 14, replace=False)]
-    known, near = optimum.information(scene, grid), optimum.too_near(scene, grid)
+    known, near = errors.information(scene, grid), errors.too_near(scene, grid)
     sets = [c for c in itertools.combinations(range(14), count)
             if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
-    costs = [optimum.cost(optimum.variances(known[:, list(c)].sum(axis=1)), objective)
+    costs = [errors.cost(errors.variances(known[:, list(c)].sum(axis=1)), objective)
              for c in sets]  # fmt: skip
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
     found = []
     for start in starts:
-        layout, _ = optimum.exchange(known, near, start, objective)
-        found.append((float(optimum.cost(optimum.variances(known[:, layout].sum(axis=1)),
+        layout, _ = errors.exchange(known, near, start, objective)
+        found.append((float(errors.cost(errors.variances(known[:, layout].sum(axis=1)),
                                          objective)), sorted(layout)))  # fmt: skip
     conforms.independent(min(found)[0], min(costs), rtol=1e-9)
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.OBJECTIVES)
 @pytest.mark.slow
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
-    found = optimum.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
+    found = errors.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
 
     def value(x):
         layout = np.column_stack([x.reshape(2, 3), [24 / 36] * 2])
-        return optimum.layout_cost(scene, layout, objective) if optimum.allowed(scene, layout) \
+        return errors.layout_cost(scene, layout, objective) if errors.allowed(scene, layout) \
             else 10 * found  # fmt: skip
 
     bounds = [(-np.pi, np.pi), np.radians((5, 90)), (0.5, 1.5)] * 2
@@ -185,23 +184,23 @@ def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     conforms.independent(found, below=other.fun * (1 + 1e-6))
 
 
-@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.OBJECTIVES)
 def test_no_set_of_places_is_below_the_bound(conforms, objective):
     scene = scene_of(plate())
-    grid = places.candidates(scene, np.radians(40))
-    known = optimum.information(scene, grid)
+    grid = positions.candidates(scene, np.radians(40))
+    known = errors.information(scene, grid)
     rng = np.random.default_rng(0)
     for weights in (np.full(20, 1 / 20), rng.dirichlet(np.ones(20))):
-        bound = optimum.lower_bound(known, 3, weights)
+        bound = errors.lower_bound(known, 3, weights)
         for _ in range(300):
             three = rng.integers(0, len(grid), 3)  # places may be shared
-            variance = optimum.variances(known[:, three].sum(axis=1))
+            variance = errors.variances(known[:, three].sum(axis=1))
             conforms.closed_form(bound, below=weights @ variance * (1 + 1e-9))
-            conforms.closed_form(bound, below=optimum.cost(variance, "worst") * (1 + 1e-9))
+            conforms.closed_form(bound, below=errors.cost(variance, "worst") * (1 + 1e-9))
     scene = scene_of(point_body(), elevations=(np.radians(20), np.pi / 2))
-    known = optimum.information(scene, places.candidates(scene, np.radians(10)))
+    known = errors.information(scene, positions.candidates(scene, np.radians(10)))
     closed = 1.0 / ((24 / 36) ** 2 * 4 * np.cos(np.radians(20)) ** 2)
-    conforms.closed_form(optimum.lower_bound(known, 4, np.ones(1)), closed, rtol=1e-3)
+    conforms.closed_form(errors.lower_bound(known, 4, np.ones(1)), closed, rtol=1e-3)
 
 
 # Invariances.
@@ -211,11 +210,11 @@ def test_a_mirrored_room_has_mirrored_plans_of_equal_value(conforms):
     west = scene_of(plate(), sectors=np.radians([[30.0, 150, -90, 90]]), separation=0.2)
     east = scene_of(plate(), sectors=np.radians([[-150.0, -30, -90, 90]]), separation=0.2)
     one, other = best(west, 3), best(east, 3)
-    cost = optimum.layout_cost(west, one, "mean")
-    conforms.invariance(optimum.layout_cost(east, other, "mean"), cost, rtol=1e-3)
+    cost = errors.layout_cost(west, one, "mean")
+    conforms.invariance(errors.layout_cost(east, other, "mean"), cost, rtol=1e-3)
     mirrored = one * [-1, 1, 1, 1]
-    assert optimum.allowed(east, mirrored)
-    conforms.invariance(optimum.layout_cost(east, mirrored, "mean"), cost, rtol=1e-9)
+    assert errors.allowed(east, mirrored)
+    conforms.invariance(errors.layout_cost(east, mirrored, "mean"), cost, rtol=1e-9)
 
 
 def test_errors_in_percent_do_not_depend_on_the_size_of_the_world(conforms):
@@ -262,7 +261,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.OBJECTIVES)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_are_kept_by_an_independent_check(limit, objective):
     scene = scene_of(plate(), **{"distances": (0.7, 1.5), "separation": 0.1, **LIMITS[limit]})
@@ -303,20 +302,20 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
 @pytest.mark.slow
 def test_every_limit_costs_something_or_nothing_but_never_helps():
     free = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
-    least = optimum.layout_cost(free, best(free, 3), "mean")
+    least = errors.layout_cost(free, best(free, 3), "mean")
     for changed in LIMITS.values():
         own = replace(free, rules=replace(free.rules, **changed))
         if changed.get("distances") is None:
-            assert optimum.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
+            assert errors.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
 
 
 @pytest.mark.slow
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
-    grid = places.candidates(scene, np.radians(20))
-    for objective in optimum.OBJECTIVES:
+    grid = positions.candidates(scene, np.radians(20))
+    for objective in errors.OBJECTIVES:
         layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
-        costs = [optimum.layout_cost(scene, one, objective) for one in layouts]
+        costs = [errors.layout_cost(scene, one, objective) for one in layouts]
         assert all(b < a for a, b in itertools.pairwise(costs))
 
 
@@ -326,7 +325,7 @@ def test_a_choice_of_lenses_is_used_where_the_structure_fits():
     more = replace(scene, focals=both)
     one, other = best(scene, 3), best(more, 3)
     assert np.all(other[:, 3] == 30 / 36)
-    assert optimum.layout_cost(more, other, "mean") < optimum.layout_cost(scene, one, "mean")
+    assert errors.layout_cost(more, other, "mean") < errors.layout_cost(scene, one, "mean")
 
 
 # The front, the cheapest, the simulation.
@@ -364,7 +363,7 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
             assert max(one.error, its.simulated.max()) > target
 
 
-@pytest.mark.parametrize("objective", optimum.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.OBJECTIVES)
 @pytest.mark.parametrize("body", ["beam", "plate"])
 def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
     request = plan_request({**QUICK, "body": body, "objective": objective, "trials": 400,
@@ -450,9 +449,8 @@ def test_file_gives_unit_normals_and_shapes_with_a_peak_of_one(tmp_path):
 def test_a_file_of_the_older_format_is_the_same_structure(tmp_path, kind):
     old = tmp_path / "old.nc"
     strip().to_netcdf(old, engine="scipy", format=kind)
-    one, other = (
-        structure_file.read_body(path, [1, 2]) for path in (old, written(tmp_path, strip()))
-    )
+    paths = old, written(tmp_path, strip())
+    one, other = (structure_file.read_body(path, [1, 2]) for path in paths)
     np.testing.assert_array_equal(one.points, other.points)
     np.testing.assert_array_equal(one.shapes, other.shapes)
     old.write_bytes(old.read_bytes()[:-40])
@@ -497,8 +495,8 @@ def test_a_turned_structure_is_measured_as_well(conforms):
     )
     one, other = (best(s, 4, step=10.0) for s in (lying, standing))
     conforms.invariance(
-        optimum.layout_cost(standing, other, "mean"),
-        optimum.layout_cost(lying, one, "mean"),
+        errors.layout_cost(standing, other, "mean"),
+        errors.layout_cost(lying, one, "mean"),
         rtol=5e-3,
     )
 
@@ -513,7 +511,7 @@ def test_cameras_that_see_parts_of_a_curved_structure_are_predicted_and_simulate
     })  # fmt: skip
     made = plan(request, body)
     one, found = made.options[0], made.verified[0]
-    seen = places.visible(one.scene, one.layout)
+    seen = positions.visible(one.scene, one.layout)
     assert not seen.all()
     assert np.all(seen.sum(axis=0) >= 2)
     conforms.sampled(found.simulated, one.predicted, rtol=0.06)

@@ -16,15 +16,15 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.figure_sets.planner.compute import run
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.planning import lattice, optimum, places, search
-from thesis_lib.planning.bodies import Body, body_of
+from thesis_lib.planning import errors, positions, search
 from thesis_lib.planning.planner import plan
+from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.planning.request import plan_request
 from thesis_lib.vision.pinhole import project
 
 NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
-FREE = places.Rules((0.7, 1.5), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.radians(75), 1.0, 0.1,
-                    **NONE)  # fmt: skip
+FREE = positions.Rules((0.7, 1.5), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.radians(75), 1.0,
+                       0.1, **NONE)  # fmt: skip
 
 
 def plate(points=(5, 4), modes=(1, 2)):
@@ -48,7 +48,7 @@ def arch():
 
 def scene_of(body, **changed):
     peaks = (1e-3,) * len(body.modes)
-    return places.Scene(body, peaks, replace(FREE, **changed), (24 / 36,), 9 / 16)
+    return positions.Scene(body, peaks, replace(FREE, **changed), (24 / 36,), 9 / 16)
 
 
 SCENES = {
@@ -91,17 +91,17 @@ def digits(monkeypatch):
 
             return call
 
-        monkeypatch.setattr(optimum, "jacobian", noisy(JACOBIAN))
-        monkeypatch.setattr(places, "hemisphere_rotations", noisy(ROTATIONS))
+        monkeypatch.setattr(errors, "jacobian", noisy(JACOBIAN))
+        monkeypatch.setattr(positions, "hemisphere_rotations", noisy(ROTATIONS))
 
     return change
 
 
-JACOBIAN, ROTATIONS = optimum.jacobian, places.hemisphere_rotations
+JACOBIAN, ROTATIONS = errors.jacobian, positions.hemisphere_rotations
 
 
 def layouts(scene, objective="mean", counts=(2, 5)):
-    grid = places.candidates(scene, np.radians(20))
+    grid = positions.candidates(scene, np.radians(20))
     *some, most = search.best_layouts(scene, grid, counts, objective, 1, 0)
     assert most is not None
     return [one for one in (*some, most) if one is not None]
@@ -146,12 +146,12 @@ def test_layouts_do_not_hang_on_last_digits(digits, name, objective):
 def test_of_equal_layouts_the_one_of_least_rank_is_taken(name):
     scene = SCENES[name]
     for one in found(name):
-        assert np.array_equal(one, lattice.by_rule(one))
-        least = optimum.layout_cost(scene, one, "mean")
+        assert np.array_equal(one, positions.by_rule(one))
+        least = errors.layout_cost(scene, one, "mean")
         for image in search.images(scene, one):
-            value = optimum.layout_cost(scene, image, "mean")
-            if optimum.allowed(scene, image) and abs(value / least - 1) < 1e-9:
-                assert lattice.rank(one) <= lattice.rank(image)
+            value = errors.layout_cost(scene, image, "mean")
+            if errors.allowed(scene, image) and abs(value / least - 1) < 1e-9:
+                assert positions.rank(one) <= positions.rank(image)
 
 
 @pytest.mark.few(1)
@@ -169,7 +169,7 @@ def test_markers_in_another_order_have_the_same_layouts(name):
 def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
     scene = SCENES[name] if name in SCENES else scene_of(plate(), **ODD[name])
     rules = scene.rules
-    grid = places.candidates(scene, np.radians(15))
+    grid = positions.candidates(scene, np.radians(15))
     for some in (grid, *(found(name) if name in SCENES else layouts(scene))):
         for column, per_unit, limits in (
             (np.degrees(some[:, 0]), 10, np.degrees(rules.azimuths)),
@@ -177,7 +177,7 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
             (some[:, 2], 1000, rules.distances),
         ):
             assert np.all(steps_off(column, per_unit, limits) < 1e-6)
-        assert np.all(places.permitted(scene, some))
+        assert np.all(positions.permitted(scene, some))
         low, high = rules.azimuths
         assert np.all((some[:, 0] >= low) & (some[:, 0] <= high))
 
@@ -187,11 +187,11 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
 def test_a_region_that_forbids_the_rounded_place_is_respected(conforms, seed):
     """Spheres about where cameras would stand, with edges at no whole step."""
     first = found("plate")[0]
-    where = places.centres(SCENES["plate"], first)
+    where = positions.centres(SCENES["plate"], first)
     radius = np.random.default_rng(seed).uniform(0.0002, 0.05, len(where))
     scene = scene_of(plate(), spheres=np.column_stack([where, radius]))
     for one in layouts(scene):
-        gap = np.linalg.norm(places.centres(scene, one)[:, None] - where, axis=2) - radius
+        gap = np.linalg.norm(positions.centres(scene, one)[:, None] - where, axis=2) - radius
         conforms.closed_form(gap, above=-1e-9)
 
 
@@ -219,8 +219,8 @@ def test_what_is_forgotten_is_found_again(monkeypatch, name):
 def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     scene, rng = SCENES[name], np.random.default_rng(0)
     grid = np.column_stack([rng.uniform(-np.pi, np.pi, 500), rng.uniform(0.1, 1.5, 500)])
-    some = places.at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
-    rig = places.cameras(scene, some)
+    some = positions.at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
+    rig = positions.cameras(scene, some)
     ends = scene.body.extremes(scene.peaks)
     u, v = np.moveaxis(project(rig.P, ends), 1, 0)
     inside = np.all((u >= 0) & (u <= 1) & (v >= 0) & (v <= scene.aspect), axis=1)
@@ -228,7 +228,7 @@ def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     across = np.linalg.norm(np.cross(sight, scene.body.normals[None], axis=1), axis=1)
     tilt = np.arctan2(across, np.sum(sight * scene.body.normals, axis=1))
     expected = inside & (tilt <= scene.rules.tilt)
-    assert np.array_equal(places.visible(scene, some), expected)
+    assert np.array_equal(positions.visible(scene, some), expected)
     assert 0 < expected.mean() < 1
 
 
@@ -236,19 +236,19 @@ def test_half_a_step_is_rounded_in_one_way_whatever_the_last_digit():
     full = (-np.pi, np.pi)
     for degrees in (0.05, 12.25, 12.35, -179.95, 179.95, 90.05):
         near = np.radians(degrees) * (1 + np.array([-1, 0, 1]) * 1e-13)
-        assert len(set(lattice.azimuths(near, full).tolist())) == 1
-        assert len(set(lattice.angles(near, full).tolist())) == 1
+        assert len(set(positions.azimuths(near, full).tolist())) == 1
+        assert len(set(positions.angles(near, full).tolist())) == 1
     for metres in (0.5005, 1.2345, 0.0105):
         near = metres * (1 + np.array([-1, 0, 1]) * 1e-13)
-        assert len(set(lattice.lengths(near, (0.0, 2.0)).tolist())) == 1
-    assert set(lattice.azimuths(np.radians([180, -180, 540.0, 179.96]), full)) == {-np.pi}
+        assert len(set(positions.lengths(near, (0.0, 2.0)).tolist())) == 1
+    assert set(positions.azimuths(np.radians([180, -180, 540.0, 179.96]), full)) == {-np.pi}
 
 
 def test_the_worst_of_equal_markers_is_the_first_whatever_the_last_digit():
     rng = np.random.default_rng(0)
     errors = np.tile([1.0, 3.0, 3.0, 2.0, 3.0], (50, 1)) * (1 + 1e-13 * rng.uniform(-1, 1, (50, 5)))
-    assert np.all(lattice.first_most(errors) == 1)
-    assert {lattice.first_least(1 / row) for row in errors} == {1}
+    assert np.all(positions.first_most(errors) == 1)
+    assert {positions.first_least(1 / row) for row in errors} == {1}
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 from thesis_lib.acoustics.planes import pistons
 from thesis_lib.acoustics.radiation import radiation_matrix, rayleigh
 from thesis_lib.facts import setups
-from thesis_lib.planning import errors, optimum, places, search, sound
+from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.planner import plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
@@ -46,7 +46,7 @@ def made(request_):
 
 def drawn(scene, layout, scale=1.0):
     """Deflection errors (modes, draws, markers) in m from whole pixels, without any law."""
-    P, body = places.cameras(scene, layout, 320).P, scene.body
+    P, body = positions.cameras(scene, layout, 320).P, scene.body
     shift = qmc.Sobol(2 * len(P), rng=0).random_base2(9) - 0.5
     shift = np.moveaxis(shift.reshape(-1, len(P), 2), 0, 2)[..., None]
 
@@ -118,12 +118,12 @@ def test_mirrored_layouts_sound_alike(conforms, request_):
 
 def test_cameras_that_stand_square_are_moved_and_keep_the_rules(conforms, request_):
     scene = request_.scene()
-    start = places.at(SQUARE[:, :2], places.nearest(scene, SQUARE[:, :2], 24 / 36), 24 / 36)
+    start = positions.at(SQUARE[:, :2], positions.nearest(scene, SQUARE[:, :2], 24 / 36), 24 / 36)
     found = sound.moved(request_.sounds, search.Surroundings(scene), start, 320)
-    assert optimum.allowed(scene, found)
+    assert errors.allowed(scene, found)
     now, before = (sound.predicted(request_.sounds, scene, one, 320) for one in (found, start))
     conforms.closed_form(now.max(), below=0.5 * before.max())
-    shape = [optimum.layout_cost(scene, one, "mean") for one in (found, start)]
+    shape = [errors.layout_cost(scene, one, "mean") for one in (found, start)]
     conforms.closed_form(np.sqrt(shape[0] / shape[1]), below=1.15)
 
 
@@ -136,7 +136,7 @@ def test_plan_begins_with_that_for_the_shape_and_is_never_worse(conforms, made):
         np.testing.assert_array_equal(one.instead.plan.layout, before.layout)
         conforms.closed_form(one.error, below=one.instead.field.max() * (1 + 1e-12))
         assert np.isnan(one.bound)
-        assert optimum.allowed(one.scene, one.layout)
+        assert errors.allowed(one.scene, one.layout)
 
 
 def test_gain_is_there_when_simulated(conforms, made, request_):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from thesis_lib.plotting.panels import bar_panel
 from thesis_lib.plotting.selection import Bars, best_and_worst, ranking
 from thesis_lib.studies import cubes
-from thesis_lib.studies.labels import extremes
+from thesis_lib.studies.schema import extremes
 
 LITERAL = [9.0, 1.0, 5.0]  # which would have the second setting best and the first worst
 DRAWN = [[2.0, 3.0, 4.0], [7.0, 8.0, 90.0], [1.0, 5.0, 6.0]]  # the first is best, the second worst

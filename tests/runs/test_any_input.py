@@ -6,8 +6,6 @@ Hundreds of inputs; with ``--hypothesis-profile night`` four times as many.
 import copy
 import json
 import resource
-import subprocess
-import sys
 from contextlib import suppress
 
 import pytest
@@ -238,26 +236,3 @@ def test_manifests(manifest, data):
     except (RecursionError, UnicodeEncodeError):
         return
     refused(folder, "measure", "m.yaml")
-
-
-# A hundred of them as a shell gives them.
-
-
-@pytest.mark.nightly
-@many(100)
-@given(NAMES, GIVEN)
-def test_the_command_itself(place, name, given):
-    words = [name, "-p", given]
-    try:
-        for word in words:
-            word.encode()
-        subprocess.list2cmdline(words)
-    except UnicodeEncodeError:
-        return
-    if "\0" in "".join(words) or name.startswith("-") or is_allowed(name, [given]):
-        return
-    done = subprocess.run([sys.executable, "-m", "thesis_lib", "run", *words], cwd=place,
-                          capture_output=True, text=True, encoding="utf-8")  # fmt: skip
-    assert_one_line(done.returncode, done.stdout, done.stderr, words)
-    assert list(place.iterdir()) == []
-    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 <= 1e9

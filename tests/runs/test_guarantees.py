@@ -18,7 +18,7 @@ import xarray as xr
 from small_book import BAD, GOOD, shrink
 
 from conftest import Checkout, until_study
-from thesis_lib.studies.attributes import RUN_DEPENDENT
+from thesis_lib.studies.schema import RUN_DEPENDENT
 
 pytest.importorskip("doit", reason="the book needs doit")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")

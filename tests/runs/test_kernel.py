@@ -11,7 +11,7 @@ import xarray as xr
 
 from conftest import until_study
 from thesis_lib.runs.kernel import kernel_environment
-from thesis_lib.studies.attributes import RUN_DEPENDENT
+from thesis_lib.studies.schema import RUN_DEPENDENT
 
 NAME = "beam-distance"
 RUN = ["run", NAME, "-p", "trials=2", "-p", "modes=[1]", "--out"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics

@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
-from thesis_lib.studies.attributes import with_provenance
+from thesis_lib.studies.schema import with_provenance
 
 TRIALS = 12
 

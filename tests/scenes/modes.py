@@ -19,10 +19,9 @@ from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
-from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.board import on_surface
+from thesis_lib.measure.recordings.excitation import Excitation, Sought
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.markers import on_surface
-from thesis_lib.measure.recordings.sought import Sought
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens

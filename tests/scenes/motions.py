@@ -7,7 +7,7 @@ from thesis_lib.figure_sets.lab_plate import compute as plate_films
 from thesis_lib.laboratory import replicates as lab_films
 from thesis_lib.laboratory.experiment import join_replicates
 from thesis_lib.laboratory.tracking import TrackedCentres
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.vision import lens
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1

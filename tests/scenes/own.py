@@ -14,9 +14,9 @@ from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_poses, default_rig
 from thesis_lib.measure.measured import deflection, recorded
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
-from thesis_lib.measure.recordings.markers import on_surface
-from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision.lens import project
 

@@ -10,7 +10,7 @@ from thesis_lib.arrays import Image
 from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres, true_view
-from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.tracking.homography import as_dark
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.studies.parallel import abreast

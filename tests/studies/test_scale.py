@@ -29,8 +29,8 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import blocks as chunks
 from thesis_lib.studies import cubes, schedulers, storage
-from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.request import ParameterError
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import rounding
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")

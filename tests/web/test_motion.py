@@ -15,7 +15,7 @@ from thesis_lib.book.explorer import explorer_html
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook.show import viewer
-from thesis_lib.studies import outlines
+from thesis_lib.studies import schema
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def test_the_image_is_the_librarys_in_whole_pixels(
             )
             distance, size = float(one["camera_distance"][camera]), (320, 180)
             rig = hemisphere_cameras(distance, [azimuth], [elevation], 24 / 36 * 320, size)
-            length, width = outlines.extent(cube)
+            length, width = schema.structure_extent(cube)
             points = np.stack(
                 [
                     cube["x"] - length / 2,

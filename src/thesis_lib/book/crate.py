@@ -10,7 +10,7 @@ from typing import Any
 from thesis_lib import __version__, templates
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.runs.postprocess import FOLDER
-from thesis_lib.studies.commands import command
+from thesis_lib.studies.request import command
 from thesis_lib.studies.storage import attributes
 
 NAME = "ro-crate-metadata.json"

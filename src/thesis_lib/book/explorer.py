@@ -56,7 +56,7 @@ def explorer_data() -> dict[str, Any]:
 
 
 def _describe_structure(subject: str) -> dict[str, Any]:
-    studies = [one() for one in CAMERA_STUDIES.values() if one.subject == subject]
+    studies = [one for one in map(camera_study, CAMERA_STUDIES) if one.subject == subject]
     arrays = next(one for one in studies if one.study == "arrays")
     return {
         **model(arrays.structure, max(MODES)),

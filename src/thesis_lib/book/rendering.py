@@ -23,7 +23,7 @@ from thesis_lib.asides import aside
 from thesis_lib.book import downloads
 from thesis_lib.book.html_pages import finish_pages
 from thesis_lib.files import folder_files, sha256, staging
-from thesis_lib.studies import attributes
+from thesis_lib.studies import schema
 from thesis_lib.web.page import (
     INSTALLED,
     PACKAGES,
@@ -110,7 +110,7 @@ def write_edition(root: Path, book: Path) -> None:
         "authors": ", ".join(str(one["name"]) for one in cited.get("authors", ())),
         "version": str(cited.get("version", "")),
         "date": str(cited.get("date-released", "")),
-        "commit": attributes._commit(),
+        "commit": schema._commit(),
     }
     text = f"window.thesisEdition={json.dumps(edition, ensure_ascii=False)};\n"
     (book / "_static" / "edition.js").write_text(text, encoding="utf-8")

@@ -17,10 +17,10 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import in_style, slices, svg
-from thesis_lib.studies.attributes import described
 from thesis_lib.studies.cubes import trials_are
-from thesis_lib.studies.refusals import suggestion
+from thesis_lib.studies.fields import suggestion
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.schema import described
 from thesis_lib.templates import render
 
 _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')

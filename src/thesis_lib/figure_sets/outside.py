@@ -20,7 +20,7 @@ from types import ModuleType
 
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.figure_sets.registry import CHAPTERS, FIGURE_SETS, STUDIES
-from thesis_lib.studies.refusals import suggestion
+from thesis_lib.studies.fields import suggestion
 from thesis_lib.studies.request import ParameterError, Study, validated
 from thesis_lib.text import one_line
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.refusals import suggestion
+from thesis_lib.studies.fields import suggestion
 from thesis_lib.studies.request import ParameterError, Study, validated
 from thesis_lib.text import listed, one_line
 
@@ -42,14 +42,8 @@ CHAPTERS = {
 }
 
 
-def validate(name: str, values: Mapping[str, Any]) -> Study:
-    """Parameters of a figure set from plain values.
-
-    Raises
-    ------
-    ParameterError
-        In one line: the set and field, what was given, what is allowed and in which unit.
-    """
+def model_of(name: str) -> type[Study]:
+    """Return the parameters of a figure set; an unknown name is refused."""
     if name not in STUDIES:
         folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
         here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
@@ -57,4 +51,15 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
             f"{one_line(name)}: no such figure set{suggestion(name, [*STUDIES, *CHAPTERS])}; "
             f"{here}{listed([*STUDIES, *CHAPTERS], 'thesis list')}"
         )
-    return validated(STUDIES[name], values)
+    return STUDIES[name]
+
+
+def validate(name: str, values: Mapping[str, Any]) -> Study:
+    """Return the parameters of a figure set from plain values.
+
+    Raises
+    ------
+    ParameterError
+        In one line: the set and field, what was given, what is allowed and in which unit.
+    """
+    return validated(model_of(name), values)

@@ -14,16 +14,14 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.files import shipped
 from thesis_lib.measure.fitting.aliasing import clearance
-from thesis_lib.studies.refusals import permitted, refuse
-from thesis_lib.studies.request import Study, beyond
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.studies.fields import (
     BeamDistance,
     BriefExposure,
     Distortion,
@@ -33,6 +31,7 @@ from thesis_lib.studies.vocabulary import (
     Frames,
     NoiseSeed,
     ReadNoise,
+    Real,
     Repeats,
     RigAzimuth,
     RigRate,
@@ -40,8 +39,9 @@ from thesis_lib.studies.vocabulary import (
     SensorWidth,
     ShotNoise,
     TipPeak,
-    field,
+    refuse,
 )
+from thesis_lib.studies.request import Study, beyond
 from thesis_lib.vibration.structure import Structure, peak_deflection, resonance
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -58,6 +58,11 @@ IN_VIEW = (
     "allowed: so far, or with a focal length so short against the sensor, that all cameras see "
     "the whole beam"
 )
+
+
+def between_frames(frame_rate_hz: float) -> str:
+    """Return how long an exposure may last, as refused."""
+    return f"allowed: at most the time between frames, {1000 / frame_rate_hz:.4g} ms"
 
 
 class CameraParameters(Fields):
@@ -92,7 +97,7 @@ class RenderedStudy(Study):
     selection_only: ClassVar[frozenset[str]] = frozenset()
     estimation_only: ClassVar[frozenset[str]] = frozenset()
 
-    trials: Runs = field(200, "further recordings of each setting, at most")
+    trials: Runs = Field(200, description="further recordings of each setting, at most")
     seed: NoiseSeed = 0
 
     @property
@@ -178,10 +183,10 @@ def view_extent(
     return float(max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half)
 
 
-def check_amplitudes(model: type[BaseModel], modes: Sequence[int], amplitude_mm: object) -> None:
+def check_amplitudes(modes: Sequence[int], amplitude_mm: object) -> None:
     """Refuse a list of amplitudes that has not one for each mode."""
     if isinstance(amplitude_mm, list) and len(amplitude_mm) != len(modes):
-        refuse("amplitude_mm", amplitude_mm, permitted(model, "amplitude_mm"))
+        refuse("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
 
 
 def check_rates(
@@ -268,35 +273,34 @@ class RigRequest(Fields):
     sensor_width_mm: SensorWidth = RIG["sensor_width_mm"]
     distance_mm: BeamDistance = RIG["distance_mm"]
     azimuth_deg: RigAzimuth = RIG["azimuth_deg"]
-    elevation_deg: Annotated[float, Field(ge=15, le=60)] = field(
-        RIG["elevation_deg"], "elevation of the cameras"
+    elevation_deg: Annotated[Real, Field(ge=15, le=60)] = Field(
+        RIG["elevation_deg"], description="elevation of the cameras"
     )
     lens_k1: Distortion = RIG["lens_k1"]
-    frequency_hz: Annotated[float, Field(ge=1)] = field(
-        RIG["frequency_hz"],
-        "frequency of the vibration",
-        "a number from 1 to 0.4 of the frame rate",
+    frequency_hz: Annotated[Real, Field(ge=1)] = Field(
+        RIG["frequency_hz"], description="frequency of the vibration, at most 0.4 of the frame rate"
     )
     amplitude_mm: TipPeak = RIG["amplitude_mm"]
     frame_rate_hz: RigRate = RIG["frame_rate_hz"]
     exposure_ms: Exposure = RIG["exposure_ms"]
     shot_noise: ShotNoise = RIG["shot_noise"]
     read_noise: ReadNoise = RIG["read_noise"]
-    audio_noise_db: Annotated[float, Field(ge=0, le=120)] = field(
-        RIG["audio_noise_db"], "force over noise on the audio tracks"
+    audio_noise_db: Annotated[Real, Field(ge=0, le=120)] = Field(
+        RIG["audio_noise_db"], description="force over noise on the audio tracks"
     )
-    codec: Literal["lossless", "h264"] = field(
+    codec: Literal["lossless", "h264"] = Field(
         "lossless",
-        "how the videos are kept; H.264 swallows part of motions well below a pixel",
-        '"lossless" or "h264" (at crf 23)',
+        description="how the videos are stored; h264, at crf 23, swallows part of motions well "
+        "below a pixel",
     )
 
     @model_validator(mode="after")
     def _check_rig(self) -> RigRequest:
         if self.frequency_hz > 0.4 * self.frame_rate_hz:
-            refuse("frequency_hz", self.frequency_hz, permitted(type(self), "frequency_hz"))
+            most = f"0.4 of the frame rate, {0.4 * self.frame_rate_hz:.4g} Hz"
+            self.refuse("frequency_hz", f"allowed: at most {most}")
         if self.exposure_ms > 1000 / self.frame_rate_hz:
-            refuse("exposure_ms", self.exposure_ms, permitted(type(self), "exposure_ms"))
+            self.refuse("exposure_ms", between_frames(self.frame_rate_hz))
         reach = 1000 * math.hypot(*setups.beam().extent) / 2 + self.amplitude_mm
         if self.distance_mm <= reach:
             refuse("distance_mm", self.distance_mm, beyond(reach))

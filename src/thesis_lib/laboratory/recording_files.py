@@ -17,14 +17,13 @@ from thesis_lib.files import staging
 from thesis_lib.laboratory.render import BeamView, Sensor, board_image
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.board_fields import BoardSpec
-from thesis_lib.measure.recordings.force_fields import Excitation
+from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles, Manifest
 from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
 from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
-from thesis_lib.measure.recordings.markers import Markers
-from thesis_lib.measure.recordings.pictures import write_png
+from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component

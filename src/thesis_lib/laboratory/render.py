@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import Array, Image, IntArray
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera

@@ -25,9 +25,9 @@ from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, Station, default_rig
 from thesis_lib.laboratory.tracking import WINDOW_MARGIN_PX, TrackedCentres
-from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 

@@ -23,8 +23,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.measure.recordings.board import Board, Markers, rows_on
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.plate import Plate

@@ -29,8 +29,7 @@ from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import zhang
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, fit_harmonics, fitted, mean_of
 from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.markers import Markers, on_surface
+from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen
 from thesis_lib.studies.parallel import abreast

@@ -30,9 +30,8 @@ from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies import cubes
-from thesis_lib.studies.commands import command
-from thesis_lib.studies.request import Study
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.request import Study, command
+from thesis_lib.studies.schema import declared, labelled
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 CHAPTERS = (1, 2, 3, 4, 5, 6, 7)

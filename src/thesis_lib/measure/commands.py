@@ -50,7 +50,7 @@ def one_line(place: Path) -> Iterator[None]:
 def start(folder: Path, given: Mapping[str, Any]) -> None:
     """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
     from thesis_lib.measure.feasibility.draft import write_draft
-    from thesis_lib.measure.recordings.new import new_manifest
+    from thesis_lib.measure.recordings.template import new_manifest
 
     with one_line(folder):
         write = write_draft if "cameras" in given else new_manifest
@@ -63,7 +63,7 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
     """Write the page in which corners are clicked, if there are videos already, and say where."""
     from thesis_lib.files import staging
-    from thesis_lib.measure.recordings.corners import PAGE_NAME, corners_page
+    from thesis_lib.measure.recordings.template import PAGE_NAME, corners_page
     from thesis_lib.outputs import put_files
 
     if not all((folder / camera.video).is_file() for camera in manifest.cameras):
@@ -201,8 +201,8 @@ def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     Nothing is lost, but the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.
     """
+    from thesis_lib.measure.recordings.encode import pack as write
     from thesis_lib.measure.recordings.media_info import MediaError
-    from thesis_lib.measure.recordings.pack import pack as write
     from thesis_lib.outputs import check_outputs
 
     stem = source.name if source.is_dir() else source.stem

@@ -18,13 +18,12 @@ from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import result
-from thesis_lib.measure.recordings import check as recordings_check
-from thesis_lib.measure.recordings.check import ChainError, on_one_line
+from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, inspect_videos, tracked
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.attributes import with_origin
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled, with_origin
 
 SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
 UNKEPT = {

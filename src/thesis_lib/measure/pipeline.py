@@ -22,7 +22,6 @@ from thesis_lib.measure.modes.result import result
 from thesis_lib.measure.radiation import files as radiation_files
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.force_fields import FORCED
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import animation, build
@@ -31,7 +30,7 @@ from thesis_lib.measure.response.result import responded
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
-from thesis_lib.studies.attributes import with_origin
+from thesis_lib.studies.schema import with_origin
 
 STEPS = ".steps"  # folder of what is kept between runs
 #: All that a measurement may write, as patterns
@@ -83,7 +82,7 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     inputs = recorded(manifest, folder, out / STEPS, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        if manifest.excitation.kind == "tone":
+        if manifest.excitation.behaviour.result == "shape":
             return measure_shape(manifest, folder, inputs, assessment, out, say)
         return measure_motion(manifest, folder, inputs, out, say)
 
@@ -131,7 +130,7 @@ def measure_motion(
     response = None
     if manifest.force is not None:
         response = _measure_response(manifest, folder, inputs, out, say)
-    if response is None or manifest.excitation.kind not in FORCED[1:]:
+    if response is None or manifest.excitation.behaviour.result != "response":
         return measure_modes(manifest, inputs, out, say, response)
     report = build.build_response_alone(
         response,
@@ -177,7 +176,7 @@ def measure_modes(
     recordings, calibration = inputs.recordings, inputs.calibration
     covariance = exactness.covariance_of(calibration)
     data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE)
-    kind = "Modes" if manifest.excitation.kind == "decay" else "Tones"
+    kind = manifest.excitation.behaviour.title
     data.attrs.update(
         title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
         parameters=manifest.model_dump_json(),

@@ -13,17 +13,16 @@ from tqdm import tqdm
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.alignment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
-from thesis_lib.measure.recordings.check import markers_of
-from thesis_lib.measure.recordings.inspection import describe_repeats, inspect_film
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import describe_reading
+from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
 from thesis_lib.measure.synchronisation.listen import listen
 from thesis_lib.measure.tracking.tracks import Recording, record
 from thesis_lib.outputs import mark_cache
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision.lens import Camera
 
 CALIBRATION = declared("""

@@ -21,8 +21,7 @@ from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, cubes, effort
-from thesis_lib.studies.commands import command
-from thesis_lib.studies.request import ParameterError, Study, describe, whole_numbers
+from thesis_lib.studies.request import ParameterError, Study, command, describe, whole_numbers
 
 WIDE = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
 EXACT = 2**53  # largest whole number that a browser keeps
@@ -58,7 +57,7 @@ class Controls:
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
-    """Controls of a figure set for the end of its notebook.
+    """Return controls of a figure set for the end of its notebook.
 
     Parameters
     ----------
@@ -85,7 +84,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
-    """Controls that begin with the values of a request.
+    """Return controls that begin with the values of a request.
 
     Parameters
     ----------
@@ -121,7 +120,7 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
 
 
 def layout(request: Study, made: Controls) -> ipywidgets.VBox:
-    """The controls one below the other, each with its unit and meaning; results below them."""
+    """Stack the controls, each with its unit and meaning, and the results below them."""
     known = effort.read().get(request.name)
     takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
     rows = [_html(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
@@ -138,7 +137,7 @@ def _html(text: str) -> ipywidgets.HTML:
 
 
 def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
-    """A widget for each parameter but `cube`, in the order of the tables."""
+    """Return a widget for each parameter but `cube`, in the order of the tables."""
     values, model = request.model_dump(mode="json"), type(request)
     schemas = model.model_json_schema()["properties"]
     made = {}
@@ -153,7 +152,7 @@ def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
 
 
 def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
-    """The widget that suits a JSON schema: choices, sliders for what is bounded, else text."""
+    """Return the widget for a JSON schema: choices, a slider between bounds, else text."""
     kind = schema.get("type")
     low = schema.get("minimum", schema.get("exclusiveMinimum"))
     high = schema.get("maximum", schema.get("exclusiveMaximum"))
@@ -183,7 +182,7 @@ def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
 
 
 def _value(widget: ipywidgets.ValueWidget) -> Any:
-    """What a widget says, as a plain value; text is JSON or, if it is not, a word."""
+    """Return what a widget says, as a plain value; text is JSON or, if it is not, a word."""
     if isinstance(widget, ipywidgets.Text):
         try:
             return json.loads(widget.value)

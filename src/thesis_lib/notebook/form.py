@@ -14,14 +14,14 @@ from typing import Any
 from thesis_lib.figure_sets.parametric import in_page
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
 from thesis_lib.studies import effort
-from thesis_lib.studies.refusals import permitted
+from thesis_lib.studies.fields import permitted
 from thesis_lib.studies.request import Study, describe, whole_numbers
 
 _TOLD = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
 
 
 def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
-    """What a form of some figure sets shows and checks, as JSON values.
+    """Return what a form of some figure sets shows and checks, as JSON values.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
 
 
 def form_of(request: Study) -> dict[str, Any]:
-    """The form of one figure set, which begins with the values of a request."""
+    """Return the form of one figure set, which begins with the values of a request."""
     data = form_data([request.name])
     default, values = type(request)().request, request.request
     start = {name: _typed(one) for name, one in values.items() if one != default[name]}
@@ -84,7 +84,7 @@ def _field(study: type[Study], row: dict[str, str], schema: dict[str, Any]) -> d
 
 
 def _typed(value: Any) -> str:
-    """A value as one would type it.
+    """Return a value as one would type it.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def _chapter(
 
 
 def _takes(names: list[str]) -> str:
-    """What running figure sets one after another takes, as measured; "" if that is not known."""
+    """Return the measured cost of running figure sets one after another, or empty."""
     known = effort.read()
     if not set(names) <= set(known):
         return ""

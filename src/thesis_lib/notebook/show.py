@@ -19,14 +19,14 @@ from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
 from thesis_lib.figure_sets import outside, run
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED
-from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, model_of, validate
 from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
-from thesis_lib.studies.request import ParameterError, Study
+from thesis_lib.studies.request import ParameterError, Study, check_names, validated
 from thesis_lib.web.viewer import Viewer
 
 _MIME = "image/svg+xml"
@@ -40,13 +40,10 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    if not outside.is_known(name, here=True):
-        validate(name, {})  # which says so
-    fields = STUDIES[name].model_fields
-    for variable in _injected(namespace.get("In", [])):
-        if variable not in fields:
-            validate(name, {variable: None})  # which says what is wrong with the name
-    return validate(name, {field: namespace[field] for field in fields if field in namespace})
+    outside.is_known(name, here=True)  # which loads it
+    model = model_of(name)
+    check_names(model, _injected(namespace.get("In", [])))
+    return validated(model, {key: namespace[key] for key in model.model_fields if key in namespace})
 
 
 def cube_of(asked: Study) -> xr.Dataset:

@@ -18,17 +18,20 @@ from markupsafe import Markup
 from thesis_lib.files import staging
 from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.planning import errors
-from thesis_lib.planning.camera_table import camera_table
-from thesis_lib.planning.cube import as_cube
-from thesis_lib.planning.figures import front_figure, layout_figure
-from thesis_lib.planning.layout_view import layout_view
 from thesis_lib.planning.planner import Plan, plan
 from thesis_lib.planning.request import PlanRequest
+from thesis_lib.planning.results import (
+    as_cube,
+    camera_table,
+    front_figure,
+    layout_figure,
+    layout_view,
+)
 from thesis_lib.planning.structure_file import read_body
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import storage
-from thesis_lib.studies.attributes import with_provenance
-from thesis_lib.studies.commands import given, join_command
+from thesis_lib.studies.request import given, join_command
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.web.html import render_html, render_lines
 
 #: By goal: the quantity whose error a plan gives, and what that is a percentage of

@@ -13,34 +13,35 @@ from pydantic import Field, model_validator
 from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.planning.bodies import Body, body_of
-from thesis_lib.planning.places import Rules, Scene
-from thesis_lib.studies.refusals import refuse
-from thesis_lib.studies.request import Study, beyond, validated
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.planning.positions import Body, Rules, Scene, body_of
+from thesis_lib.studies.fields import (
     Azimuth,
     Estimator,
     Mode,
     Positive,
+    Real,
     Resolution,
     SensorWidth,
     Separation,
     Several,
     Starts,
     Step,
-    field,
+    Whole,
+    refuse,
 )
+from thesis_lib.studies.request import Study, beyond, validated
 from thesis_lib.vibration.structure import Structure
 
-Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
-Rise = Annotated[float, Field(ge=-90, le=90)]
-Tilt = Annotated[float, Field(gt=0, le=90)]
-Count = Annotated[int, Field(ge=2, le=24)]
+Coordinate = Annotated[Real, Field(ge=-1e5, le=1e5)]
+Rise = Annotated[Real, Field(ge=-90, le=90)]
+Tilt = Annotated[Real, Field(gt=0, le=90)]
+Count = Annotated[Whole, Field(ge=2, le=24)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
 Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
 Sector = tuple[Azimuth, Azimuth, Rise, Rise]
 PERIOD = 2.5  # frames that a period needs at least
 AUDIBLE = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
+SOUND_ONLY = 'allowed: "shape", or for the plate, with in_view 1 and objective "mean", a sound'
 
 
 class PlanRequest(Study):
@@ -54,119 +55,105 @@ class PlanRequest(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    body: Literal["beam", "plate"] = field(
-        "beam",
-        "what is measured, unless a file tells it",
-        '"beam" or "plate"; anything else comes from a file',
+    body: Literal["beam", "plate"] = Field(
+        "beam", description="what is measured, unless a file describes it"
     )
-    plate_mm: tuple[Positive, Positive, Positive] | None = field(
+    plate_mm: tuple[Positive, Positive, Positive] | None = Field(
         None,
-        "length, width and thickness of the plate, with material, support and numbers of markers "
-        "of the thesis's; null: the thesis's",
-        'null, or with body "plate" and goal "shape" [length, width, thickness], numbers above 0, '
-        "at most 100000",
+        description="length, width and thickness of the plate, with material, support and "
+        "numbers of markers of the thesis's; null: the thesis's",
     )
-    modes: Several[Mode] = field(
-        lambda: [1, 2, 3],
-        "modes to measure",
-        "a list of different whole numbers from 1 to 30 that the structure has",
+    modes: Several[Mode] = Field([1, 2, 3], description="modes to measure")
+    amplitude_mm: Positive | list[Positive] = Field(
+        5.0, description="peak of the deflection over the structure"
     )
-    amplitude_mm: Positive | list[Positive] = field(
+    target_percent: Positive | None = Field(
         5.0,
-        "peak of the deflection over the structure",
-        "a number above 0, at most 100000, or a list with one for each mode",
+        description="largest error of a mode that is wanted, in % of its largest deflection of a "
+        "marker; null asks only what is possible",
     )
-    target_percent: Positive | None = field(
-        5.0,
-        "largest error of a mode that is wanted, in % of its largest deflection of a marker",
-        "a number above 0, at most 100000, or null to ask only what is possible",
-    )
-    goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = field(
+    goal: Literal["shape", "sound", "sound-plane", "sound-point", "sound-power"] = Field(
         "shape",
-        "whose error counts: of the deflection shape, or of the sound that the plate makes of it: "
-        "its field on two planes, or on one of them, the pressure at a point, or the power",
-        '"shape", or for the plate, with in_view 1 and objective "mean", "sound", "sound-plane", '
-        '"sound-point" or "sound-power"',
+        description="whose error counts: of the deflection shape, or of the sound that the plate "
+        "makes of it: its field on two planes, or on one of them, the pressure at a point, or "
+        "the power",
     )
-    plane: Literal["XZ", "YZ"] = field(
-        "XZ", 'which plane through the centre counts with goal "sound-plane": along, or across'
+    plane: Literal["XZ", "YZ"] = Field(
+        "XZ",
+        description='which plane through the centre counts with goal "sound-plane": along, or '
+        "across",
     )
-    point_mm: tuple[Coordinate, Coordinate, Positive] | None = field(
+    point_mm: tuple[Coordinate, Coordinate, Positive] | None = Field(
         None,
-        'where the pressure counts with goal "sound-point": X, Y from the centre, Z above it',
-        'null, or with goal "sound-point" [X, Y, Z], X and Y from -100000 to 100000, Z above 0, at '
-        "most 100000",
+        description='where the pressure counts with goal "sound-point": X, Y from the centre, Z '
+        "above it",
     )
-    objective: Literal["mean", "worst"] = field(
+    objective: Literal["mean", "worst"] = Field(
         "mean",
-        "which error of a mode counts: the mean (rms) over its markers, or that of its worst one",
+        description="which error of a mode counts: the mean (rms) over its markers, or that of "
+        "its worst one",
     )
-    counts: Several[Count] = field(lambda: [2, 3, 4, 6, 8], "numbers of cameras to consider")
-    resolutions_px: Several[Resolution] = field(
-        lambda: [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
-        "cameras to choose from: width and height of their pictures",
-        "a list of different [width, height], whole numbers from 2 to 20000",
+    counts: Several[Count] = Field([2, 3, 4, 6, 8], description="numbers of cameras to consider")
+    resolutions_px: Several[Resolution] = Field(
+        [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
         max_length=20,
+        description="cameras to choose from: width and height of their pictures",
     )
-    prices: list[Positive] = field(
-        lambda: [],
-        "price of each of these cameras; empty: a layout costs its pixels per second",
-        "an empty list, or a number above 0, at most 100000, for each of resolutions_px",
+    prices: list[Positive] = Field(
+        [],
+        description="price of each of resolutions_px; empty: a layout costs its pixels per second",
     )
-    frame_rates_hz: Several[Positive] = field(
-        lambda: [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
-        "frame rates that the cameras have; the lowest that suffices is taken",
-        f"a list of different numbers above 0, at most 100000, one of them {PERIOD:g} times the "
-        "highest mode's frequency or more",
+    frame_rates_hz: Several[Positive] = Field(
+        [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
+        description="frame rates that the cameras have; the lowest is taken that is "
+        f"{PERIOD:g} times the highest mode's frequency",
     )
-    focal_lengths_mm: Several[Positive] = field(
-        lambda: [24.0], "focal lengths to choose from, camera by camera", max_length=6
+    focal_lengths_mm: Several[Positive] = Field(
+        [24.0], max_length=6, description="focal lengths to choose from, camera by camera"
     )
     sensor_width_mm: SensorWidth = 36.0
-    distances_mm: tuple[Positive, Positive] = field(
+    distances_mm: tuple[Positive, Positive] = Field(
         (500.0, 1500.0),
-        "least and largest distance of a camera from the structure's centre",
-        "[least, largest], numbers above the structure's reach, at most 100000",
+        description="least and largest distance of a camera from the structure's centre",
     )
-    azimuths_deg: tuple[Azimuth, Azimuth] = field(
-        (-180.0, 180.0),
-        "least and largest azimuth of a camera, from +Y towards +X",
-        "[least, largest], numbers from -360 to 360 at most 360 apart",
+    azimuths_deg: tuple[Azimuth, Azimuth] = Field(
+        (-180.0, 180.0), description="least and largest azimuth of a camera, from +Y towards +X"
     )
-    elevations_deg: tuple[Rise, Rise] = field(
-        (5.0, 90.0),
-        "least and largest elevation of a camera over the XY plane",
-        "[least, largest], numbers from -90 to 90",
+    elevations_deg: tuple[Rise, Rise] = Field(
+        (5.0, 90.0), description="least and largest elevation of a camera over the XY plane"
     )
-    forbidden_boxes_mm: list[Box] = field(
-        lambda: [],
-        "boxes in which no camera may stand, in the structure's frame",
-        "a list of [x least, x largest, y least, y largest, z least, z largest], numbers from "
-        "-100000 to 100000",
+    forbidden_boxes_mm: list[Box] = Field(
+        [],
         max_length=50,
+        description="boxes in which no camera may stand, in the structure's frame: [x least, x "
+        "largest, y least, y largest, z least, z largest]",
     )
-    forbidden_spheres_mm: list[Sphere] = field(
-        lambda: [],
-        "spheres in which no camera may stand, in the structure's frame",
-        "a list of [x, y, z, radius], numbers from -100000 to 100000, radius above 0",
+    forbidden_spheres_mm: list[Sphere] = Field(
+        [],
         max_length=50,
+        description="spheres in which no camera may stand, in the structure's frame: [x, y, z, "
+        "radius]",
     )
-    forbidden_sectors_deg: list[Sector] = field(
-        lambda: [],
-        "directions in which no camera may stand",
-        "a list of [azimuth least, largest, elevation least, largest], azimuths from -360 to 360 "
-        "at most 360 apart, elevations from -90 to 90",
+    forbidden_sectors_deg: list[Sector] = Field(
+        [],
         max_length=50,
+        description="directions in which no camera may stand: [azimuth least, largest, elevation "
+        "least, largest]",
     )
-    tilt_deg: Tilt = field(
-        75.0, "largest angle between a marker's normal and the line of sight at which it is read"
+    tilt_deg: Tilt = Field(
+        75.0,
+        description="largest angle between a marker's normal and the line of sight at which it "
+        "is read",
     )
-    in_view: Annotated[float, Field(gt=0, le=1)] = field(
-        1.0, "share of the markers that each camera must see and read; it counts for those alone"
+    in_view: Annotated[Real, Field(gt=0, le=1)] = Field(
+        1.0,
+        description="share of the markers that each camera must see and read; it counts for "
+        "those alone",
     )
     separation_mm: Separation = 100.0
-    estimator: Estimator = field(
-        "least-squares", "how the simulation estimates points; predicted are least squares"
+    estimator: Estimator = Field(
+        "least-squares",
+        description="how the simulation estimates points; predicted are least squares",
     )
     step_deg: Step = 10.0
     starts: Starts = 3
@@ -235,13 +222,13 @@ class PlanRequest(Study):
         )
 
     def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
-        """What is measured with pictures in the proportion of one of the resolutions."""
+        """Return what is measured with pictures in the proportion of one of the resolutions."""
         width, height = self.resolutions_px[kind]
         focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
         return Scene(body or self.measured, self.peaks_m, self.rules, focals, height / width)
 
     def frame_rate(self, body: Body) -> float:
-        """The lowest frame rate in Hz that the highest mode allows."""
+        """Return the lowest frame rate in Hz that the highest mode allows."""
         needed = PERIOD * float(body.frequencies.max())
         enough = [rate for rate in self.frame_rates_hz if rate >= needed * (1 - 1e-9)]
         if not enough:
@@ -254,40 +241,40 @@ class PlanRequest(Study):
     def check_with(self, body: Body) -> None:
         """Refuse what does not go with a body: distances, amplitudes, frame rates."""
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self.refuse("amplitude_mm")
+            self.refuse("amplitude_mm", "allowed: a number, or a list with one for each mode")
         reach = 1000 * (body.reach + max(self.peaks_m))
         if self.distances_mm[0] <= reach:
             refuse("distances_mm", list(self.distances_mm), beyond(reach))
         self.frame_rate(body)
         if self.goal != "shape" and body.name != self.body:
-            self.refuse("goal")
+            self.refuse("goal", SOUND_ONLY)
         if self.goal != "shape":
             _ = self.sounds  # refuses modes that are not heard
 
     @model_validator(mode="after")
     def _check_together(self) -> PlanRequest:
-        ranges: dict[str, tuple[float, float, float]] = {
-            "distances_mm": (*self.distances_mm, math.inf),
-            "azimuths_deg": (*self.azimuths_deg, 360.0),
-            "elevations_deg": (*self.elevations_deg, math.inf),
-        }
-        for name, (low, high, span) in ranges.items():
-            if not low <= high <= low + span:
-                self.refuse(name)
+        for name in ("distances_mm", "azimuths_deg", "elevations_deg"):
+            low, high = getattr(self, name)
+            if low > high or (name == "azimuths_deg" and high > low + 360):
+                turn = ", at most 360° apart" if name == "azimuths_deg" else ""
+                self.refuse(name, f"allowed: [least, largest]{turn}")
         for box in self.forbidden_boxes_mm:
             if not (box[0] < box[1] and box[2] < box[3] and box[4] < box[5]):
-                self.refuse("forbidden_boxes_mm")
+                self.refuse("forbidden_boxes_mm", "allowed: the least before the largest")
         for west, east, bottom, top in self.forbidden_sectors_deg:
             if not (west <= east <= west + 360 and bottom <= top):
-                self.refuse("forbidden_sectors_deg")
+                self.refuse(
+                    "forbidden_sectors_deg",
+                    "allowed: the least before the largest, azimuths at most 360° apart",
+                )
         if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE:
-            self.refuse("goal")
+            self.refuse("goal", SOUND_ONLY)
         if (self.point_mm is not None) != (self.goal == "sound-point"):
-            self.refuse("point_mm")
+            self.refuse("point_mm", 'allowed: null, or with goal "sound-point" [X, Y, Z]')
         if self.plate_mm and (self.body, self.goal) != ("plate", "shape"):
-            self.refuse("plate_mm")
+            self.refuse("plate_mm", 'allowed with body "plate" and goal "shape", else null')
         if self.prices and len(self.prices) != len(self.resolutions_px):
-            self.refuse("prices")
+            self.refuse("prices", "allowed: none, or one for each of resolutions_px")
         return self
 
 

@@ -1,6 +1,6 @@
 """The best layouts: exchange on a grid of places, then about those found by ever smaller steps.
 
-All decisions are between places of :mod:`~thesis_lib.planning.lattice` whose costs differ by more
+All decisions are between places of :mod:`~thesis_lib.planning.positions` whose costs differ by more
 than noise, so they are the same on every machine. Layouts that are equally good, such as mirror
 images, are told apart by rule.
 """
@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.planning import lattice
-from thesis_lib.planning.lattice import TIE, by_rule, first_least, rank
-from thesis_lib.planning.optimum import (
+from thesis_lib.planning import positions
+from thesis_lib.planning.errors import (
     allowed,
     cost,
     exchange,
@@ -28,7 +27,17 @@ from thesis_lib.planning.optimum import (
     too_near,
     variances,
 )
-from thesis_lib.planning.places import Scene, apart, at, nearest, permitted
+from thesis_lib.planning.positions import (
+    TIE,
+    Scene,
+    apart,
+    at,
+    by_rule,
+    first_least,
+    nearest,
+    permitted,
+    rank,
+)
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 STEPS = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
@@ -56,7 +65,7 @@ class Once:
         self.numbers = 0
 
     def __call__(self, rows: Array) -> NDArray[Any]:
-        """What the function gives for rows."""
+        """Return what the function gives for rows."""
         if self.numbers > _KEPT:
             self.known, self.numbers = {}, 0
         keys = rows.copy().view(f"V{rows.itemsize * rows.shape[1]}")[:, 0].tolist()
@@ -84,13 +93,13 @@ class Surroundings:
         self._information = Once(lambda places: np.moveaxis(information(scene, places), 1, 0))
 
     def information(self, places: Array) -> Array:
-        """As :func:`~thesis_lib.planning.optimum.information`, shape (6, places, markers)."""
+        """As :func:`~thesis_lib.planning.errors.information`, shape (6, places, markers)."""
         # sums of what does not lie together take ten times as long
         return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
 
 
 def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
-    """Allowed places about a `step` (rad) from those of a layout, and which camera may take which.
+    """Find allowed places about a `step` (rad) from a layout, and who may take which.
 
     A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
     nearer or farther, or as near as it sees enough.
@@ -105,14 +114,14 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
     aside, up = np.tile(_WAYS, (n, 1)).T
     azimuth, elevation, distance, focal = np.repeat(layout, len(_WAYS), axis=0).T
     turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
-    across = lattice.azimuths(azimuth + turn * aside, rules.azimuths)
-    grid = np.column_stack([across, lattice.angles(elevation + step * up, rules.elevations)])
-    by = np.maximum(step * distance, 1 / lattice.PER_METRE)
+    across = positions.azimuths(azimuth + turn * aside, rules.azimuths)
+    grid = np.column_stack([across, positions.angles(elevation + step * up, rules.elevations)])
+    by = np.maximum(step * distance, 1 / positions.PER_METRE)
     far = [distance]
     if rules.distances[0] < rules.distances[1]:
         near = about.nearest(np.column_stack([grid, focal]))
         far = [near, distance - by, distance, distance + by]
-    every = np.concatenate([at(grid, lattice.lengths(d, rules.distances), focal) for d in far])
+    every = np.concatenate([at(grid, positions.lengths(d, rules.distances), focal) for d in far])
     camera = np.tile(np.repeat(np.arange(n), len(_WAYS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
     first = first[about.permitted(every[first])]
@@ -122,7 +131,7 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
 
 
 def turned(scene: Scene, layout: Array, angle: float) -> Array:
-    """A layout turned by an angle (rad) about the mean of the markers' normals."""
+    """Return a layout turned by an angle (rad) about the mean of the markers' normals."""
     mean = scene.body.normals.mean(axis=1)
     axis = mean / max(np.linalg.norm(mean), TIE)
     sight = hemisphere_directions(layout[:, 0], layout[:, 1])
@@ -132,8 +141,8 @@ def turned(scene: Scene, layout: Array, angle: float) -> Array:
         + np.outer(sight @ axis, axis) * (1 - np.cos(angle))
     )
     out = layout.copy()
-    out[:, 0] = lattice.azimuths(np.arctan2(sight[:, 0], sight[:, 1]), scene.rules.azimuths)
-    out[:, 1] = lattice.angles(np.arcsin(np.clip(sight[:, 2], -1, 1)), scene.rules.elevations)
+    out[:, 0] = positions.azimuths(np.arctan2(sight[:, 0], sight[:, 1]), scene.rules.azimuths)
+    out[:, 1] = positions.angles(np.arcsin(np.clip(sight[:, 2], -1, 1)), scene.rules.elevations)
     return out
 
 
@@ -154,7 +163,7 @@ def settle(about: Surroundings, layout: Array, objective: str) -> Array:
 
 
 def _moved(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:
-    """The best about a layout, whose own places may be forbidden; None if there is no room."""
+    """Find the best layout about one whose places may be forbidden; None without room."""
     around, whose = neighbours(about, layout, step)
     start = [i if whose[i, i] else -1 for i in range(len(layout))]
     near = too_near(about.scene, around)
@@ -164,18 +173,18 @@ def _moved(about: Surroundings, layout: Array, step: float, objective: str) -> A
 
 
 def images(scene: Scene, layout: Array) -> list[Array]:
-    """A layout, turned by quarters of a turn and mirrored at the planes through the centre."""
+    """Turn a layout by quarters, and mirror it at the planes through the centre."""
     out = []
     for quarter, aside, up in itertools.product(range(4), (1, -1), (1, -1)):
         image = layout * [aside, up, 1, 1] + [quarter * np.pi / 2, 0, 0, 0]
-        image[:, 0] = lattice.azimuths(image[:, 0], scene.rules.azimuths)
-        image[:, 1] = lattice.angles(image[:, 1], scene.rules.elevations)
+        image[:, 0] = positions.azimuths(image[:, 0], scene.rules.azimuths)
+        image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
         out.append(image)
     return out
 
 
 def chosen_of(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
-    """The best of some layouts; of equal ones, and of their images, that of the least rank."""
+    """Choose the best layout; of equal ones and their images, that of the least rank."""
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + TIE)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
@@ -193,7 +202,7 @@ def best_layouts(
     seed: int,
     tell: Callable[[int], object] = lambda _: None,
 ) -> list[Array | None]:
-    """The best layout of each number of cameras from a grid of candidates.
+    """Return the best layout of each number of cameras from a grid of candidates.
 
     Every number is begun from the best smaller one, and from random layouts of half of the
     candidates, each exchanged until nothing helps and settled.

@@ -21,12 +21,11 @@ from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import Medium, Pistons, transfer
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.planning import lattice
-from thesis_lib.planning.lattice import TIE, first_least
-from thesis_lib.planning.places import Scene, apart, at, cameras
+from thesis_lib.planning import positions
+from thesis_lib.planning.positions import TIE, Scene, apart, at, cameras, first_least
 from thesis_lib.planning.search import Surroundings
-from thesis_lib.studies.refusals import refuse
-from thesis_lib.studies.shared_fields import SoundPlanes
+from thesis_lib.studies.fields import refuse
+from thesis_lib.studies.request import SoundPlanes
 from thesis_lib.vibration.structure import deflection_shape, resonance
 from thesis_lib.vision import rounding
 
@@ -53,7 +52,7 @@ def sounds_of(
     plane: str = "XZ",
     point_mm: tuple[float, float, float] | None = None,
 ) -> tuple[PlateSound, ...]:
-    """The plate's sound in some modes with peaks in m, in the air and on planes of chapter 6.
+    """Compute the plate's sound in modes with peaks in m, on the planes of chapter 6.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def sounds_of(
 def _at_point(
     parts: Pistons, point: Array, medium: Medium, omega: float, reference: Array
 ) -> PlateSound:
-    """The sound at one point (3,) in m, whose complex pressure counts as a plane's field does."""
+    """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
     row = transfer(parts, point, omega, medium)
     own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
     largest = np.array([np.nan if own <= NODAL * disordered else own])
@@ -157,7 +156,7 @@ def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array
 def moved(
     sounds: Sounds, about: Surroundings, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """A layout whose cameras are moved, one by one, by ever smaller steps while the sound gains.
+    """Move the cameras, one by one, by ever smaller steps while the sound gains.
 
     A camera goes to one of the eight directions about its own, as near as it sees enough there.
     The layout itself is given back where the law, at the amplitude asked for, is no better after.
@@ -173,8 +172,8 @@ def moved(
             still += 1
             azimuth, elevation, _, focal = found[which]
             aside = azimuth + step / max(np.cos(elevation), step) * _WAYS[:, 0]
-            up = lattice.angles(elevation + step * _WAYS[:, 1], rules.elevations)
-            grid = np.column_stack([lattice.azimuths(aside, rules.azimuths), up])
+            up = positions.angles(elevation + step * _WAYS[:, 1], rules.elevations)
+            grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
             near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
             places = at(grid, near, focal)
             others = np.delete(found, which, axis=0)

@@ -24,12 +24,12 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning.bodies import Body
+from thesis_lib.planning.positions import Body
 from thesis_lib.studies import storage
-from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.blocks import HELD_BYTES
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.text import first_hidden, one_line
+from thesis_lib.studies.schema import with_origin
+from thesis_lib.text import has_hidden, one_line
 from thesis_lib.vibration.structure import Structure, deflection_shape
 
 NEEDED = {
@@ -49,15 +49,15 @@ class MeshError(ParameterError):
 
 
 def read_body(path: Path, modes: Sequence[int]) -> Body:
-    """The modes wanted of the structure in a file.
+    """Return the modes wanted of the structure in a file.
 
     Raises
     ------
     MeshError
         In one line: the file, what is wrong with it, and what is needed.
     """
-    if problem := first_hidden(path.name, "--structure"):  # the plan is named for it
-        raise MeshError(problem)
+    if has_hidden(path.name):  # the plan is named for it
+        raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
     mesh = _opened(path)
     for name, dims in NEEDED.items():
         if name not in mesh.variables:

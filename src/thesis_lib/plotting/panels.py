@@ -29,7 +29,7 @@ from thesis_lib.plotting.selection import (
     select,
 )
 from thesis_lib.plotting.style import HIGHLIGHT, REFERENCE, color, logarithmic, placed
-from thesis_lib.studies import cubes, outlines
+from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 FAR_APART = 20.0
@@ -141,8 +141,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     across = overhead[:, [1, 0, 2]]
     for curve in (circle, overhead, across):
         _draw(axes, radius * curve, color="#d0d0d0", lw=0.7)
-    half = outlines.extent(cube)[0] / 2
-    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in outlines.contours(cube)]
+    half = schema.structure_extent(cube)[0] / 2
+    seen_curves = [_view(np.insert(c, 2, 0, axis=1)) for c in schema.structure_contours(cube)]
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
     axes.add_patch(PathPatch(closed, color="#9a9a9a", lw=1, zorder=3))
     seen: set[tuple[float, ...]] = set()

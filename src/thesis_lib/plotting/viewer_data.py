@@ -14,8 +14,8 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.plotting.selection import Bars, error_bars, select
 from thesis_lib.plotting.style import COLORS, DIVERGING
-from thesis_lib.studies import cubes, outlines
-from thesis_lib.studies.vocabulary import unit
+from thesis_lib.studies import cubes, schema
+from thesis_lib.studies.fields import unit
 
 LENS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """What the images of ideal cameras with whole pixels rest on; filmed studies have no such lens."""
@@ -25,14 +25,14 @@ FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """Return the nominal run and the statistics of a cube (format: `web.viewer.Viewer`)."""
-    said, structure = cube.attrs, outlines.kind(cube)
+    said, structure = cube.attrs, schema.structure_kind(cube)
     kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
     if "measured_deflection" in cube:  # of many trials only the literal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)
     if kind == "beam":
         cube = _middle_row(cube)
-    length, width = outlines.extent(cube)
+    length, width = schema.structure_extent(cube)
     cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
     size: dict[str, Any] = {
@@ -41,7 +41,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     }
     if structure == "panel":
         cube = _in_cells(cube)
-        size["contours_mm"] = [_rounded(1000 * c) for c in outlines.contours(cube)]
+        size["contours_mm"] = [_rounded(1000 * c) for c in schema.structure_contours(cube)]
     varied = said["varied"]
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
@@ -76,10 +76,10 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
 
 def _in_cells(cube: xr.Dataset) -> xr.Dataset:
     """Put a panel's markers into the cells of the box around it; NaN where there is none."""
-    x, y, place = outlines.cells(cube)
+    x, y, place = schema.marker_cells(cube)
     names = ("reference_deflection", "measured_deflection", "point_error")
     wide = {
-        n: (cube[n].dims, outlines.spread(cube[n].values, place, x.size * y.size)) for n in names
+        n: (cube[n].dims, schema.fill_cells(cube[n].values, place, x.size * y.size)) for n in names
     }
     columns, rows = np.tile(x, len(y)), np.repeat(y, len(x))
     rest = cube.drop_vars([*names, "x", "y"])

@@ -20,9 +20,8 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import sha256
 from thesis_lib.plotting import selection as plotted
-from thesis_lib.studies.commands import command, given
 from thesis_lib.studies.effort import Effort
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, command, given
 from thesis_lib.web.html import render_html
 from thesis_lib.web.markdown import escape
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.text import hidden, one_line
+from thesis_lib.text import has_hidden, one_line
 
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
@@ -51,7 +51,7 @@ def is_folder(name: str) -> bool:
 
 
 def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, in which no key may stand twice: nobody knows which was meant."""
+    """Return an object of JSON, in which no key may stand twice: nobody knows which was meant."""
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
@@ -61,13 +61,13 @@ def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
-    """Validated studies of sets and chapters; each set takes the parameters that it has.
+    """Return validated studies of sets and chapters; each set takes the parameters that it has.
 
     A name that is a folder's stands for the figure sets in it.
     """
     from thesis_lib.figure_sets import outside
-    from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
-    from thesis_lib.studies.request import ParameterError
+    from thesis_lib.figure_sets.registry import CHAPTERS, model_of
+    from thesis_lib.studies.request import ParameterError, check_names, validated
 
     studies, notes = [], []
     try:
@@ -76,17 +76,14 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
             for name in names
             for one in (outside.load(Path(name)) if is_folder(name) else CHAPTERS.get(name, [name]))
         ]
-        wanted = list(dict.fromkeys(expanded))
-        for name in wanted:
-            validate(name, {})
-        for key, value in values.items():
-            if not any(key in STUDIES[name].model_fields for name in wanted):
-                validate(wanted[0], {key: value})
-        for name in wanted:
-            fields = STUDIES[name].model_fields
-            studies.append(validate(name, {key: values[key] for key in values if key in fields}))
+        models = [model_of(name) for name in dict.fromkeys(expanded)]
+        known = {key for model in models for key in model.model_fields}
+        check_names(models[0], (key for key in values if key not in known))
+        for model in models:
+            own = {key: value for key, value in values.items() if key in model.model_fields}
+            studies.append(validated(model, own))
             notes += [
-                f"{name} has no {key}: it runs without" for key in values if key not in fields
+                f"{model.name} has no {key}: it runs without" for key in values if key not in own
             ]
     except ParameterError as error:
         raise Refused(str(error)) from None
@@ -133,12 +130,12 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
 
 
 def new_folder(out: Path, option: str = "--out") -> Path:
-    """A folder to write to, refused where a file stands in its way or writing is not allowed."""
+    """Check a folder to write to: no file stands in its way, writing is allowed."""
     if str(out) in ("", "."):
         raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
     folder = out.absolute()
-    if found := hidden(str(folder)):
-        raise Refused(f"{option}: given {out} with {found}; allowed: visible text")
+    if has_hidden(str(folder)):
+        raise Refused(f"{option}: given {str(out)!r}, allowed: a visible name")
     try:
         (folder / ("x" * LONGEST_FILE)).lstat()
     except OSError as error:

@@ -24,9 +24,9 @@ from thesis_lib.files import (
     sha256,
     whole_text,
 )
-from thesis_lib.studies.attributes import with_provenance
 from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.request import Study
+from thesis_lib.studies.schema import with_provenance
 from thesis_lib.studies.storage import CubeError, fill_in, opened, write
 
 

@@ -39,7 +39,7 @@ def listed_by(cube: xr.Dataset) -> str:
 
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
-    """The errors that a cube holds in %, by their names in the tables."""
+    """Return the errors that a cube holds in %, by their names in the tables."""
     return {name: error(cube, name) for name, (variable, _) in ERRORS.items() if variable in cube}
 
 
@@ -50,7 +50,7 @@ def error(cube: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
-    """What is predicted of an error by its name in the tables, in %."""
+    """Return what is predicted of an error by its name in the tables, in %."""
     variable, plane = ERRORS[error]
     own = f"predicted_{variable}"  # of a cube with errors of several kinds
     values = cube[own if own in cube else "predicted_error"]
@@ -112,13 +112,13 @@ def typical(values: xr.DataArray) -> Array:
 
 
 def trials_are(cube: xr.Dataset) -> str:
-    """What the trials of a cube are, as tables and legends say it."""
+    """Return what the trials of a cube are, as tables and legends say it."""
     draws = str(cube.attrs.get("draws", ""))
     return draws if draws.endswith("recordings") else "trials"
 
 
 def percent_text(value: float) -> str:
-    """A percentage with one decimal, below 1 with two, below 0.1 with three."""
+    """Return a percentage with one decimal, below 1 with two, below 0.1 with three."""
     size = abs(value)
     return f"{value:.1f}" if size >= 0.995 else f"{value:.2f}" if size >= 0.095 else f"{value:.3f}"
 

@@ -14,13 +14,13 @@ from thesis_lib import text
 from thesis_lib.files import shipped, whole_file
 from thesis_lib.studies import cubes
 from thesis_lib.studies.storage import CubeError
-from thesis_lib.text import hidden, one_line
+from thesis_lib.text import has_hidden, one_line
 
 Columns = Mapping[str, Callable[[str], Any]]
 
 
 def _text(given: str) -> str:
-    if hidden(given):
+    if has_hidden(given):
         raise ValueError
     return given
 

@@ -1,32 +1,52 @@
-"""What the parameters of all figure sets share: fields, checks, and their one-line refusals."""
+"""Requests: the parameters of a figure set, checked once, and the command that gives them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+import shlex
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, ClassVar
 
-from pydantic import ValidationError, model_validator
-from pydantic_core import from_json
+from pydantic import Field, ValidationError, model_validator
 
+from thesis_lib.acoustics.planes import Plane, pistons
+from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.refusals import permitted, refuse, shown, suggestion
-from thesis_lib.studies.vocabulary import (
-    SHARED,
+from thesis_lib.studies.fields import (
     Fields,
+    Positive,
     Seed,
     Trials,
+    Whole,
     allowed_text,
-    field,
+    first_problem,
+    permitted,
+    refuse,
+    suggestion,
     unit,
 )
-from thesis_lib.text import first_hidden, listed, one_line
-from thesis_lib.vibration.structure import Structure
+from thesis_lib.text import listed, one_line
+from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Structure, resonance
 
 CHOOSES = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
+SHARED = (
+    "focal_length_mm",
+    "sensor_width_mm",
+    "amplitude_mm",
+    "rest",
+    "azimuth_zero",
+    "principal_offset_px",
+    "estimator",
+    "noise_px",
+    "modes",
+)
+"""Parameters that mean the same in all figure sets: they are listed after a set's own."""
 
 
 class ParameterError(ValueError):
@@ -50,14 +70,15 @@ class Study(Fields):
 
     trials: Trials = 200
     seed: Seed = 0
-    cube: str = field(
+    cube: str = Field(
         "",
-        "file to write the cube to, from the project's folder; empty writes nothing",
-        "a path that ends in .nc, or empty",
+        pattern=r"^$|\.nc$",
+        title="a path that ends in .nc, or empty",
+        description="file to write the cube to, from the project's folder; empty writes nothing",
     )
 
     def settings(self) -> list[Setting]:
-        """The study's settings in the order of the thesis's tables; none if nothing is varied."""
+        """Return the study's settings in the order of the thesis's tables, if any."""
         return []
 
     @property
@@ -96,50 +117,40 @@ class Study(Fields):
             value = getattr(self, name)
             repeats = isinstance(value, list) and len(set(value)) < len(value)
             if repeats and name != "amplitude_mm":
-                self.refuse(name)
-        if self.cube and not self.cube.endswith(".nc"):
-            self.refuse("cube")
+                self.refuse(name, permitted(type(self), name))
         return self
 
-    def refuse(self, field: str) -> None:
-        """Refuse the value of a field by what the field allows."""
-        refuse(field, getattr(self, field), permitted(type(self), field))
+
+def beyond(reach: float | str) -> str:
+    """Return what a distance from a structure must exceed, as refused; `reach` is in mm."""
+    number = reach if isinstance(reach, str) else f"{reach:.4g}"
+    return f"allowed: more than {number} mm, the reach of the structure and its deflection"
 
 
-def beyond(reach: float) -> str:
-    """What a distance from a structure allows, as it stands in a refusal; `reach` is in mm."""
-    return f"allowed: more than {reach:.4g} mm, the reach of the structure and its deflection"
+def check_names(model: type[Study], names: Iterable[str]) -> None:
+    """Refuse a parameter that a figure set does not have."""
+    for name in names:
+        if name not in model.model_fields:
+            hint = suggestion(name, model.model_fields)
+            own = [one for one in model.model_fields if one != "cube"]
+            command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
+            raise ParameterError(
+                f"{model.name}: no parameter {one_line(str(name))}{hint}; "
+                f"{listed(own, f'thesis {command}')}"
+            )
 
 
 def validated(model: type[Study], values: Mapping[str, Any]) -> Study:
-    """A model's parameters from plain values, refused in one line."""
-    name = model.name
-    parts = []
-    for key, value in values.items():
-        if key not in model.model_fields:
-            names = list(model.model_fields)
-            hint = suggestion(str(key), names)
-            command = "thesis plan --parameters" if name == "plan" else f"thesis list {name}"
-            there = listed((one for one in names if one != "cube"), command)
-            raise ParameterError(f"{name}: no parameter {one_line(str(key))}{hint}; {there}")
-        try:
-            text = json.dumps(value).replace("4a\\u2032", "4a'")
-            from_json(f"[{text}]")
-        except (TypeError, ValueError, RecursionError):  # not JSON, or nested beyond measure
-            problem = f"{key}: given {shown(value)}, {permitted(model, key)}"
-            raise ParameterError(f"{name}: {problem}") from None
-        parts.append(f'"{key}": {text}')
+    """Return a model's parameters from plain values, refused in one line."""
+    check_names(model, values)
     try:
-        request = model.model_validate_json(f"{{{', '.join(parts)}}}")
+        return model.model_validate(values)
     except ValidationError as error:
-        raise ParameterError(f"{name}: {_first_problem(model, values, error)}") from None
-    if problem := first_hidden(values):
-        raise ParameterError(f"{name}: {problem}")
-    return request
+        raise ParameterError(f"{model.name}: {first_problem(model, values, error)}") from None
 
 
 def describe(model: type[Study]) -> list[dict[str, str]]:
-    """One row per parameter: name, default, unit, allowed, meaning."""
+    """Return one row per parameter: name, default, unit, allowed, meaning."""
     defaults = model().model_dump(mode="json")
     return [
         {
@@ -156,22 +167,122 @@ def describe(model: type[Study]) -> list[dict[str, str]]:
     ]
 
 
-def _first_problem(model: type[Study], values: Mapping[str, Any], error: ValidationError) -> str:
-    problem = error.errors(include_url=False)[0]
-    if problem["type"] == "refused":
-        return problem["msg"]
-    key = str(problem["loc"][0])
-    place, inside = key, values[key]
-    for part in problem["loc"][1:]:  # where in the value; the rest is pydantic's own words
-        if isinstance(inside, Mapping) and part in inside:
-            place, inside = f"{place}[{shown(part)}]", inside[part]
-        elif isinstance(inside, Sequence) and isinstance(part, int) and part < len(inside):
-            place, inside = f"{place}[{part}]", inside[part]
-    return f"{place}: given {shown(problem['input'])}, {permitted(model, key)}"
-
-
 def whole_numbers(value: Any) -> Any:
-    """The same with whole numbers written without a point."""
+    """Return plain values with whole numbers written without a point."""
     if isinstance(value, list):
         return [whole_numbers(one) for one in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def given(study: Study) -> dict[str, Any]:
+    """Return the parameters that differ from the defaults.
+
+    Examples
+    --------
+    >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
+    >>> given(camera_study("beam-distance", {"modes": [1], "seed": 0}))
+    {'modes': [1]}
+    """
+    defaults = type(study)().request
+    return {key: value for key, value in study.request.items() if value != defaults[key]}
+
+
+def command(study: Study) -> str:
+    """Return the command that runs a study.
+
+    Examples
+    --------
+    >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
+    >>> command(camera_study("beam-distance", {"modes": [1]}))
+    "thesis run beam-distance -p 'modes=[1]'"
+    """
+    return join_command(["thesis", "run", study.folder or study.name], given(study))
+
+
+def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
+    """Return words and parameters as a line for a shell.
+
+    Examples
+    --------
+    >>> join_command(["thesis", "plan"], {"body": "plate", "counts": [2, 3]})
+    "thesis plan -p body=plate -p 'counts=[2, 3]'"
+    """
+    options = (
+        f"-p {shlex.quote(f'{key}={value if isinstance(value, str) else json.dumps(value)}')}"
+        for key, value in parameters.items()
+    )
+    return " ".join([shlex.join(words), *options])
+
+
+# What a plate and its sound add: markers, planes, medium (thesis 6.1).
+
+Markers = Annotated[Whole, Field(ge=2, le=60)]
+Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
+PlanePoints = Annotated[Whole, Field(ge=2, le=500)]
+READING = reading("sound")
+
+
+class PlateMarkers(Fields):
+    """Parameters of a plate."""
+
+    grid: Grid
+
+    @property
+    def structure(self) -> Structure:
+        """What is measured."""
+        return setups.plate(self.grid)
+
+
+class SoundPlanes(PlateMarkers):
+    """Parameters of the sound field."""
+
+    speed_of_sound_m_s: Positive = Field(
+        READING["speed_of_sound_m_s"], description="speed of sound in the fluid"
+    )
+    air_density_kg_m3: Positive = Field(
+        READING["air_density_kg_m3"], description="density of the fluid"
+    )
+    plane_half_width_mm: Positive = Field(
+        READING["plane_half_width_mm"], description="the planes reach |X|, |Y| up to this"
+    )
+    plane_bottom_mm: Positive = Field(
+        READING["plane_bottom_mm"], description="lowest height of the planes"
+    )
+    plane_top_mm: Positive = Field(
+        READING["plane_top_mm"], description="greatest height of the planes, above plane_bottom_mm"
+    )
+    plane_shape: tuple[PlanePoints, PlanePoints] = Field(
+        tuple(READING["plane_shape"]), description="points along X or Y, and along Z"
+    )
+
+    @property
+    def medium(self) -> Medium:
+        """The fluid."""
+        return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
+
+    @property
+    def planes(self) -> tuple[Plane, Plane]:
+        """The planes XZ and YZ."""
+        half, bottom, top = (
+            length / 1000
+            for length in (self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm)
+        )
+        return (
+            Plane("XZ", half, bottom, top, self.plane_shape),
+            Plane("YZ", half, bottom, top, self.plane_shape),
+        )
+
+    @model_validator(mode="after")
+    def _check_sound(self) -> SoundPlanes:
+        if self.plane_top_mm <= self.plane_bottom_mm:
+            self.refuse("plane_top_mm", "allowed: a number above plane_bottom_mm, in mm")
+        plate, highest = self.structure, max(self.modes)  # type: ignore[attr-defined]
+        assert isinstance(plate, Plate)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the page warns
+                check_pistons(pistons(plate), resonance(plate, highest), self.medium)
+        except ValueError as error:
+            known, here = "use more and smaller pistons", "take lower modes or a finer grid"
+            refuse("modes", highest, str(error).replace(known, here))
+        return self

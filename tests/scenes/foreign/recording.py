@@ -17,9 +17,8 @@ import numpy as np
 from PIL import Image
 from scenes.foreign.rays import Chessboard, Eye, Film, Optics, Sensor, Strip, looking
 
-from thesis_lib.measure.recordings.board_fields import BoardSpec
-from thesis_lib.measure.recordings.force_fields import Excitation
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.recordings.excitation import Excitation
+from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles, Manifest
 
 RATE, SOUND_RATE = 60, 48000  # frames and samples a second
 FREQUENCY, TIP = 11.3, 0.004  # Hz, m

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.optics.tables import flows
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,
@@ -141,8 +141,7 @@ def draw_alias() -> Figure:
 def draw_cases() -> Figure:
     """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own."""
     found: dict[str, list[Setting]] = {}
-    for study in CAMERA_STUDIES.values():
-        one = study()
+    for one in map(camera_study, CAMERA_STUDIES):
         if one.subject == "beam":
             for setting in one.settings():
                 found.setdefault(setting.case, []).append(setting)

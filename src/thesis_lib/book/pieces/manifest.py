@@ -13,18 +13,17 @@ from pydantic import BaseModel
 from thesis_lib.book.pieces import filming
 from thesis_lib.files import whole_text
 from thesis_lib.measure.messages import CHECKS, NEW, NOTES, UNCHECKED
-from thesis_lib.measure.recordings.board_fields import BoardSpec
-from thesis_lib.measure.recordings.force_fields import Excitation, Force, Sweep
+from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
+    BoardSpec,
     CameraFiles,
     Manifest,
     Markers,
+    Radiation,
+    Reuse,
     Structure,
 )
-from thesis_lib.measure.recordings.radiation_fields import Radiation
-from thesis_lib.measure.recordings.reuse import Reuse
-from thesis_lib.measure.recordings.sought import Sought
-from thesis_lib.studies.vocabulary import allowed_text, unit
+from thesis_lib.studies.fields import allowed_text, unit
 from thesis_lib.templates import render
 
 PARTS: dict[str, type[BaseModel]] = {

@@ -18,7 +18,7 @@ from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
 from thesis_lib.planning import errors
-from thesis_lib.planning.places import at
+from thesis_lib.planning.positions import at
 from thesis_lib.planning.report import command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort

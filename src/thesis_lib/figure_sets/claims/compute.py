@@ -28,7 +28,7 @@ from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.verdicts import claim_from_errors, meets
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 
 CHAPTERS = (3, 4, 6)  # simulated
 FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)

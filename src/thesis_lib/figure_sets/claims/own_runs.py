@@ -24,9 +24,8 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger.series import Series, series_of
-from thesis_lib.studies.commands import command
-from thesis_lib.studies.request import Study
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.request import Study, command
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import measure, percent_errors

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.facts.readings import ADOPTED, READINGS
-from thesis_lib.studies.refusals import refuse
+from thesis_lib.studies.fields import Seed, Shifts, refuse
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.vocabulary import Seed, Shifts, field
 
 
 class Ledger(Study):
@@ -19,8 +18,10 @@ class Ledger(Study):
     varied = "claim"
     varied_label = "claim"
 
-    trials: Shifts = field(200, "random shifts of the pixel grids in the ledger's own runs")
-    seed: Seed = field(0, "seed of the ledger's own runs")
+    trials: Shifts = Field(
+        200, description="random shifts of the pixel grids in the ledger's own runs"
+    )
+    seed: Seed = Field(0, description="seed of the ledger's own runs")
 
 
 class OwnRuns(Ledger):
@@ -36,11 +37,9 @@ class OtherReadings(Ledger):
     name = "claims-readings"
     title = "Ledger: other readings"
 
-    readings: list[str] = field(
-        lambda: [name for name in READINGS if name != ADOPTED],
-        "readings of what the thesis leaves open, to compare with the adopted one",
-        'a list of different ones of the page\'s table, such as ["rest known"]; the adopted one '
-        "is always run",
+    readings: list[str] = Field(
+        [name for name in READINGS if name != ADOPTED],
+        description="readings of what the thesis leaves open, to compare with the adopted one",
     )
 
     @model_validator(mode="after")

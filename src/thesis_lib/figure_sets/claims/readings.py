@@ -26,9 +26,9 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
-from thesis_lib.studies.commands import command
 from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.request import command
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance
 

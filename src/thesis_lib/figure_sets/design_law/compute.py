@@ -32,7 +32,7 @@ from thesis_lib.figure_sets.design_law.sweeps import (
     thesis_study,
 )
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras

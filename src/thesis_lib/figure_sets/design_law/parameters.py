@@ -13,24 +13,25 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.refusals import refuse
-from thesis_lib.studies.request import Study
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.studies.fields import (
     Angle,
     FocalLength,
     Positive,
+    Real,
     SensorSize,
     SensorWidth,
     Several,
     Shifts,
-    field,
+    Whole,
+    refuse,
 )
+from thesis_lib.studies.request import Study
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
 MOST_FRAMES = 4000  # of a film
 FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
-Count = Annotated[int, Field(ge=2, le=100)]
+Count = Annotated[Whole, Field(ge=2, le=100)]
 
 
 class DesignLaw(Study):
@@ -46,47 +47,39 @@ class DesignLaw(Study):
 
     focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
     sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
-    resolution_px: SensorSize = field(
-        lambda: tuple(setups.table("beam", "distance")["resolution_px"]),
-        "width and height of the sensors, of the cone and where numbers are compared",
+    resolution_px: SensorSize = Field(
+        tuple(setups.table("beam", "distance")["resolution_px"]),
+        description="width and height of the sensors, of the cone and where numbers are compared",
     )
-    cone_distance_mm: Positive = field(
-        1000.0,
-        "distance of cameras on a cone",
-        "a number above the reach of beam and plate, at most 100000",
+    cone_distance_mm: Positive = Field(1000.0, description="distance of cameras on a cone")
+    cone_deg: Angle = Field(55.0, description="angle of the cone, from the normal")
+    cone_cameras: Annotated[Whole, Field(ge=3, le=100)] = Field(
+        6, description="cameras where the angle of the cone varies"
     )
-    cone_deg: Angle = field(55.0, "angle of the cone, from the normal")
-    cone_cameras: Annotated[int, Field(ge=3, le=100)] = field(
-        6, "cameras where the angle of the cone varies"
+    amplitude_mm: Positive = Field(
+        reading("beam")["amplitude_mm"],
+        description="peak of the beam's vibration at equal pixel rates",
     )
-    amplitude_mm: Positive = field(
-        reading("beam")["amplitude_mm"], "peak of the beam's vibration at equal pixel rates"
-    )
-    small_amplitude_mm: Positive = field(0.02, "peak of a vibration far below a pixel")
-    pixels_per_second: Annotated[float, Field(ge=1e4, le=1e13)] = field(
+    small_amplitude_mm: Positive = Field(0.02, description="peak of a vibration far below a pixel")
+    pixels_per_second: Annotated[Real, Field(ge=1e4, le=1e13)] = Field(
         float(2 * math.prod(FULL_HD) * setups.table("experiment", "rig")["frame_rate_hz"]),
-        "pixels per second of all cameras together; the default is two cameras of chapter 5",
-        "a number from 1e4 to 1e13",
+        description="pixels per second of all cameras together; the default is two cameras of "
+        "chapter 5",
     )
-    counts: Several[Count] = field(
-        lambda: [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
-        "numbers of cameras that share the pixels",
+    counts: Several[Count] = Field(
+        [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
+        description="numbers of cameras that share the pixels",
     )
-    frame_rates_hz: Several[Positive] = field(
-        lambda: [60.0, 240.0, 960.0],
-        "frames per second that each of them takes",
-        "a list of different numbers above 0, at most 100000, that leave each camera a sensor "
-        f"{LEAST_PX} to 20000 px wide",
+    frame_rates_hz: Several[Positive] = Field(
+        [60.0, 240.0, 960.0], description="frames per second that each of them takes"
     )
-    frequency_hz: Positive = field(
+    frequency_hz: Positive = Field(
         7.3,
-        "frequency of the vibration that is fitted",
-        "a number from 1 over the duration to 0.4 times the lowest frame rate",
+        description="frequency of the vibration that is fitted, at most 0.4 of the lowest frame "
+        "rate",
     )
-    duration_s: Annotated[float, Field(gt=0, le=10)] = field(
-        1.0,
-        "how long it is recorded",
-        f"a number above 0, at most 10, and at most {MOST_FRAMES} frames",
+    duration_s: Annotated[Real, Field(gt=0, le=10)] = Field(
+        1.0, description="how long it is recorded"
     )
     trials: Shifts = 200
 
@@ -97,7 +90,7 @@ class DesignLaw(Study):
         return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)
 
     def settings(self) -> list[Setting]:
-        """The cameras that share the pixels: for each number of them, each of the frame rates."""
+        """Return cameras that share the pixels: for each number of them, each frame rate."""
         width, height, rate = self.shared
         made = []
         for i, k in np.ndindex(width.shape):
@@ -125,9 +118,17 @@ class DesignLaw(Study):
             refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
-            self.refuse("frame_rates_hz")
+            self.refuse(
+                "frame_rates_hz",
+                f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide",
+            )
         if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:
-            self.refuse("duration_s")
-        if not 1 / self.duration_s <= self.frequency_hz <= 0.4 * min(self.frame_rates_hz):
-            self.refuse("frequency_hz")
+            self.refuse("duration_s", f"allowed: at most {MOST_FRAMES} frames")
+        low, high = 1 / self.duration_s, 0.4 * min(self.frame_rates_hz)
+        if not low <= self.frequency_hz <= high:
+            self.refuse(
+                "frequency_hz",
+                f"allowed: {low:.4g} Hz, one over the duration, to {high:.4g} Hz, 0.4 times the "
+                "lowest frame rate",
+            )
         return self

@@ -29,16 +29,15 @@ from thesis_lib.measure.fitting.harmonics import (
     mean_of,
 )
 from thesis_lib.measure.fitting.reconstruction import checked_frame
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.check import check, markers_of
+from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.markers import Markers
 from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.recordings.validation import check, markers_of
 from thesis_lib.measure.steps import calibrated, heard, tracked
 from thesis_lib.measure.synchronisation.synchronise import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera, resized, undistorted
 

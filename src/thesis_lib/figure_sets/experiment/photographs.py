@@ -19,8 +19,7 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.sketches import INK, WIDE, names_of, tip_marker
 from thesis_lib.measure.calibration.zhang import central
-from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
 from thesis_lib.measure.tracking.follow import reduced
 from thesis_lib.plotting.style import COLORS, in_style, mosaic, subplots

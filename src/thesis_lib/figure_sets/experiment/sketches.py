@@ -19,7 +19,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.figure_sets.experiment.methods import ORDER
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
-from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,

@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.experiment import methods, photographs, sketches
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.measure.fitting.reconstruction import deflection_at
-from thesis_lib.measure.recordings.markers import rows_on
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.plotting.style import saved, slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component

@@ -25,7 +25,7 @@ from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, draw_curves, subplots
 from thesis_lib.studies.cubes import trials_are
-from thesis_lib.studies.vocabulary import unit
+from thesis_lib.studies.fields import unit
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 __all__ = ["TEXTS", "figure"]

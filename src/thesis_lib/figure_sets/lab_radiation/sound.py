@@ -32,9 +32,9 @@ from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
 from thesis_lib.measure.radiation.radiated import NODES, count_nodes, radiated
-from thesis_lib.measure.recordings.check import ChainError
-from thesis_lib.measure.recordings.markers import Markers, on_surface
-from thesis_lib.studies.variables import declared
+from thesis_lib.measure.recordings.board import Markers, on_surface
+from thesis_lib.measure.recordings.validation import ChainError
+from thesis_lib.studies.schema import declared
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision import lens

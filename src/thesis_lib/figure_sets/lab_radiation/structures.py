@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
 from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.replicates import camera_rig, derive_seed, settle_rig
 from thesis_lib.laboratory.rig import Rig
-from thesis_lib.measure.recordings.markers import Markers, rows_on
+from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
 from thesis_lib.vibration.motion import Component

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project

@@ -10,50 +10,63 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.studies.refusals import refuse, shown
-from thesis_lib.studies.request import Study, beyond
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.studies.fields import (
     Estimator,
     FocalLength,
     Mode,
     Positive,
+    Real,
     SensorWidth,
     Several,
-    field,
+    refuse,
+    shown,
 )
+from thesis_lib.studies.request import Study, beyond
 from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
+
+CONDITIONS = {
+    "amplitude_mm": 'allowed: a number, a list with one for each mode, or "force"',
+    "cases": "allowed: at least one, or layouts",
+    "layouts": "allowed: new names, each with sets that grow",
+}
+COINCIDENT = (
+    "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "
+    "allowed: different places"
+)
+"""How values are refused that do not go together; pages refuse in the same words."""
 
 
 class CameraStudy(Study):
     """Parameters that all camera studies share."""
 
-    focal_length_mm: FocalLength = field(...)
-    sensor_width_mm: SensorWidth = field(...)
-    amplitude_mm: Positive | list[Positive] | Literal["force"] = field(
+    focal_length_mm: FocalLength = Field(...)
+    sensor_width_mm: SensorWidth = Field(...)
+    amplitude_mm: Positive | list[Positive] | Literal["force"] = Field(
         ...,
-        "peak of the deflection over the structure",
-        'a number above 0, a list with one for each mode, or "force" (the response to 1 N)',
+        description="peak of the deflection over the structure, for each mode if it is a list; "
+        '"force" is the response to 1 N',
     )
-    rest: Literal["rebuilt", "known"] = field(
-        ..., "whether the rest position is rebuilt from rounded pixels or known"
+    rest: Literal["rebuilt", "known"] = Field(
+        ..., description="whether the rest position is rebuilt from rounded pixels or known"
     )
-    azimuth_zero: Literal["Y", "X"] = field(
-        ..., "axis from which azimuths are measured, towards the other one"
+    azimuth_zero: Literal["Y", "X"] = Field(
+        ..., description="axis from which azimuths are measured, towards the other one"
     )
-    principal_offset_px: Annotated[float, Field(ge=-0.5, le=0.5)] = field(
-        ..., "how far right and down of the sensor's middle the principal point is"
+    principal_offset_px: Annotated[Real, Field(ge=-0.5, le=0.5)] = Field(
+        ..., description="how far right and down of the sensor's middle the principal point is"
     )
-    estimator: Estimator = field(
+    estimator: Estimator = Field(
         "least-squares",
-        "how points are estimated from rounded pixels; the thesis takes least squares",
+        description="how points are estimated from rounded pixels; the thesis takes least squares",
     )
-    noise_px: Annotated[float, Field(ge=0, le=10)] = field(
+    noise_px: Annotated[Real, Field(ge=0, le=10)] = Field(
         0.0,
-        "standard deviation of noise in the images before they are rounded; interval is told it",
+        description="standard deviation of noise in the images before they are rounded; interval "
+        "is told it",
     )
-    modes: Several[Mode] = field(lambda: [1, 2, 3], "modes to measure")
+    modes: Several[Mode] = Field([1, 2, 3], description="modes to measure")
 
     def printed(self) -> list[Setting]:
         """Return the study's settings with azimuths as they are given."""
@@ -91,7 +104,7 @@ class CameraStudy(Study):
     @model_validator(mode="after")
     def _check_together(self) -> CameraStudy:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self.refuse("amplitude_mm")
+            self.refuse("amplitude_mm", CONDITIONS["amplitude_mm"])
         settings = self.printed()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
         for setting in settings:
@@ -102,10 +115,10 @@ class CameraStudy(Study):
 def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
     length, width = study.structure.extent
     reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
-    field = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
+    name = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
     for setting in settings:
         if setting.distance_mm <= reach:
-            refuse(field, setting.distance_mm, beyond(reach))
+            refuse(name, setting.distance_mm, beyond(reach))
 
 
 def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
@@ -121,6 +134,4 @@ def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
         else:
             field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        where = f"case {shown(setting.case)}, {setting.label}"
-        same = f"two cameras at the same place in {where} ([azimuth, elevation] in °)"
-        refuse(field, given, f"{same}, allowed: different places")
+        refuse(field, given, COINCIDENT.format(shown(setting.case), setting.label))

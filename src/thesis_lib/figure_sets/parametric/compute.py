@@ -19,15 +19,15 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
-from thesis_lib.studies.labels import (
+from thesis_lib.studies.schema import (
     CAMERAS,
     REFERENCE,
     SHORT,
     VARIABLES,
     camera_places,
     coordinates,
+    labelled,
 )
-from thesis_lib.studies.variables import labelled
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project

@@ -12,7 +12,7 @@ from thesis_lib.figure_sets.parametric.sound import audible
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import bar_beside, color, draw_map, placed, subplots
-from thesis_lib.studies import outlines
+from thesis_lib.studies import schema
 
 
 def turn(cube: xr.Dataset) -> Figure:
@@ -54,13 +54,13 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
     picture: Any = None
-    x, y, place = outlines.cells(cube)
-    x, y, middle = 1000 * x, 1000 * y, np.array(outlines.extent(cube)) / 2
+    x, y, place = schema.marker_cells(cube)
+    x, y, middle = 1000 * x, 1000 * y, np.array(schema.structure_extent(cube)) / 2
     for name, (title, values) in zip("cde", shapes, strict=True):
-        cells = outlines.spread(values, place, len(x) * len(y)).reshape(len(y), len(x))
+        cells = schema.fill_cells(values, place, len(x) * len(y)).reshape(len(y), len(x))
         picture = draw_map(axes[name], cells, x, y, limit)
-        if outlines.kind(cube) == "panel":
-            for curve in outlines.contours(cube):
+        if schema.structure_kind(cube) == "panel":
+            for curve in schema.structure_contours(cube):
                 axes[name].fill(*(1000 * (curve + middle)).T, fill=False, edgecolor="#444444")
         axes[name].plot(part["x"] * 1000, part["y"] * 1000, ".", color="#444444", ms=1.2)
         axes[name].set(title=title, xlabel="x in mm")

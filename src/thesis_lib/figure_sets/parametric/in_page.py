@@ -13,12 +13,14 @@ import numpy as np
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
+from thesis_lib.figure_sets.parametric.camera_study import COINCIDENT, CONDITIONS
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import COLORS, DIVERGING
 from thesis_lib.plotting.viewer_data import LENS
 from thesis_lib.studies import cubes
+from thesis_lib.studies.fields import unit
 from thesis_lib.studies.published import read_published
-from thesis_lib.studies.vocabulary import unit
+from thesis_lib.studies.request import beyond
 from thesis_lib.vibration.beam import Beam, cantilever_roots
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, peak_deflection
@@ -54,11 +56,12 @@ def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
     -------
     dict
         ``structures`` as :func:`model` tells them, with ``peaks``, the deflection of each mode by
-        a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and ``opposite``; what a
-        viewer draws with; and ``sets``: what is varied, titles of cases, and ``published`` rows of
-        case, value, order of pairs, mode, literal mean error, median, 5 and 95 % in percent.
+        a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and ``opposite``;
+        ``conditions``, words for values that do not go together; what a viewer draws with; and
+        ``sets``: what is varied, titles of cases, and ``published`` rows of case, value, order of
+        pairs, mode, literal mean error, median, 5 and 95 % in percent.
     """
-    studies = {name: CAMERA_STUDIES[name]() for name in names}
+    studies = {name: camera_study(name) for name in names}
     structures = {one.subject: one.structure for one in studies.values()}
     return {
         "structures": {
@@ -73,6 +76,7 @@ def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
         "colors": list(COLORS),
         "colormap": list(DIVERGING),
         "lens": list(LENS),
+        "conditions": CONDITIONS | {"reach": beyond("{}"), "places": COINCIDENT},
         "sets": {
             name: {
                 "subject": one.subject,

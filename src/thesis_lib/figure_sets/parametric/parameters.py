@@ -9,45 +9,44 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, Field, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.camera_study import CONDITIONS, CameraStudy
 from thesis_lib.figure_sets.parametric.shapes import CONTOURS, ShapeMarkers
-from thesis_lib.studies.request import validated
-from thesis_lib.studies.shared_fields import PlateMarkers, SoundPlanes
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.studies.fields import (
     Azimuth,
     Elevation,
     Fields,
     HalfAperture,
     Name,
     Positive,
+    Real,
     SensorSize,
     Several,
     Trials,
     Width,
-    field,
-    means,
 )
+from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validated
 from thesis_lib.vibration.structure import Structure
 
+_AS_TYPED = BeforeValidator(
+    lambda name: name.replace("4a′", "4a'") if isinstance(name, str) else name
+)
+Case = Annotated[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], _AS_TYPED]
 Order = Literal["printed", "reversed"]
 Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
 
 
 FromCentre = Annotated[
     Positive,
-    means(
-        "distance of all cameras from the structure's centre",
-        "a number above the structure's reach, at most 100000",
-    ),
+    Field(description="distance of all cameras from the structure's centre, beyond its reach"),
 ]
-OfPair = Annotated[Azimuth, means("the pair stands at plus and minus this azimuth")]
+OfPair = Annotated[Azimuth, Field(description="the pair stands at plus and minus this azimuth")]
 
 
 # The four studies. Where a field has no default here, it is what the table of the structure says.
@@ -61,13 +60,11 @@ class Distance(CameraStudy):
     varied = "distance_mm"
     varied_label = "distance d"
 
-    distances_mm: Several[Positive] = field(
-        ...,
-        "distances of the pair from the structure's centre",
-        "a list of different numbers above the structure's reach, at most 100000",
+    distances_mm: Several[Positive] = Field(
+        ..., description="distances of the pair from the structure's centre, beyond its reach"
     )
     azimuth_deg: OfPair
-    elevation_deg: Elevation = field(..., "elevation of the cameras")
+    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
     resolution_px: SensorSize
 
     def printed(self) -> list[Setting]:
@@ -85,18 +82,16 @@ class Aperture(CameraStudy):
     varied = "aperture_deg"
     varied_label = "aperture α"
 
-    cases: Several[Literal["2a", "2b", "2c", "2d"]] = field(
-        lambda: ["2a", "2b", "2c", "2d"], "cases to run"
+    cases: Several[Literal["2a", "2b", "2c", "2d"]] = Field(
+        ["2a", "2b", "2c", "2d"], description="cases to run"
     )
-    half_apertures_deg: Several[HalfAperture] = field(
-        ..., "half of the azimuths between the cameras, cases 2a and 2c"
+    half_apertures_deg: Several[HalfAperture] = Field(
+        ..., description="half of the azimuths between the cameras, cases 2a and 2c"
     )
-    elevations_deg: Several[Elevation] = field(
-        ...,
-        "elevations of the cameras, cases 2b and 2d",
-        "a list of different numbers above 0 and below 90",
+    elevations_deg: Several[Elevation] = Field(
+        ..., description="elevations of the cameras, cases 2b and 2d"
     )
-    elevation_deg: Elevation = field(..., "elevation in cases 2a and 2c")
+    elevation_deg: Elevation = Field(..., description="elevation in cases 2a and 2c")
     distance_mm: FromCentre
     resolution_px: SensorSize
 
@@ -120,10 +115,12 @@ class Resolutions(CameraStudy):
     varied = "width_px"
     varied_label = "resolution"
 
-    widths_px: Several[Width] = field(..., "widths of the sensors; heights are 9/16 of them")
+    widths_px: Several[Width] = Field(
+        ..., description="widths of the sensors; heights are 9/16 of them"
+    )
     distance_mm: FromCentre
     azimuth_deg: OfPair
-    elevation_deg: Elevation = field(..., "elevation of the cameras")
+    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
 
     def printed(self) -> list[Setting]:
         """One setting per width."""
@@ -140,22 +137,16 @@ class Arrays(CameraStudy):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    cases: list[Literal["4a", "4a'", "4b", "4c", "4d", "4e"]] = field(
-        lambda: ["4a", "4a'", "4b", "4c", "4d", "4e"],
-        "cases to run",
-        "a list of different ones of 4a, 4a', 4b, 4c, 4d, 4e; empty only with layouts",
+    cases: list[Case] = Field(["4a", "4a'", "4b", "4c", "4d", "4e"], description="cases to run")
+    pair_order: dict[Case, Order] = Field(
+        {}, description='order of adding pairs by case, over the default {"4d": "reversed"}'
     )
-    pair_order: dict[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], Order] = field(
-        lambda: {},
-        'order of adding pairs by case, over the default {"4d": "reversed"}',
-        'an object such as {"4b": "reversed"}: cases of Table 3.4 to "printed" or "reversed"',
-    )
-    layouts: dict[Name, Annotated[Layout, Field(min_length=1, max_length=50)]] = field(
-        lambda: {},
-        "your own layouts: name to a list of growing sets of [azimuth, elevation] in degrees",
-        'an object such as {"mine": [[[0, 20], [90, 20]]]}: new names of 1 to 40 characters, each '
-        "with growing sets of 2 to 100 different cameras, azimuth -360 to 360, elevation above 0 "
-        "to 90",
+    layouts: dict[
+        Annotated[Name, _AS_TYPED], Annotated[Layout, Field(min_length=1, max_length=50)]
+    ] = Field(
+        {},
+        description="your own layouts: name to a list of growing sets of [azimuth, elevation] in "
+        'degrees, such as {"mine": [[[0, 20], [90, 20]]]}',
     )
     distance_mm: FromCentre
     resolution_px: SensorSize
@@ -163,12 +154,12 @@ class Arrays(CameraStudy):
     @model_validator(mode="after")
     def _check_cases(self) -> Arrays:
         if not self.cases and not self.layouts:
-            self.refuse("cases")
+            self.refuse("cases", CONDITIONS["cases"])
         grow = all(
             len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
         )
         if set(self.layouts) & set(setups.pairs()) or not grow:
-            self.refuse("layouts")
+            self.refuse("layouts", CONDITIONS["layouts"])
         return self
 
     def printed(self) -> list[Setting]:
@@ -205,8 +196,8 @@ class Perforated(Arrays):
 class BeamMarkers(Fields):
     """Parameters of the beam."""
 
-    first_marker_mm: Annotated[float, Field(ge=0, le=23)] = field(
-        ..., "distance of the first marker from the clamp"
+    first_marker_mm: Annotated[Real, Field(ge=0, le=23)] = Field(
+        ..., description="distance of the first marker from the clamp"
     )
 
     @property
@@ -234,7 +225,7 @@ SECTIONS = {
 
 
 def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
-    """A study of one structure: its fields default to what the structure's tables say."""
+    """Return a study of one structure: its fields default to what the structure's tables say."""
     grid = {"grid": setups.plate().grid}
     like = "plate" if subject == "shape" else subject
     printed = {**grid, **reading(like), **setups.table(subject, kind.study)}
@@ -246,9 +237,9 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
             filled = copy(info)
             filled.default = _held(name, printed[name])
             fields[name] = (info.annotation, filled)
-    model: type[CameraStudy] = create_model(
+    model: Any = cast(Any, create_model)(
         f"{subject.title()}{kind.__name__}",
-        __base__=bases,  # type: ignore[arg-type]
+        __base__=bases,
         __doc__=kind.__doc__,
         **fields,
     )
@@ -259,7 +250,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
 
 
 def _held(name: str, value: Any) -> Any:
-    """A value of the tables as models hold it."""
+    """Return a value of the tables as models hold it."""
     if name == "resolution_px":
         return tuple(value)
     return list(map(_frozen, value)) if name in CONTOURS else value

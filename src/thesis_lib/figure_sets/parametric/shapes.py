@@ -10,17 +10,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from thesis_lib.facts import setups
-from thesis_lib.studies.refusals import refuse
-from thesis_lib.studies.shared_fields import PlateMarkers
-from thesis_lib.studies.vocabulary import Positive, field
-from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
+from thesis_lib.studies.fields import Positive, Real, refuse
+from thesis_lib.studies.request import PlateMarkers
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Circle, Hole, ShapeError
 
-Coordinate = Annotated[float, Field(ge=0, le=1e5)]
+Coordinate = Annotated[Real, Field(ge=0, le=1e5)]
 Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
-Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$")]
+Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
+FORCE_AT = setups.plate().force_position
 CONTOURS = ("outline_mm", "circles_mm", "cutouts_mm")
 FIELDS = {
     "outline": "outline_mm",
@@ -34,46 +33,32 @@ FIELDS = {
 class ShapeMarkers(PlateMarkers):
     """Parameters of a plate of any shape."""
 
-    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)] = field(
+    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)] = Field(
         ...,
-        "corners of the outline, one after the other",
-        "a list of 3 to 40 different [x, y], numbers from 0 to 100000 of which the least x and the "
-        "least y are 0, whose edges do not cross",
+        description="corners of the outline, one after the other; the least x and the least y "
+        "are 0",
     )
     circles_mm: Annotated[list[tuple[Coordinate, Coordinate, Positive]], Field(max_length=20)] = (
-        field(
-            ...,
-            "round holes, each with its centre and radius",
-            "a list of at most 20 different [x, y, radius] inside the outline that do not touch",
-        )
+        Field(..., description="round holes [x, y, radius] that do not touch")
     )
     cutouts_mm: Annotated[
         list[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
         Field(max_length=10),
-    ] = field(
-        ...,
-        "holes with corners",
-        "a list of at most 10 different lists of 3 to 40 corners [x, y] inside the outline, which "
-        "do not touch",
+    ] = Field(..., description="holes with corners")
+    support: Support = Field(
+        "simply supported", description="how the outline is held; edges of holes are free"
     )
-    support: Support = field(SIMPLY_SUPPORTED, "how the outline is held; edges of holes are free")
-    edge_supports: dict[Edge, Support] = field(
-        lambda: {},
-        "edges of the outline that are held otherwise, by number: 1 goes from the first corner to "
-        "the second",
-        'an object such as {"2": "free"}: numbers of edges to "simply supported", "clamped" or '
-        '"free", which leaves no rigid motion',
+    edge_supports: dict[Edge, Support] = Field(
+        {},
+        description="edges of the outline that are held otherwise, by number: 1 goes from the "
+        'first corner to the second, such as {"2": "free"}',
     )
-    force_mm: Corner = field(
-        tuple(1000 * c for c in setups.plate().force_position),
-        'where the force of amplitude_mm="force" acts',
-        "[x, y] on the plate",
+    force_mm: Corner = Field(
+        (1000 * FORCE_AT[0], 1000 * FORCE_AT[1]),
+        description='where the force of amplitude_mm="force" acts',
     )
-    element_mm: Annotated[float, Field(gt=0, le=1000)] = field(
-        10.0,
-        "length of the sides of the finite elements",
-        "a number above 0, at most 1000, that makes 200 to 60000 triangles and is less than the "
-        "plate is narrow",
+    element_mm: Annotated[Real, Field(gt=0, le=1000)] = Field(
+        10.0, description="length of the sides of the finite elements"
     )
 
     @property

@@ -24,8 +24,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
-from thesis_lib.studies.labels import extremes, field_coordinates
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, extremes, field_coordinates, labelled
 from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance, world_points

@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible
 from thesis_lib.studies.blocks import Outline
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import resonance, world_points
 from thesis_lib.vision import rounding

@@ -18,7 +18,7 @@ from IPython.display import Markdown
 from thesis_lib.arrays import IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.studies import outlines
+from thesis_lib.studies import schema
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
@@ -90,7 +90,7 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
 
 def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
     """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
-    half = np.array(outlines.extent(cube)) / 2
+    half = np.array(schema.structure_extent(cube)) / 2
     x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
     one, other = np.nonzero(
         (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9) & (x[:, None] < -1e-9)

@@ -12,12 +12,11 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.parameters import READABLE, THESIS, Planner
 from thesis_lib.planning import errors, sound
-from thesis_lib.planning.cube import as_cube
-from thesis_lib.planning.lattice import first_most
-from thesis_lib.planning.optimum import layout_cost
-from thesis_lib.planning.places import visible
+from thesis_lib.planning.errors import layout_cost
 from thesis_lib.planning.planner import Plan, for_sound, plan
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.planning.positions import first_most, visible
+from thesis_lib.planning.results import as_cube
+from thesis_lib.studies.schema import declared, labelled
 
 _DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
 VARIABLES = declared("""

@@ -11,13 +11,12 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.planning.places import at
+from thesis_lib.planning.positions import at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
-from thesis_lib.studies.refusals import refuse
-from thesis_lib.studies.request import Study
-from thesis_lib.studies.vocabulary import (
+from thesis_lib.studies.fields import (
     FocalLength,
     Positive,
+    Real,
     Resolution,
     SensorWidth,
     Separation,
@@ -25,8 +24,9 @@ from thesis_lib.studies.vocabulary import (
     Shifts,
     Starts,
     Step,
-    field,
+    refuse,
 )
+from thesis_lib.studies.request import Study
 
 THESIS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
 READABLE = "plate: markers that can be read"  # which is planned for its sound, too
@@ -62,32 +62,34 @@ class Planner(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    counts: Several[Count] = field(lambda: [2, 4, 8, 12], "numbers of cameras", max_length=8)
-    resolutions_px: Several[Resolution] = field(
-        lambda: [(320, 180), (640, 360), (1280, 720)],
-        "cameras to choose from: width and height of their pictures",
-        "a list of different [width, height] of one proportion, whole numbers from 2 to 20000",
+    counts: Several[Count] = Field([2, 4, 8, 12], max_length=8, description="numbers of cameras")
+    resolutions_px: Several[Resolution] = Field(
+        [(320, 180), (640, 360), (1280, 720)],
         max_length=8,
+        description="cameras to choose from: width and height of their pictures",
     )
     focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
     sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
-    beam_amplitude_mm: Positive = field(
-        reading("beam")["amplitude_mm"], "peak of the beam's deflection in every mode"
+    beam_amplitude_mm: Positive = Field(
+        reading("beam")["amplitude_mm"], description="peak of the beam's deflection in every mode"
     )
-    plate_amplitude_mm: Positive = field(
-        reading("plate")["amplitude_mm"], "peak of the plate's deflection in every mode"
+    plate_amplitude_mm: Positive = Field(
+        reading("plate")["amplitude_mm"], description="peak of the plate's deflection in every mode"
     )
-    elevation_deg: Annotated[float, Field(ge=0, lt=90)] = field(5.0, "lowest elevation of a camera")
-    tilt_deg: Tilt = field(
-        75.0, "largest angle to a marker's normal at which it is read, where that is asked"
+    elevation_deg: Annotated[Real, Field(ge=0, lt=90)] = Field(
+        5.0, description="lowest elevation of a camera"
+    )
+    tilt_deg: Tilt = Field(
+        75.0,
+        description="largest angle to a marker's normal at which it is read, where that is asked",
     )
     separation_mm: Separation = 50.0
-    target_percent: Positive = field(
-        5.0, "wanted error of the worst mode, for which the cheapest layout is sought"
+    target_percent: Positive = Field(
+        5.0, description="wanted error of the worst mode, for which the cheapest layout is sought"
     )
     step_deg: Step = 10.0
     starts: Starts = 2
-    trials: Shifts = field(200, "random shifts of the pixel grids in each simulation")
+    trials: Shifts = Field(200, description="random shifts of the pixel grids in each simulation")
 
     def settings(self) -> list[Setting]:
         """None: layouts are found, not given."""
@@ -136,7 +138,7 @@ class Planner(Study):
     def _check_together(self) -> Planner:
         (width, height), *rest = self.resolutions_px
         if any(w * height != h * width for w, h in rest):
-            self.refuse("resolutions_px")
+            self.refuse("resolutions_px", "allowed: pictures of one proportion")
         for body, peak in (("beam", self.beam_amplitude_mm), ("plate", self.plate_amplitude_mm)):
             left = room(body)[0] - _reach(body)
             if peak >= left:

@@ -18,9 +18,8 @@ from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
 from thesis_lib.measure.calibration.reprojection import LENS, POSE
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.attributes import with_origin
 from thesis_lib.studies.cache import kept, key_of
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled, with_origin
 from thesis_lib.vision.lens import Camera
 
 VARIABLES = declared("""

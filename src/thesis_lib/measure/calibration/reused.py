@@ -14,7 +14,7 @@ from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.steps import CALIBRATION
 from thesis_lib.studies.cache import key_of
-from thesis_lib.studies.variables import labelled
+from thesis_lib.studies.schema import labelled
 
 
 def reused(manifest: Manifest, folder: Path) -> Found | None:

@@ -23,7 +23,7 @@ from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, 
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.pictures import read_png
+from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.studies.parallel import abreast
 from thesis_lib.vision.lens import Camera
 

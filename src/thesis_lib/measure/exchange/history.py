@@ -18,9 +18,9 @@ import xarray as xr
 from thesis_lib.arrays import Array, IntArray, Mask
 from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
-from thesis_lib.measure.recordings.check import ChainError
+from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision.lens import distorted, projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain

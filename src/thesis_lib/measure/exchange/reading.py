@@ -28,8 +28,8 @@ from thesis_lib.measure.recordings.text_files import (
     read_text,
 )
 from thesis_lib.studies import storage
-from thesis_lib.studies.refusals import shown
-from thesis_lib.text import first_hidden, one_line
+from thesis_lib.studies.fields import shown
+from thesis_lib.text import one_line
 from thesis_lib.vision.lens import HALF, Camera
 
 OWN = "calibration.nc"
@@ -150,8 +150,6 @@ def _values(path: Path) -> dict[str, Any]:
         raise ManifestError(
             f"{path}: not a calibration that can be read ({why}), allowed: {KINDS}, {OWN}"
         ) from None
-    if problem := first_hidden(values):
-        raise ManifestError(f"{path}: {problem}")
     return values if isinstance(values, dict) else {}
 
 

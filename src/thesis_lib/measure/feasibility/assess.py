@@ -289,7 +289,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
             yield format_message(UNCHECKED["cameras"], what=what, names=of, fields=fields_text)
     excitation = manifest.excitation
     open_fields = {
-        "frequency": excitation.frequency_hz is None and excitation.kind == "tone",
+        "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
         "amplitude": excitation.amplitude_mm is None,
         "steady": excitation.steady_s is None,
         "clap": excitation.sound == "room",

@@ -12,7 +12,7 @@ from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.prediction import view_markers
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.new import (
+from thesis_lib.measure.recordings.template import (
     ASKED,
     asked_of,
     assumed,

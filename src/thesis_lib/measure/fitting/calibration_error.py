@@ -18,7 +18,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.reprojection import Network
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, fitted
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 

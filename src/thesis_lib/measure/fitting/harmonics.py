@@ -19,7 +19,7 @@ from thesis_lib.measure.fitting.reconstruction import (
     height_deviation,
     triangulate_seen,
 )
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 

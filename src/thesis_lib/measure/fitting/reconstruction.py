@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray, IntArray, Mask
-from thesis_lib.measure.recordings.check import ChainError
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.vision.lens import Camera, projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain, triangulate

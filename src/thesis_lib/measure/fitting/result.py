@@ -26,11 +26,11 @@ from thesis_lib.measure.fitting.leftover import bump, check_explained, share
 from thesis_lib.measure.fitting.models import candidates, compared
 from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
 from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
-from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 
 ORDER = 2  # harmonics of the images that are fitted
 HIGHEST = 4.0  # frame rates up to which aliases are considered

@@ -18,10 +18,10 @@ from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.modes.identify import Asked, assurance, identify
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
-from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision.lens import projection_matrices
 
 VARIABLES = declared("""
@@ -185,7 +185,7 @@ def window(
 ) -> tuple[float, float]:
     """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
     begin, end = (float(value) for value in sound["steady"].values)
-    if manifest.excitation.kind == "tones" or manifest.excitation.steady_s is not None:
+    if not manifest.excitation.behaviour.decays or manifest.excitation.steady_s is not None:
         return begin, end
     largest = []
     for own in recordings:
@@ -204,7 +204,7 @@ def asked_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Aske
     return Asked(
         (sought.from_hz, highest),
         sought.count,
-        manifest.excitation.kind == "decay",
+        manifest.excitation.behaviour.decays,
         sought.near_hz or (),
     )
 

@@ -18,9 +18,8 @@ from thesis_lib.measure.radiation import between as interpolation
 from thesis_lib.measure.radiation import without_wall
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiated
-from thesis_lib.measure.recordings.check import ChainError
-from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
-from thesis_lib.measure.recordings.radiation_fields import FEWEST, Radiation
+from thesis_lib.measure.recordings.manifest_model import FEWEST, Manifest, Radiation, Structure
+from thesis_lib.measure.recordings.validation import ChainError
 
 FLAT = 0.02  # of the longer side that markers may be off their plane at rest
 FITS = 3.0  # times what noise explains, up to which a model's modes are taken for the shape

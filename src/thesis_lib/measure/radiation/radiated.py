@@ -28,7 +28,7 @@ from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 
 NODES = 1600  # of the surface
 PER_WAVE = 8  # nodes to the length of a sound wave, at least

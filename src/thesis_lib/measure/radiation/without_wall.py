@@ -12,7 +12,7 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.arrays import Array
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 
 CELLS = 400, 200  # of the screen, and of one whose answer differs by the error: 0.1 dB or less
 DECIBEL = 10 / np.log(10)

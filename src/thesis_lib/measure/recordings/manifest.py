@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest
 from thesis_lib.measure.recordings.text_files import (
@@ -18,8 +15,7 @@ from thesis_lib.measure.recordings.text_files import (
     parse_yaml,
     read_text,
 )
-from thesis_lib.studies.refusals import nearest, permitted, shown
-from thesis_lib.text import first_hidden, one_line
+from thesis_lib.studies.fields import first_problem, shown
 
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}  # sought in folders
 
@@ -36,7 +32,7 @@ _Dumper.add_implicit_resolver("tag:yaml.org,2002:float", POWER, list("-+01234567
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
-    """The manifest in a YAML file.
+    """Return the manifest in a YAML file.
 
     Parameters
     ----------
@@ -60,15 +56,10 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
         raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
-    if problem := first_hidden(values):
-        raise ManifestError(f"{path}: {problem}")
     try:
-        text = json.dumps(values)
-        manifest = Manifest.model_validate_json(text)
+        manifest = Manifest.model_validate(values)
     except ValidationError as error:
-        raise ManifestError(f"{path}: {first_problem(json.loads(text), error)}") from None
-    except (TypeError, ValueError, RecursionError):
-        raise ManifestError(f"{path}: holds what is no text, number or list, as a date") from None
+        raise ManifestError(f"{path}: {first_problem(Manifest, values, error)}") from None
     for problem in _file_problems(manifest, path.parent, check_files):
         raise ManifestError(f"{path}: {problem}")
     return manifest
@@ -110,13 +101,13 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
 
 
 def by_number(name: str) -> list[tuple[int, str]]:
-    """A key that puts 2.png before 10.png."""
+    """Return a key that puts 2.png before 10.png."""
     groups = "".join(c if c.isdigit() and c.isascii() else f" {c} " for c in name).split()
     return [(int(group), "") if group.isdecimal() else (-1, group) for group in groups]
 
 
 def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[str]:
-    """What is wrong with the paths of a manifest, one line each."""
+    """Yield what is wrong with the paths of a manifest, one line each."""
     root = folder.resolve()
 
     def outside(text: str) -> bool:
@@ -182,50 +173,3 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:  # a name that is too long, a folder that may not be entered
         return False
-
-
-def _model_at(model: type[BaseModel], name: str) -> type[BaseModel] | None:
-    """The model that a field holds, or a list of."""
-
-    def search(annotation: Any) -> type[BaseModel] | None:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            return annotation
-        return next(filter(None, map(search, typing.get_args(annotation))), None)
-
-    return search(model.model_fields[name].annotation)
-
-
-def first_problem(values: Mapping[str, Any], error: ValidationError) -> str:
-    """The first problem in one line: the field, what was given, what is allowed."""
-    problems = error.errors(include_url=False)  # a misspelt field first: it explains a missing one
-    problem = min(problems, key=lambda one: one["type"] != "extra_forbidden")
-    model: type[BaseModel] | None = Manifest
-    holder: type[BaseModel] = Manifest
-    name = place = ""
-    inside: Any = values
-    for part in problem["loc"]:
-        there = isinstance(inside, Mapping) and part in inside
-        if isinstance(part, int) and isinstance(inside, list) and part < len(inside):
-            place, inside = f"{place}[{part}]", inside[part]
-        elif there or (model is not None and part in model.model_fields):
-            place = f"{place}.{one_line(str(part))}".lstrip(".")
-            inside = inside[part] if there else None
-            if model is not None and part in model.model_fields:
-                holder, name = model, str(part)
-                model = _model_at(model, name)
-    if problem["type"] == "refused":
-        return f"{place}.{problem['msg']}".lstrip(".")
-    if problem["type"] == "extra_forbidden" and model is not None:
-        names = list(model.model_fields)
-        meant = nearest(str(problem["loc"][-1]), names)
-        hint = f" (did you mean {meant}?)" if meant else ""
-        return f"{place}: no such field{hint}; there are {', '.join(names)}"
-    if problem["type"] == "missing":
-        return f"{place}: missing, {permitted(holder, name)}"
-    return f"{place}: given {_given(problem['input'])}, {permitted(holder, name)}"
-
-
-def _given(value: Any) -> str:
-    """A value as it stands in a refusal, of a long list its length."""
-    text = shown(value)
-    return f"a list of {len(value)}" if isinstance(value, list) and text.endswith("...") else text

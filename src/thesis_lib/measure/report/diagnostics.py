@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.check import markers_of
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.markers import on_surface
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision.lens import project
 
 MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion

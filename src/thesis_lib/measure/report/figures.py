@@ -15,9 +15,9 @@ from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
 from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
 from thesis_lib.measure.modes.search import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.check import markers_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.plotting.style import (
     COLORS,
     HIGHLIGHT,

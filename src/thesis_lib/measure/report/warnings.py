@@ -14,7 +14,7 @@ from thesis_lib.measure.fitting.models import rms
 from thesis_lib.measure.fitting.result import SCALE
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.force_fields import Sweep
+from thesis_lib.measure.recordings.excitation import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.sweep import dwell, settling
 

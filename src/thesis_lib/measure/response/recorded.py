@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.force_fields import Force
+from thesis_lib.measure.recordings.audio import SILENCE
+from thesis_lib.measure.recordings.excitation import Force
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.sound import SILENCE
 from thesis_lib.measure.synchronisation.audio import Recording
 from thesis_lib.measure.synchronisation.checks import FULL_SCALE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to

@@ -29,7 +29,7 @@ from thesis_lib.measure.response.spectra import (
 )
 from thesis_lib.measure.response.sweep import found_sweep
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies.schema import declared, labelled
 
 PARTS = 8  # into which a recording is cut
 FINEST = 8  # times the frames' rate at which a force is sampled
@@ -114,7 +114,7 @@ def responded(
     newtons = at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
     pushed = np.nan_to_num(newtons)
     sweep = None
-    if excitation.kind == "sweep":
+    if excitation.behaviour.sweeps:
         sweep = found_sweep(pushed, finer * rate, excitation.sweep)
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
@@ -197,7 +197,7 @@ def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, f
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
     most = TOLD * slowest
-    if excitation.kind == "sweep" and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
+    if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
         raise ForceError(
             f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz, allowed: below "
             f"{most:.4g} Hz, {TOLD} of the lowest frame rate; film faster"
@@ -238,7 +238,7 @@ def _segment(manifest: Manifest, seconds: float) -> float | None:
     assert manifest.force is not None
     asked = manifest.force.segment_s
     if asked is None:
-        return seconds / PARTS if manifest.excitation.kind == "random" else None
+        return seconds / PARTS if manifest.excitation.behaviour.is_noise else None
     return None if asked == "whole" else asked
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import ShortTimeFFT
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.force_fields import Sweep
+from thesis_lib.measure.recordings.excitation import Sweep
 
 SETTLED = 4.0  # times the resonance's time constant in which it settles: to e⁻⁴, 2 %
 LOUD = 0.03  # of the largest power of a segment; weaker ones are before or after the sweep

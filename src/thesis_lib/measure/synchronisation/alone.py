@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
 from thesis_lib.measure.exchange.tables import write_csv
+from thesis_lib.measure.recordings.audio import opened_audio
 from thesis_lib.measure.recordings.media_info import MediaError, probe
-from thesis_lib.measure.recordings.sound import opened_audio
 from thesis_lib.measure.synchronisation.audio import Recording, hear
 from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.pairs import beside_first

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.sound import AudioTrack, opened_audio
+from thesis_lib.measure.recordings.audio import AudioTrack, opened_audio
 from thesis_lib.measure.synchronisation.checks import checked, shortest_of
 from thesis_lib.measure.synchronisation.decimation import (
     LowRate,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.sound import SILENCE
+from thesis_lib.measure.recordings.audio import SILENCE
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.tones import (
     EXPLAINED,

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.measure.recordings.check import check_excitation, clock_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation.audio import (
     Heard,
     Recording,
@@ -83,7 +83,8 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
     if manifest.excitation.sound == "none":
         return _unheard(manifest, folder)
     recordings = [Recording(camera.name, folder / camera.video) for camera in manifest.cameras]
-    if manifest.excitation.sound == "room" or manifest.excitation.kind != "tone":
+    one_tone = manifest.excitation.behaviour.has_one_frequency
+    if manifest.excitation.sound == "room" or not one_tone:
         return _in_a_room(manifest, recordings)
     return _of_the_force(manifest, recordings)
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from thesis_lib.arrays import Image
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.evening import even_light
 from thesis_lib.measure.tracking.homography import (
     TrackingError,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision.lens import HALF, Camera, distorted, undistorted
 
 

@@ -18,7 +18,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.recordings.markers import Markers
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.centres import refine
 from thesis_lib.measure.tracking.homography import TrackingError, View, homography
 from thesis_lib.vision.lens import HALF, undistorted

@@ -90,8 +90,8 @@ export default (() => {
     return {
       times,
       // A request by the values of its parameters: says why it is refused or left to the command, or begins to compute it.
-      ask(name, values, permitted) {
-        const set = facts.sets[name], asked = setups.asked(set, values, facts, permitted), { settings, structure, shapes } = asked;
+      ask(name, values) {
+        const set = facts.sets[name], asked = setups.asked(set, values, facts), { settings, structure, shapes } = asked;
         if (!settings) {
           this.stop();
           return asked;

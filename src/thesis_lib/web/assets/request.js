@@ -40,8 +40,9 @@ export default (() => {
     return `\\${letter}${code.toString(16).padStart(length, "0")}`;
   }
   const asIs = (text) => text.replace(UNPRINTABLE, unprintable);
-  function shown(value) { // on one line, at most 60 signs
+  function shown(value) { // on one line, at most 60 signs; of a long list its length
     const signs = [...asIs(dumps(value, (text) => text))];
+    if (signs.length > 60 && Array.isArray(value)) return `a list of ${value.length}`;
     return signs.length > 60 ? `${signs.slice(0, 57).join("")}...` : signs.join("");
   }
 
@@ -74,7 +75,7 @@ export default (() => {
   }
   function readMap({ patternProperties, propertyNames, additionalProperties }, value, place, need) {
     const [[pattern, inner]] = Object.entries(patternProperties ?? { "": additionalProperties });
-    const fits = new RegExp(pattern.replaceAll(".", "[^\\n]"), "u"); // a dot means the same in both languages
+    const fits = new RegExp(pattern, "u");
     return new Map([...value].map(([name, one]) => {
       const at = `${place}[${shown(name)}]`;
       if (propertyNames) read({ type: "string", ...propertyNames }, name, at);

@@ -81,8 +81,7 @@ export default (() => {
         show(wish ? original : null);
         return "";
       }
-      const permitted = (one) => fields[rows.find((row) => row.name === one).n].permitted;
-      const { problem, left } = recompute.ask(name, values, permitted);
+      const { problem, left } = recompute.ask(name, values);
       if ((problem || left) && !shown) show(original);
       if (left) tell(`Not in the page: ${left}. The command runs it.`);
       figure.toggleAttribute("data-stale", Boolean(left));

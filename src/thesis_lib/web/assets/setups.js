@@ -51,25 +51,24 @@ export default (() => {
       if (far(places[i], places[j]) < 1e-6) return [cameras[i], cameras[j]];
     return null;
   }
-  function problemOf(values, printed, peaks, { opposite, pairs }, { length, width }, permitted) {
+  function problemOf(values, printed, peaks, { opposite, pairs, conditions }, { length, width }) {
     if (peaks.some(Number.isNaN) || (Array.isArray(values.amplitude_mm) && values.amplitude_mm.length !== peaks.length))
-      return refused("amplitude_mm", values.amplitude_mm, permitted("amplitude_mm"));
+      return refused("amplitude_mm", values.amplitude_mm, conditions.amplitude_mm);
     const reach = 1000 * (Math.hypot(length, width) / 2 + Math.max(...peaks)), near = printed.find((one) => one.distance <= reach);
     if (near) return refused("distances_mm" in values ? "distances_mm" : "distance_mm", near.distance,
-      `allowed: more than ${general(reach, 4)} mm, the reach of the structure and its deflection`);
+      conditions.reach.replace("{}", general(reach, 4)));
     for (const one of printed) {
       const same = coinciding(one);
       if (!same) continue;
       const field = values.layouts?.has(one.case) ? "layouts" : same[0][1] < 90 ? "azimuth_deg"
         : one.case in opposite ? "elevations_deg" : "elevation_deg";
-      return refused(field, same, `two cameras at the same place in case ${shown(one.case)}, ${one.label} ` +
-        "([azimuth, elevation] in °), allowed: different places");
+      return refused(field, same, [shown(one.case), one.label].reduce((text, part) => text.replace("{}", () => part), conditions.places));
     }
     if (!values.layouts) return "";
-    if (!values.cases.length && !values.layouts.size) return refused("cases", values.cases, permitted("cases"));
+    if (!values.cases.length && !values.layouts.size) return refused("cases", values.cases, conditions.cases);
     const grow = [...values.layouts.values()].every((sets) => sets.every((one, i) => !i || sets[i - 1].length < one.length));
     const own = [...values.layouts.keys()].every((name) => !Object.hasOwn(pairs, name));
-    return grow && own ? "" : refused("layouts", values.layouts, permitted("layouts"));
+    return grow && own ? "" : refused("layouts", values.layouts, conditions.layouts);
   }
 
   // What a page leaves to the command, or "".
@@ -84,9 +83,9 @@ export default (() => {
   }
 
   // A request by the names of its parameters: settings, modes with their peaks, the structure; or why there are none.
-  function asked({ subject, study }, values, facts, permitted) {
+  function asked({ subject, study }, values, facts) {
     const given = facts.structures[subject], printed = KINDS[study](values, facts), peaks = peaksOf(values, given);
-    const problem = problemOf(values, printed, peaks, facts, given, permitted);
+    const problem = problemOf(values, printed, peaks, facts, given);
     if (problem) return { problem };
     const structure = given.row ? { ...given, row: { ...given.row, first: values.first_marker_mm / 1000 } }
       : { ...given, grid: values.grid.map(Number) };

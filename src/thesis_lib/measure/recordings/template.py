@@ -1,35 +1,44 @@
-"""A manifest to start from: what a folder of recordings tells, and what only its owner knows."""
+"""A manifest to start from: what a folder of recordings shows, and what only its owner knows."""
 
 from __future__ import annotations
 
+import base64
 import copy
 import glob
 import json
+import re
+import shlex
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import yaml
+from markupsafe import Markup
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import staging
-from thesis_lib.measure.recordings.check import is_slowed, rate_of
-from thesis_lib.measure.recordings.corners import PAGE_NAME, corners_page
-from thesis_lib.measure.recordings.folder import find_videos, name_cameras
 from thesis_lib.measure.recordings.manifest import (
     PICTURES,
     ManifestError,
-    first_problem,
     shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import (
+    MediaError,
     VideoInfo,
     describe_reading,
     frame_clock,
+    frame_times,
     probe,
 )
+from thesis_lib.measure.recordings.validation import is_slowed, rate_of
 from thesis_lib.outputs import put_files
+from thesis_lib.studies.fields import first_problem
+from thesis_lib.web.fragment import asset, joined, static_html
+from thesis_lib.web.html import render_html
 
 FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
 ASKED = (  # what no file shows
@@ -96,7 +105,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
 
 
 def validated(values: dict[str, Any]) -> Manifest:
-    """The manifest with some values.
+    """Return the manifest with some values.
 
     Raises
     ------
@@ -104,20 +113,20 @@ def validated(values: dict[str, Any]) -> Manifest:
         If it may not have them.
     """
     try:
-        return Manifest.model_validate_json(json.dumps(values))
+        return Manifest.model_validate(values)
     except ValidationError as error:
-        raise ManifestError(f"-p: {first_problem(values, error)}") from None
+        raise ManifestError(f"-p: {first_problem(Manifest, values, error)}") from None
 
 
 def asked_of(manifest: Manifest, among: Sequence[str] = ASKED) -> tuple[str, ...]:
-    """What no file shows of such a structure and board."""
+    """Return what no file shows of such a structure and board."""
     return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
 
 
 def _values(
     folder: Path, videos: Sequence[Path], infos: Sequence[VideoInfo], given: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The manifest's values, as they are given or seen."""
+    """Return the manifest's values, as they are given or seen."""
     fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
     exposure = float(f"{EXPOSURE / fastest:.3g}")
     cameras: list[dict[str, Any]] = [
@@ -143,7 +152,7 @@ def _values(
 
 
 def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest's values: those of cameras, which are changed, and all that is given."""
+    """Return a manifest's values: those of cameras, which are changed, and all that is given."""
     values: dict[str, Any] = {"cameras": cameras}
     for name, value in given.items():
         *parts, last = name.split(".")
@@ -190,7 +199,7 @@ def _is_hidden(path: Path) -> bool:
 
 
 def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
-    """What was found of each camera, and what is missing."""
+    """Yield what was found of each camera, and what is missing."""
     counts = []
     for camera, info in zip(manifest.cameras, infos, strict=True):
         shots = [shot for shot in shot_paths(camera, folder) if shot]
@@ -244,7 +253,7 @@ def _and(names: Sequence[str]) -> str:
 
 
 def assumed(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> Iterator[str]:
-    """What no file shows and was not given, with what stands for it."""
+    """Yield what no file shows and was not given, with what stands for it."""
     for name in asked:
         if not _is_given(name, given):
             value: Any = manifest
@@ -261,7 +270,7 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
 
 
 def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> str:
-    """The manifest as commented YAML; what must be checked is marked."""
+    """Return the manifest as commented YAML; what must be checked is marked."""
     asked = asked if manifest.structure.hole is not None else (*asked, "cameras.corners_px")
     lines = [
         "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them.",
@@ -286,7 +295,7 @@ def _part(
 def _fields(
     part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
 ) -> Iterator[str]:
-    """A line for each field, with its meaning; those that may be left out are left out."""
+    """Yield a line for each field, with its meaning; those that may be left out are left out."""
     space = " " * (indent + 2)
     for name, info in type(part).model_fields.items():
         value, place = getattr(part, name), f"{path}.{name}".lstrip(".")
@@ -300,3 +309,140 @@ def _fields(
             if isinstance(value, float):  # YAML takes JSON's 5e-05 for text
                 text = yaml.safe_dump(value).splitlines()[0]
             yield f"{space}{name}: {text}  # {check}{info.description}"
+
+
+#: Endings of videos, which must be readable
+VIDEO_ENDINGS = {
+    ".3g2", ".3gp", ".avi", ".cine", ".flv", ".insv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4",
+    ".mpeg", ".mpg", ".mts", ".mxf", ".ogv", ".ts", ".webm", ".wmv",
+}  # fmt: skip
+#: Endings of what `thesis pack` makes a video of
+RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
+#: Endings of what lies beside videos and is none
+OTHER_ENDINGS = PICTURES | {
+    ".aac", ".csv", ".flac", ".gif", ".html", ".ini", ".json", ".m4a", ".md", ".mp3", ".mraw",
+    ".nc", ".ogg", ".opus", ".pdf", ".py", ".srt", ".thm", ".toml", ".txt", ".wav", ".xml",
+    ".yaml", ".yml", ".zip",
+}  # fmt: skip
+MAX_NAME_CHARACTERS = 40  # characters of a camera's name
+_CHAPTER = re.compile(r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I)
+
+
+def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
+    """Return the videos in a folder, in the order of their names, and a line on each other file.
+
+    Hidden files, such as macOS puts beside those that it copies, are none. A file with an unknown
+    ending is a video if it can be read as one.
+
+    Raises
+    ------
+    ManifestError
+        If two videos have one name but for the ending, or are chapters of one recording, or a
+        name holds a character that cannot be seen.
+    """
+    videos, lines = [], []
+    for file in sorted(folder.iterdir()):
+        ending = file.suffix.lower()
+        if file.name.startswith(".") or ending in OTHER_ENDINGS or not file.is_file():
+            continue
+        if ending in RAW_ENDINGS:
+            lines.append(
+                f"passed over: {file.name}, raw frames; to make a video of them: "
+                f"thesis pack {shlex.quote(str(file))} --rate-hz RATE"
+            )
+        elif ending in VIDEO_ENDINGS or _is_film(file):
+            videos.append(file)
+        else:
+            lines.append(f"passed over: {file.name}, which is no video that can be read")
+    _check_names(folder, videos)
+    return videos, lines
+
+
+def name_cameras(videos: Sequence[Path]) -> list[str]:
+    """Return a name for the camera of each video, from the video's own."""
+    names: list[str] = []
+    for k, video in enumerate(videos):
+        name = video.stem.strip()[:MAX_NAME_CHARACTERS].strip() or f"camera {k + 1}"
+        if name in names:
+            name = f"{name[: MAX_NAME_CHARACTERS - 3].strip()} {k + 1}"
+        names.append(name)
+    return names
+
+
+def _is_film(file: Path) -> bool:
+    """Whether a file is a video of two frames or more."""
+    try:
+        return len(frame_times(file)) > 1
+    except MediaError:
+        return False
+
+
+def _check_names(folder: Path, videos: Sequence[Path]) -> None:
+    """Refuse videos whose names say that they are not of one camera each."""
+    stems: defaultdict[str, list[str]] = defaultdict(list)
+    films: defaultdict[str, list[str]] = defaultdict(list)
+    for video in videos:
+        stems[video.stem.casefold()].append(video.name)
+        if match := _CHAPTER.fullmatch(video.stem):
+            films[match["film"]].append(video.name)
+    for names in stems.values():
+        if len(names) > 1:
+            raise ManifestError(
+                f"{folder}: {' and '.join(names)} have one name, as one recording in two files "
+                "has, allowed: one video of each camera; move one of them to another folder, or "
+                "rename it if it is another camera's"
+            )
+    for names in films.values():
+        if len(names) > 1:
+            raise ManifestError(
+                f"{folder}: {', '.join(names)} are chapters of one recording of an action camera, "
+                "allowed: one video of each camera; join them, or move all but the one with rest "
+                "and vibration to another folder"
+            )
+
+
+PAGE_NAME = "corners.html"
+JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
+TITLE = "Corners of the structure"
+WITHOUT = "This page needs JavaScript to read corners."
+INTRODUCTION = f"""<h1>{TITLE}</h1>
+<p>In each first frame, click the structure's corners in the order (0, 0), (length, 0), (length,
+width), (0, width), as the markers count, beginning with the same corner in every camera. Then put
+the lines below into the manifest, each in place of its camera's <code>corners_px</code>. A few
+pixels do not matter; the order does.</p>
+<p>Keys: Tab goes from corner to corner, arrows move one by 1 px, with Shift by 10 px, with Alt by
+0.1 px. Nothing leaves this page.</p>
+"""
+
+
+def corners_page(manifest: Manifest, folder: Path) -> str:
+    """Return a self-contained HTML page in which corners are clicked, and read as lines of YAML.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        The cameras; the corners that it has already are there to be corrected.
+    folder : Path
+        Its folder.
+
+    Raises
+    ------
+    MediaError
+        If the first frame of a video cannot be read.
+    """
+    cameras = []
+    for camera in manifest.cameras:
+        image = next(read_frames(folder / camera.video, 0, 1))
+        _, code = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        cameras.append(
+            {
+                "name": camera.name,
+                "size": image.shape[::-1],
+                "image": f"data:image/jpeg;base64,{base64.b64encode(code.tobytes()).decode()}",
+                "corners": camera.corners_px,
+            }
+        )
+    state = {"cameras": cameras}
+    fragment = static_html(joined("corners"), asset("corners.css"), state, WITHOUT)
+    body = Markup(INTRODUCTION + fragment)
+    return render_html("web/templates/page.html.j2", title=TITLE, body=body)

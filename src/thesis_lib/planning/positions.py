@@ -1,26 +1,179 @@
-"""Where cameras may stand, what they see from there, and which limit leaves no place.
+"""What is measured, where cameras may stand, what they see, and which limit leaves no place.
+
+A *body* is a beam, a plate, or markers on anything else that bends: points in space, each of which
+moves along its own normal. Everything is in metres, in the frame in which the body was given.
 
 A *place* is a row (azimuth, elevation, distance, focal length over sensor width): angles in rad
 about the body's centre, at which the camera looks, distance in m. Sensors have a width of 1 here
 and a height of `aspect`: which places are allowed, and which layout is best, does not depend on
 how many pixels share the width.
+
+They stand on a lattice: tenths of a degree, whole millimetres, or a given limit. Neither the costs
+of layouts nor what is seen are computed to the last digit, and that digit is not the same on all
+machines. Among places so far apart the choice does not depend on it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.planning import lattice
-from thesis_lib.planning.bodies import Body
+from thesis_lib.vibration.structure import Structure, deflection_shape
 from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_cameras,
     hemisphere_directions,
     hemisphere_rotations,
 )
+
+Limits = tuple[float, float]
+
+PER_DEGREE = 10
+PER_METRE = 1000
+TIE = 1e-7  # relative: costs that are closer are equal
+_DIGITS = 6  # of a number of steps; what follows is noise
+
+
+@dataclass(frozen=True)
+class Body:
+    """Markers that vibrate along their normals."""
+
+    name: str  #: What it is called
+    points: Array  #: Markers at rest in m, shape (3, markers)
+    #: Unit vectors along which they move, and towards which they face, shape (3, markers)
+    normals: Array
+    #: Deflections along the normals where the peak over the structure is 1, shape (modes, markers)
+    shapes: Array
+    frequencies: Array  #: In Hz, shape (modes,)
+    modes: tuple[int, ...]  #: Their numbers
+    #: What is drawn of the structure; empty if only its markers are known, shape (3, corners)
+    outline: Array
+
+    @cached_property
+    def centre(self) -> Array:
+        """Middle of the box around the markers, shape (3,): what all cameras look at."""
+        return (self.points.max(axis=1) + self.points.min(axis=1)) / 2
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of a marker from the centre in m."""
+        return float(np.max(np.linalg.norm(self.points - self.centre[:, None], axis=0)))
+
+    def deflected(self, peaks: Sequence[float]) -> Array:
+        """Markers at the peaks (m) of the modes, shape (3, modes, markers)."""
+        moved = np.asarray(peaks)[:, None] * self.shapes
+        return self.points[:, None] + self.normals[:, None] * moved
+
+    def extremes(self, peaks: Sequence[float]) -> Array:
+        """Markers at both ends of their largest motion, shape (3, 2, markers).
+
+        What sees both ends sees the whole motion of any of the modes, since images of straight
+        lines are straight.
+        """
+        largest = np.max(np.abs(np.asarray(peaks)[:, None] * self.shapes), axis=0)
+        return self.points[:, None] + self.normals[:, None] * np.stack([largest, -largest])
+
+
+def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
+    """Make a body of a beam or plate: its centre is the origin, its normals are +Z.
+
+    Parameters
+    ----------
+    structure : Structure
+        Beam or plate.
+    name : str
+        What it is called.
+    modes : sequence of int
+        Numbers of the modes, from 1.
+    """
+    markers = structure.markers
+    half = np.array(structure.extent) / 2
+    flat = np.zeros((1, markers.shape[1]))
+    corners = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]]) * half[:, None]
+    shapes = [deflection_shape(structure, mode, markers, peak=1.0) for mode in modes]
+    hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
+    return Body(
+        name,
+        np.concatenate([markers - half[:, None], flat]),
+        np.concatenate([flat, flat, flat + 1]),
+        np.array(shapes),
+        hertz[np.array(modes) - 1],
+        tuple(modes),
+        np.concatenate([corners, np.zeros((1, 4))]),
+    )
+
+
+def angles(values: Array, limits: Limits) -> Array:
+    """Angles in rad rounded to tenths of a degree, within limits."""
+    return np.clip(_rounded(values), *limits)
+
+
+def azimuths(values: Array, limits: Limits) -> Array:
+    """Azimuths rounded like :func:`angles`; of a full turn from -180° to below 180°."""
+    if full_turn(limits):
+        half = np.pi * (1 + 1e-12)  # -180° and 180° are one
+        return _rounded(np.mod(_rounded(values) + half, 2 * np.pi) - half)
+    middle = (limits[0] + limits[1]) / 2
+    return angles(middle + np.mod(values - middle + np.pi, 2 * np.pi) - np.pi, limits)
+
+
+def _rounded(values: Array) -> Array:
+    return np.radians(np.rint(np.round(np.degrees(values) * PER_DEGREE, _DIGITS)) / PER_DEGREE)
+
+
+def full_turn(limits: Limits) -> bool:
+    """Whether azimuths have no limits."""
+    return limits[1] - limits[0] >= 2 * np.pi * (1 - 1e-9)
+
+
+def lengths(values: Array, limits: Limits) -> Array:
+    """Lengths in m rounded to millimetres, within limits."""
+    return np.clip(np.rint(np.round(values * PER_METRE, _DIGITS)) / PER_METRE, *limits)
+
+
+def length_at(index: NDArray[np.int_], limits: Limits) -> Array:
+    """Return lengths by number: 0 is the least, then whole millimetres, the largest last."""
+    first = np.floor(np.round(limits[0] * PER_METRE, _DIGITS))
+    return np.clip((first + index) / PER_METRE, *limits)
+
+
+def count_lengths(limits: Limits) -> int:
+    """How many lengths :func:`length_at` tells apart, at most."""
+    low, high = np.round(np.array(limits) * PER_METRE, _DIGITS)
+    return int(np.ceil(high) - np.floor(low)) + 1
+
+
+def first_least(costs: Array) -> int:
+    """Return the first of the costs that are least, but for what may be noise."""
+    return int(np.argmax(costs <= costs.min() * (1 + TIE)))
+
+
+def first_most(values: Array) -> NDArray[np.int_]:
+    """Where along the last axis the first of the largest values is, but for what may be noise."""
+    return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - TIE), axis=-1)
+
+
+def by_rule(layout: Array) -> Array:
+    """Return the same layout with its cameras by azimuth, elevation, distance and lens."""
+    return layout[np.lexsort(_whole(layout).T[::-1])]
+
+
+def rank(layout: Array) -> tuple[int, ...]:
+    """Return what decides between layouts of equal cost: the least is taken."""
+    return tuple(_whole(by_rule(layout)).ravel().tolist())
+
+
+def _whole(layout: Array) -> NDArray[np.int_]:
+    """Places in thousandths of a step, which have no noise."""
+    steps = layout * [1, 1, PER_METRE, PER_METRE]
+    steps[:, :2] = np.degrees(layout[:, :2]) * PER_DEGREE
+    return np.rint(1000 * steps).astype(int)
+
 
 SLACK = 1e-9  # relative: what stands on a limit is allowed
 _LADDER = 8  # distances tried from the nearest that sees enough outwards
@@ -66,7 +219,7 @@ def centres(scene: Scene, places: Array) -> Array:
 
 
 def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
-    """The cameras at places, each with its own lens and `width` pixels across."""
+    """Return the cameras at places, each with its own lens and `width` pixels across."""
     size = (width, scene.aspect * width)
     if width != 1:
         size = (round(size[0]), round(size[1]))
@@ -183,11 +336,11 @@ def apart(scene: Scene, places: Array, others: Array) -> Mask:
 def directions(scene: Scene, step: float) -> Array:
     """Grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
-    turn = lattice.full_turn(scene.rules.azimuths)
+    turn = full_turn(scene.rules.azimuths)
     count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
     azimuth = np.linspace(low, low + 2 * np.pi if turn else high, count + 1)[: -1 if turn else None]
     elevation = np.linspace(bottom, top, int(np.ceil((top - bottom) / step - 1e-6)) + 1)
-    return _grid(lattice.azimuths(azimuth, (low, high)), lattice.angles(elevation, (bottom, top)))
+    return _grid(azimuths(azimuth, (low, high)), angles(elevation, (bottom, top)))
 
 
 def _grid(*axes: Array) -> Array:
@@ -196,7 +349,7 @@ def _grid(*axes: Array) -> Array:
 
 
 def candidates(scene: Scene, step: float) -> Array:
-    """Allowed places to choose from, shape (candidates, 4).
+    """Return allowed places to choose from, shape (candidates, 4).
 
     For every direction of a grid and every lens, the two nearest allowed of some distances that
     grow from the nearest one that sees enough.
@@ -207,7 +360,7 @@ def candidates(scene: Scene, step: float) -> Array:
     for focal in scene.focals:
         near = nearest(scene, grid, focal)
         steps = np.linspace(0, 1, _LADDER)
-        ladder = [lattice.lengths(near * (limits[1] / near) ** t, limits) for t in steps]
+        ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
         every = np.stack([at(grid, d, focal) for d in ladder])  # ladder, directions, 4
         flat = every.reshape(-1, 4)
         allowed = permitted(scene, flat).reshape(len(ladder), -1)
@@ -232,15 +385,15 @@ def at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
 def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:
     """Least allowed distance in each direction that sees enough, by halving; else the largest."""
     limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
-    last = lattice.count_lengths(limits) - 1
+    last = count_lengths(limits) - 1
     found = np.full(len(grid), last)
     for part in _parts(scene, len(grid)) if last else []:
         seen, high = sights(scene, grid[part], focal[part]), found[part]
         low = np.full(len(high), -1)
         for _ in range(last.bit_length()):
             middle = np.maximum((low + high) // 2, 0)
-            inside = np.all(margins(scene, seen, lattice.length_at(middle, limits)) >= 0, axis=0)
+            inside = np.all(margins(scene, seen, length_at(middle, limits)) >= 0, axis=0)
             good = enough(scene, inside)
             high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
         found[part] = high
-    return lattice.length_at(found, limits)
+    return length_at(found, limits)

@@ -7,8 +7,8 @@ import doctest
 import numpy as np
 import pytest
 
-from thesis_lib.studies import variables
-from thesis_lib.studies.variables import declared, labelled
+from thesis_lib.studies import schema
+from thesis_lib.studies.schema import declared, labelled
 
 TABLE = """
     rate(camera) [Hz] frames per second
@@ -46,4 +46,4 @@ def test_what_declares_nothing_is_named(line):
 
 
 def test_examples():
-    assert doctest.testmod(variables).failed == 0
+    assert doctest.testmod(schema).failed == 0

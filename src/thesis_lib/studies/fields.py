@@ -1,0 +1,375 @@
+"""Fields of requests and manifests: types with bounds, units, and words for refusals.
+
+A request declares ``focal_length_mm: FocalLength = 24.0``, or with a meaning of its own
+``cone_deg: Angle = Field(55.0, description="angle of the cone, from the normal")``. The words that
+refusals, tables and forms show for bounds are generated from the type by :func:`describe_type`. A
+type whose bounds do not tell all has a ``title``. What depends on other fields is checked by the
+model, which refuses in words of its own.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
+from types import NoneType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
+
+from thesis_lib.text import one_line
+
+UNITS = {
+    "_mm": "mm",
+    "_deg": "°",
+    "_px": "px",
+    "_m_s": "m/s",
+    "_kg_m3": "kg/m³",
+    "_hz": "Hz",
+    "_ms": "ms",
+    "_db": "dB",
+    "_pa": "Pa",
+    "_n": "N",
+    "_s": "s",
+}
+"""Units of fields by the end of their names; of two that fit the first."""
+
+
+def unit(field: str) -> str:
+    """Return the unit of a field by the end of its name, or empty.
+
+    Examples
+    --------
+    >>> unit("distances_mm"), unit("azimuth_deg"), unit("speed_of_sound_m_s"), unit("seed")
+    ('mm', '°', 'm/s', '')
+    """
+    return next((unit for suffix, unit in UNITS.items() if field.endswith(suffix)), "")
+
+
+# Refusals.
+
+
+def shown(value: Any) -> str:
+    """Return a value as it stands in a refusal, of a long list its length."""
+    try:
+        text = one_line(json.dumps(value, ensure_ascii=False, default=repr))
+        is_long = isinstance(value, list | tuple) and text.endswith("...")
+        return f"a list of {len(value)}" if is_long else text
+    except (TypeError, ValueError, RecursionError):
+        return f"a {type(value).__name__} that is not JSON"
+
+
+def refuse(field: str, given: Any, why: str) -> None:
+    """Refuse a value in one line, from inside a validator."""
+    message = f"{field}: given {shown(given)}, {why}"
+    raise PydanticCustomError("refused", "{message}", {"message": message})
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return the name most like `name`, or empty if none is."""
+    return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
+
+
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """Return words for the name that was probably meant, if there is one."""
+    meant = nearest(name, names)
+    return f" (did you mean {meant}?)" if meant else ""
+
+
+class Fields(BaseModel):
+    """Values as they are typed, all of them known, unchangeable; checks are built when used."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        validate_default=True,
+        defer_build=True,
+    )
+
+    def refuse(self, field: str, why: str) -> None:
+        """Refuse the value of a field that does not go with the others."""
+        refuse(field, getattr(self, field), why)
+
+
+def allowed_text(model: type[BaseModel], field: str) -> str:
+    """Return in words what a field allows."""
+    info = model.model_fields[field]
+    return info.title or describe_type(info.annotation, info.metadata)
+
+
+def permitted(model: type[BaseModel], field: str) -> str:
+    """Return what a field allows, with its unit, as it stands in a refusal."""
+    return f"allowed: {allowed_text(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
+
+
+def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -> str:
+    """Return the first problem in one line: the field, what was given, what is allowed."""
+    unknown = "extra_forbidden", "invalid_key"
+    problems = error.errors(include_url=False)
+    # A misspelt field comes first: it explains a missing one. A missing part comes last.
+    missing = [one["type"] == "missing" and len(one["loc"]) == 1 for one in problems]
+    ranks = [
+        (one["type"] not in unknown, last) for one, last in zip(problems, missing, strict=True)
+    ]
+    problem = problems[ranks.index(min(ranks))]
+    inside, holder, name, place = values, model, "", ""
+    within: type[BaseModel] | None = model
+    for part in problem["loc"]:  # where in the value; the rest is pydantic's own words
+        if isinstance(inside, Sequence) and isinstance(part, int) and part < len(inside):
+            place, inside = f"{place}[{part}]", inside[part]
+        elif within is not None and isinstance(inside, Mapping):
+            place = f"{place}.{one_line(str(part))}".lstrip(".")
+            inside = inside.get(part)
+            if part in within.model_fields:
+                holder, name = within, str(part)
+                within = _model_in(within.model_fields[name].annotation)
+        elif isinstance(inside, Mapping) and part in inside:
+            place, inside = f"{place}[{shown(part)}]", inside[part]
+    if problem["type"] == "refused":
+        return f"{place}.{problem['msg']}".lstrip(".")
+    if problem["type"] in unknown:
+        own = list((within or holder).model_fields)
+        hint = suggestion(str(problem["loc"][-1]), own)
+        return f"{place}: no such field{hint}; there are {', '.join(own)}"
+    if problem["type"] == "missing" and not isinstance(problem["loc"][-1], int):
+        return f"{place}: missing, {permitted(holder, name)}"
+    return f"{place}: given {shown(problem['input'])}, {permitted(holder, name)}"
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the model that an annotation holds, or a list of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, get_args(annotation))), None)
+
+
+# Words for types.
+
+
+def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) -> str:
+    """Return in words what a type allows.
+
+    Parameters
+    ----------
+    kind : type
+        Of a field.
+    limits : sequence
+        Its bounds.
+    several : bool
+        Whether the words stand for the items of a list.
+
+    Examples
+    --------
+    >>> describe_type(Positive), describe_type(Positive | None)
+    ('a number above 0, at most 100000', 'null, or a number above 0, at most 100000')
+    >>> describe_type(Several[Mode]), describe_type(Literal["Y", "X"])
+    ('a list of different whole numbers from 1 to 30', '"Y" or "X"')
+    >>> describe_type(Resolution)
+    'a list of 2 whole numbers from 2 to 20000'
+    >>> describe_type(tuple[Azimuth, Elevation])
+    'a list of 2: a number from -360 to 360; a number above 0, at most 90'
+    """
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        about = [one for one in inside[1:] if isinstance(one, FieldInfo)]
+        if title := next((one.title for one in about if one.title), None):
+            return title
+        bounds = [bound for one in about for bound in one.metadata]
+        return describe_type(inside[0], [*bounds, *limits], several)
+    if origin is list or (origin is tuple and inside[-1] is Ellipsis):
+        different = "" if several or origin is tuple else "different "
+        items = describe_type(inside[0], several=True)
+        return f"{_list(several)} of {_count(limits)}{different}{items}"
+    if origin is tuple:
+        return f"{_list(several)} of {len(inside)}{_items(inside)}"
+    if origin is dict:
+        names, values = (describe_type(one, several=True) for one in inside)
+        return f"an object whose names are {names} and whose values are {values}"
+    if origin is Literal and several:
+        return f"ones of {', '.join(map(str, inside))}"
+    if origin is Literal:
+        *others, last = (json.dumps(one) for one in inside)
+        return f"{', '.join(others)} or {last}" if others else last
+    if len(inside) > 1:
+        return _union(inside, limits, several)
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return "objects" if several else "an object"
+    if kind is bool:
+        return "true or false"
+    noun = {int: "whole number", float: "number", str: "text"}.get(kind, "value")
+    one = f"{noun}s" if several else noun if kind is str else f"a {noun}"
+    return one + _between(limits)
+
+
+def _list(several: bool) -> str:
+    return "lists" if several else "a list"
+
+
+def _items(kinds: Sequence[Any]) -> str:
+    """Return in words what a list of so many different items holds."""
+    groups = [list(group) for _, group in groupby(kinds)]
+    if len(groups) == 1:
+        return f" {describe_type(kinds[0], several=True)}"
+    words = (
+        f"{len(group)} {describe_type(group[0], several=True)}"
+        if len(group) > 1
+        else describe_type(group[0])
+        for group in groups
+    )
+    return f": {'; '.join(words)}"
+
+
+def _union(kinds: Sequence[Any], limits: Sequence[Any], several: bool) -> str:
+    """Return in words what one of several types allows; lists in it may hold a value twice."""
+    choices = tuple(one for kind in kinds if get_origin(kind) is Literal for one in get_args(kind))
+    others = [kind for kind in kinds if kind is not NoneType and get_origin(kind) is not Literal]
+    if choices:
+        others.append(Literal[choices])
+    words = [describe_type(kind, limits, several).replace(" different ", " ", 1) for kind in others]
+    some = f"{'; '.join(words[:-1])}; or {words[-1]}" if len(words) > 1 else words[0]
+    return f"null, or {some}" if NoneType in kinds else some
+
+
+def _count(limits: Sequence[Any]) -> str:
+    """Return how long a list may be, such as "2 to 8 "; every length above 0 goes without."""
+    least = next((one.min_length for one in limits if hasattr(one, "min_length")), 0)
+    most = next((one.max_length for one in limits if hasattr(one, "max_length")), None)
+    if most is not None:
+        return f"{least} to {most} " if least else f"at most {most} "
+    return f"at least {least} " if least > 1 else ""
+
+
+_BOUNDS = {
+    "gt": " above",
+    "gtlt": " and below",
+    "gtle": ", at most",
+    "ge": " from",
+    "gelt": ", below",
+    "gele": " to",
+    "lt": " below",
+    "le": " up to",
+}
+
+
+def _between(limits: Sequence[Any]) -> str:
+    """Return bounds in words, such as " above 0, at most 100000"."""
+    at = {key: getattr(one, key) for one in limits for key in _BOUNDS if hasattr(one, key)}
+    low = next((key for key in ("gt", "ge") if key in at), "")
+    high = next((key for key in ("lt", "le") if key in at), "")
+    told = [(low, at.get(low)), (low + high, at.get(high))]
+    words = [f"{_BOUNDS[key]} {bound:.12g}" for key, bound in told if bound is not None]
+    return "".join(words).replace("e+", "e")
+
+
+# Numbers, choices and places. Numbers are strict: no text or truth value stands for one.
+
+T = TypeVar("T")
+Real = Annotated[float, Strict()]
+Whole = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+Several = Annotated[list[T], Field(min_length=1)]
+Positive = Annotated[Real, Field(gt=0, le=1e5)]
+Angle = Annotated[Real, Field(gt=0, lt=90)]
+HalfAperture = Annotated[Real, Field(gt=0, lt=180)]
+Azimuth = Annotated[Real, Field(ge=-360, le=360)]
+Elevation = Annotated[Real, Field(gt=0, le=90)]
+Width = Annotated[Whole, Field(ge=2, le=20_000)]
+Mode = Annotated[Whole, Field(ge=1, le=30)]
+Resolution = tuple[Width, Width]
+Name = Annotated[
+    str,
+    Field(
+        pattern=r"^[^\p{C}\p{Z}]([^\p{C}\p{Zl}\p{Zp}]{0,38}[^\p{C}\p{Z}])?$",
+        title="text of 1 to 40 characters that can be seen",
+    ),
+]
+Estimator = Literal["least-squares", "analytic-centre", "interval"]
+
+# Every request.
+
+Trials = Annotated[
+    Whole,
+    Field(
+        ge=0, le=1_000_000, description="random shifts of the pixel grids beside the literal run"
+    ),
+]
+Repeats = Annotated[
+    Annotated[Whole, Field(ge=1, le=1000)] | Literal["kept"],
+    Field(
+        description="recordings of every setting, the first included, or those that "
+        "data/recordings holds of just these; the bands are over the others"
+    ),
+]
+Shifts = Annotated[Whole, Field(ge=2, le=10_000, description="random shifts of the pixel grids")]
+Runs = Annotated[
+    Whole, Field(ge=0, le=10_000, description="further recordings of each setting, at most")
+]
+Seed = Annotated[
+    Whole,
+    Field(
+        ge=0,
+        lt=2**63,
+        title="a whole number from 0 to 2^63 - 1",
+        description="seed of the random shifts",
+    ),
+]
+NoiseSeed = Annotated[Seed, Field(description="seed of all noise")]
+
+# Cameras.
+
+FocalLength = Annotated[Positive, Field(description="focal length of the lenses")]
+SensorWidth = Annotated[Positive, Field(description="width of the sensors")]
+SensorSize = Annotated[Resolution, Field(description="width and height of the sensors")]
+Separation = Annotated[Real, Field(ge=0, le=1e5, description="least distance between two cameras")]
+Step = Annotated[
+    Real, Field(ge=2, le=45, description="step of the grid on which the search begins")
+]
+Starts = Annotated[
+    Whole,
+    Field(ge=0, le=100, description="random layouts to begin with, for each number of cameras"),
+]
+
+# Rendered recordings.
+
+BeamDistance = Annotated[
+    Positive, Field(description="distance of the cameras from the beam's centre")
+]
+RigAzimuth = Annotated[
+    Angle, Field(description="A and B stand at plus and minus this azimuth, C and D opposite")
+]
+TipPeak = Annotated[Real, Field(gt=0, le=6, description="deflection of the beam's tip")]
+RigRate = Annotated[Real, Field(ge=10, le=240, description="frames per second")]
+FilmedElevation = Annotated[Real, Field(ge=10, le=75)]
+FilmedWidth = Annotated[Whole, Field(ge=320, le=1920)]
+FilmedMode = Annotated[Whole, Field(ge=1, le=5)]
+FrameRate = Annotated[Real, Field(ge=10, le=5000)]
+Peak = Annotated[Real, Field(gt=0, le=100)]
+Frames = Annotated[
+    Whole,
+    Field(ge=8, le=500, description="frames of the steady vibration in each recording"),
+]
+Exposure = Annotated[
+    Positive,
+    Field(description="exposure time of a frame, at most the time between frames"),
+]
+BriefExposure = Annotated[
+    Exposure,
+    Field(
+        description="exposure time of a frame, at most the time between frames and 0.8 of the "
+        "shortest period"
+    ),
+]
+Distortion = Annotated[
+    Real, Field(ge=-0.3, le=0.3, description="first coefficient of the lens distortion")
+]
+ShotNoise = Annotated[
+    Real, Field(ge=0, le=50, description="variance of the noise over the grey level")
+]
+ReadNoise = Annotated[
+    Real,
+    Field(ge=0, le=50, description="standard deviation of the dark noise in grey levels"),
+]

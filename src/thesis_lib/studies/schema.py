@@ -1,0 +1,364 @@
+"""The schema of cubes: variables declared in lines, shared coordinates, attributes.
+
+A variable is declared as ``name(dimensions) [unit] what it is``::
+
+    rate(camera) [Hz] frames per second
+    tracks(camera, frame, axis) [px] centres of the markers, where they
+        were found
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import json
+import platform
+import re
+import subprocess
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import dedent
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thesis_lib import __version__
+from thesis_lib.acoustics.planes import Plane
+from thesis_lib.arrays import Array, IntArray
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting
+from thesis_lib.files import NoCloneError, library_digest, project_root
+from thesis_lib.studies import cubes, effort
+from thesis_lib.studies.fields import unit
+from thesis_lib.studies.request import Study
+from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.structure import Structure
+
+_LINE = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]+)\] (?P<words>.+)")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What the values of a variable are."""
+
+    dims: tuple[str, ...]  #: Its dimensions
+    #: Unit, "1" if it has none, and words
+    units: str
+    long_name: str
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """As they stand in a file."""
+        return {"units": self.units, "long_name": self.long_name}
+
+    def of(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
+        """Values with their dimensions, after those that they have beside, and attributes."""
+        return (*over, *self.dims), np.asarray(values), self.attributes
+
+
+def declared(lines: str) -> dict[str, Variable]:
+    """Return the variables that some lines declare; what is indented further goes on with a line.
+
+    Examples
+    --------
+    >>> declared("rate(camera) [Hz] frames per second")
+    {'rate': Variable(dims=('camera',), units='Hz', long_name='frames per second')}
+
+    Raises
+    ------
+    ValueError
+        Naming a line that declares nothing, or a name again.
+    """
+    found: dict[str, Variable] = {}
+    for line in re.sub(r"\n\s+", " ", dedent(lines).strip()).splitlines():
+        said = _LINE.fullmatch(line)
+        if said is None or said["name"] in found:
+            raise ValueError(f"given {line!r}, allowed: name(dimensions) [unit] words, once each")
+        dims = tuple(filter(None, said["dims"].split(", ")))
+        found[said["name"]] = Variable(dims, said["units"], said["words"])
+    return found
+
+
+def labelled(
+    values: Mapping[str, Any], table: Mapping[str, Variable], over: Iterable[str] = ()
+) -> dict[str, tuple[tuple[str, ...], Any, Any]]:
+    """Values as variables of a dataset, in the order in which they come."""
+    return {name: table[name].of(each, over) for name, each in values.items()}
+
+
+# The outline of a structure, and the cells of its markers.
+
+
+def structure_outline(structure: Structure) -> tuple[tuple[str, str], Array, dict[str, Any]]:
+    """Return closed curves as a coordinate (corner, xy) in m, a row of NaN after each.
+
+    They are in world X and Y: outline, then holes the other way. The attributes tell what kind of
+    structure it is, its sizes, and of a panel the grid of cells in which its markers are.
+    """
+    half = np.array(structure.extent) / 2
+    about = {
+        "units": "m",
+        "long_name": "outline of the structure, then outlines of holes",
+        "structure": type(structure).__name__.lower(),
+        "length": np.float64(structure.extent[0]),
+        "width": np.float64(structure.extent[1]),
+    }
+    if isinstance(structure, Panel):
+        curves = [curve - half for curve in structure.contours]
+        about["grid"] = np.array(structure.grid)
+    else:
+        curves = [half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]]
+    rows = [np.insert(curve, len(curve), np.nan, axis=0) for curve in curves]
+    return ("corner", "xy"), np.concatenate(rows), about
+
+
+def structure_kind(cube: xr.Dataset) -> str:
+    """Whether a cube is of a beam, a plate or a panel."""
+    return str(cube["outline"].attrs["structure"])
+
+
+def structure_extent(cube: xr.Dataset) -> tuple[float, float]:
+    """Length and width of a cube's structure in m."""
+    about = cube["outline"].attrs
+    return float(about["length"]), float(about["width"])
+
+
+def structure_contours(cube: xr.Dataset) -> list[Array]:
+    """Return closed curves (corners, 2) in m: the outline, then holes the other way."""
+    rows = cube["outline"].values
+    ends = np.flatnonzero(np.isnan(rows[:, 0]))
+    return [part[~np.isnan(part[:, 0])] for part in np.split(rows, ends)[:-1]]
+
+
+def marker_cells(cube: xr.Dataset) -> tuple[Array, Array, IntArray]:
+    """Columns x and rows y of a plate's markers in m, and the cell of each marker, x fastest."""
+    if (grid := cube["outline"].attrs.get("grid")) is not None:
+        x, y = (
+            (np.arange(count) + 0.5) * size / count
+            for count, size in zip(grid, structure_extent(cube), strict=True)
+        )
+    else:
+        x, y = (np.unique(np.round(cube[axis].values, 9)) for axis in ("x", "y"))
+    column, row = (
+        np.argmin(np.abs(cube[name].values[:, None] - axis), axis=1)
+        for name, axis in (("x", x), ("y", y))
+    )
+    return x, y, row * len(x) + column
+
+
+def fill_cells(values: Array, place: IntArray, count: int) -> Array:
+    """Values of markers (..., markers) in their cells (..., count); NaN where there is none."""
+    filled = np.full((*values.shape[:-1], count), np.nan)
+    filled[..., place] = values
+    return filled
+
+
+# Variables and coordinates that many cubes have.
+
+VARIABLES = declared("""
+    measured_deflection(mode, trial, point) [m] measured deflection of the markers
+    mean_error(mode, trial) [percent] rms error over the markers
+    max_point_error(mode, trial) [percent] largest error of a marker
+    point_error(mode, point) [percent] error of each marker in trial 0
+    predicted_error(mode) [percent] rms error over the trials by the law of rounding
+    mac(mode, trial) [1] modal assurance criterion with the reference
+    in_view() [1] share of camera x marker x mode images on the sensor
+    ground_sample_distance() [m/px] length of a pixel at the origin
+""")
+"""What every setting of a camera study has; beside these dimensions each is over ``setting``."""
+FIELD_COORDINATES = declared("""
+    case_name(case) [1] cases in the order of `case`
+    plane(plane) [1] plane
+    extreme(extreme) [1] setting of a case
+    u(u) [m] X on plane XZ, Y on plane YZ
+    z(z) [m] height above the plate
+""")
+SHORT = {"measured_deflection": "float32"}
+"""Type on disk where it is not float64, in which rounding would not matter."""
+CAMERAS = declared("""
+    camera_distance(setting, camera) [m] camera distance
+    camera_azimuth(setting, camera) [degree] camera azimuth
+    camera_elevation(setting, camera) [degree] camera elevation
+""")
+REFERENCE = declared("reference_deflection(mode, point) [m] reference deflection of the markers")
+
+
+def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
+    """Per case and mode the settings with the lowest and highest typical deflection error."""
+    error = cubes.typical(plate_cube["mean_error"])
+    result: dict[str, list[tuple[int, int]]] = {}
+    for case in dict.fromkeys(plate_cube["case"].values.tolist()):
+        rows = np.flatnonzero(plate_cube["case"].values == case)
+        result[case] = [
+            (int(rows[np.argmin(error[rows, m])]), int(rows[np.argmax(error[rows, m])]))
+            for m in range(error.shape[1])
+        ]
+    return result
+
+
+def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
+    """Coordinates of fields on planes, and of the extreme settings of each case."""
+    values = {
+        "case_name": cases,
+        "plane": [plane.name for plane in planes],
+        "extreme": ["best", "worst"],
+        "u": planes[0].u,
+        "z": planes[0].z,
+    }
+    return labelled(values, FIELD_COORDINATES)
+
+
+def of_settings(
+    settings: list[Setting], results: Sequence[Mapping[str, Any]], table: Mapping[str, Variable]
+) -> dict[str, Any]:
+    """Label the results of settings in the order of a table, and where cameras stand."""
+    values = {
+        name: np.array([one[name] for one in results]).astype(SHORT.get(name, "float64"))
+        for name in table
+    }
+    return labelled(values, table, over=["setting"]) | camera_places(settings)
+
+
+def camera_places(settings: list[Setting]) -> dict[str, Any]:
+    """Distance, azimuth and elevation of every setting's cameras as variables, NaN-padded."""
+    most = max(len(setting.directions_deg) for setting in settings)
+    table = np.full((3, len(settings), most), np.nan)
+    for i, setting in enumerate(settings):
+        there = slice(len(setting.directions_deg))
+        table[0, i, there] = setting.distance_mm / 1000
+        table[1:, i, there] = np.transpose(setting.directions_deg)
+    return labelled(dict(zip(CAMERAS, table, strict=True)), CAMERAS)
+
+
+def filmed(
+    coords: dict[str, Any], hertz: Sequence[float], others: xr.Dataset | None = None
+) -> dict[str, Any]:
+    """Return coordinates of modes rendered at these frequencies; trials are recordings."""
+    words = {"long_name": "frequency of the vibration", "units": "Hz"}
+    coords["frequency"] = ("mode", np.array(hertz), words)
+    count = 0 if others is None else others.sizes["recording"]
+    words = {"long_name": "recording, 0 for the one whose tracks are stored", "units": "1"}
+    coords["trial"] = ("trial", np.arange(1 + count), words)
+    return coords
+
+
+def drawn_by(others: xr.Dataset | None) -> dict[str, str]:
+    """Return the attribute of a rendered cube that says how many other recordings it has."""
+    return {"draws": f"{0 if others is None else others.sizes['recording']} recordings"}
+
+
+def coordinates(
+    study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
+) -> dict[str, Any]:
+    """Coordinates of a study's cube: settings, modes, trials, points."""
+    x, y = structure.markers
+    hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
+    words = "random shift of the pixel grids, 0 for the literal run"
+
+    def on(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
+        return dim, np.array(values), {"long_name": long_name, "units": units}
+
+    def each(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
+        return on("setting", [of(setting) for setting in settings], long_name, units)
+
+    varied = {"mm": "mm", "°": "degree"}.get(unit(study.varied), "1")
+    return {
+        "case": each("case of the thesis, or layout", lambda s: s.case),
+        "parameter": each("varied parameter", lambda _: study.varied),
+        "value": each("value of the varied parameter", lambda s: float(s.value), varied),
+        "label": each("value of the varied parameter, with unit", lambda s: s.label),
+        "n_cameras": each("number of cameras", lambda s: len(s.directions_deg)),
+        "width_px": each("width of the sensor", lambda s: s.resolution_px[0]),
+        "height_px": each("height of the sensor", lambda s: s.resolution_px[1]),
+        "pair_order": each("order of adding pairs", lambda s: s.pair_order),
+        "mode": on("mode", modes, "mode number"),
+        "frequency": on("mode", hertz[np.array(modes) - 1], "natural frequency", "Hz"),
+        "trial": on("trial", range(study.trials + 1), words),
+        "x": on("point", x, "marker position along the length", "m"),
+        "y": on("point", y, "marker position across", "m"),
+    }
+
+
+# Attributes: what a cube is, and how it was made.
+
+THESIS = "thesis on flexural vibration measurement with multiple cameras"
+RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
+
+
+def _commit() -> str:
+    """Commit of the checkout, with a plus sign if it has changes; `unknown` elsewhere."""
+    try:  # where there is no checkout, a commit would be of whatever the package lies in
+        command = ["git", "-C", str(project_root()), "describe", "--always", "--abbrev=12"]
+        done = subprocess.run(
+            [*command, "--dirty=+", "--exclude=*"], capture_output=True, text=True, timeout=10
+        )
+    except (NoCloneError, OSError, subprocess.TimeoutExpired):
+        return "unknown"
+    return done.stdout.strip() or "unknown"
+
+
+def with_provenance(
+    cube: xr.Dataset, study: Study, seconds: float, library: str = ""
+) -> xr.Dataset:
+    """Return the cube with attributes that say what it is and how it was made.
+
+    `commit`, `created`, `run_time_s` and `peak_memory_mb` differ from run to run; all else is a
+    function of the parameters, the library and the versions of the packages it computes with.
+    `library` is the digest of the code that the cube rests on; without it the whole library counts.
+    """
+    cube = described(cube, study).assign_attrs(
+        title=study.title,
+        **({"references": f"{THESIS}, {study.section}"} if study.section else {}),
+        figure_set=study.name,
+        parameters=json.dumps(study.request),
+        parameters_hash=study.digest,
+        seed=np.int64(study.seed),
+        run_dependent=" ".join(RUN_DEPENDENT),
+        run_time_s=np.float64(seconds),
+        peak_memory_mb=np.float64(effort.peak_memory_mb()),
+        library_sha256=library or library_digest(),
+    )
+    return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
+
+
+def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
+    """Add the words of a study and its settings: titles, numbers in the thesis, outline."""
+    cube = cube.assign_attrs(
+        varied=study.varied,
+        varied_label=study.varied_label,
+        trial_0=study.first,
+        predicts=study.predicted_by,
+        draws=cube.attrs.get("draws", study.draws),
+        in_the_thesis=np.int8(study.is_of_the_thesis),
+    )
+    if "case" not in cube.coords or cube["case"].dims != ("setting",) or "mode" not in cube.coords:
+        return cube
+    kind = study.subject, study.study
+    cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
+    titles = [setups.case_title(*kind, case) for case in cases]
+    numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
+    words = {"long_name": "description of the case", "units": "1"}
+    figure = {
+        "long_name": "number of the figure in the thesis, if there is one",
+        "units": "1",
+    }
+    return cube.assign_coords(
+        case_title=("setting", titles, words),
+        thesis_figure=(("setting", "mode"), np.array(numbers), figure),
+        outline=structure_outline(study.structure),
+    )
+
+
+def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
+    """Return the data with attributes that say where they come from, and with which versions."""
+    packages = ("numpy", "xarray", "h5netcdf", "h5py")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return data.assign_attrs(
+        Conventions="CF-1.11",
+        source=source,
+        versions=json.dumps({"python": platform.python_version(), **versions}),
+        commit=_commit().ljust(16),  # of one length: bytes after it stay in place
+        created=now.isoformat(),
+    )
