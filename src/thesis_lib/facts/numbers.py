@@ -115,7 +115,7 @@ def _equations(n_cameras: int) -> int:
 
 
 def _sine_factor() -> float:
-    """Factor c of sin(kx) beside sinh(kx) in eq. 3.4, from the derivatives at the clamp."""
+    """Return the factor c of sin(kx) in eq. 3.4 from the derivatives at the clamp."""
     k = cantilever_roots(1)[0] / BEAM.length
     slope, third = (BEAM.mode_shapes([1], [[0.0], [0.0]], n)[0, 0] for n in (1, 3))
     return float((slope * k**2 - third) / (slope * k**2 + third))  # slope k²/third = (1+c)/(1-c)

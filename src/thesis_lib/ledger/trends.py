@@ -65,7 +65,7 @@ class Finding:
     #: where it changes least in the stated direction, and where it changes most
     effect: float = field(default=float("nan"), compare=False)
     largest_effect: float = field(default=float("nan"), compare=False)
-    #: The largest step against the trend, if it is a material one: said beside the verdict, as
+    #: The largest step against the trend, if it is a material one: stated next to the verdict, as
     #: the trend is not monotonic
     step_back: str = field(default="", compare=False)
 
@@ -103,7 +103,7 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
     values = {s.case: s.values for s in kept.values()}
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
     mean = Drawn(kept, lambda one: one.means(seed))
-    # Paired, trial by trial; what is the same in all trials stands beside each of them.
+    # Paired, trial by trial; what is equal in all trials stands next to each of them.
     each = Drawn(
         kept, lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
     )

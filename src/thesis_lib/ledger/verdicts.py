@@ -42,13 +42,13 @@ class Check:
     """A claim and what a cube says of it, in %, at that of its settings that is farthest off."""
 
     claim: Claim  #: What is stated
-    #: The literal run, and median and 5–95 % band of the trials
+    #: The nominal run, and median and 5–95 % band of the trials
     literal: float
     median: float
     low: float
     high: float
     inside: bool  #: Whether the band meets the claim in all of its settings
-    exact: bool  #: Whether the literal run does, to the printed digits
+    exact: bool  #: Whether the nominal run does, to the printed digits
 
     @property
     def verdict(self) -> str:

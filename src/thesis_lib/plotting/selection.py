@@ -56,7 +56,7 @@ def stated(
 
 @dataclass(frozen=True)
 class Bars:
-    """One error of every setting: literal run, band of the trials, prediction, stated values."""
+    """One error of every setting: nominal run, band of the trials, prediction, stated values."""
 
     #: In %, shape (settings,)
     literal: Array
@@ -106,8 +106,10 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
 def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
     """Return prediction and claimed values of an error by setting and mode."""
     modes = cube["mode"].values.tolist()
-    told = error != "max_point_error" or f"predicted_{error}" in cube
-    predicted = cubes.predicted(cube, error).transpose("setting", "mode").values if told else None
+    is_predicted = error != "max_point_error" or f"predicted_{error}" in cube
+    predicted = (
+        cubes.predicted(cube, error).transpose("setting", "mode").values if is_predicted else None
+    )
     said: dict[tuple[int, int], Claim | None] = {}
     for case in dict.fromkeys(cube["case"].values.tolist()):
         rows = np.flatnonzero(cube["case"].values == case).tolist()

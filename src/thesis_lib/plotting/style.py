@@ -1,7 +1,7 @@
 """Style of all figures: colours, axes, maps and files, independent of any configuration.
 
 Matplotlib's parameters belong to the whole process, and pyplot's figures, too. So nothing here uses
-pyplot, and whoever draws or saves does it inside :func:`in_style`, alone among all threads, with
+pyplot; code that draws or saves does it inside :func:`in_style`, alone among all threads, with
 our style over Matplotlib's own defaults; no ``matplotlibrc`` has a say.
 """
 
@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.plotting.panel_boxes import find_panels
 
-# Okabe and Ito's palette: told apart with any colour vision, mid-tone on white and on black.
+# Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
 REFERENCE = "#8a8a8a"
 HIGHLIGHT = "#B22222"

@@ -27,7 +27,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     """Return the nominal run and the statistics of a cube (format: `web.viewer.Viewer`)."""
     said, structure = cube.attrs, schema.structure_kind(cube)
     kind = "beam" if structure == "beam" else "plate" if "mean_error" in cube else "sound"
-    if "measured_deflection" in cube:  # of many trials only the literal run is drawn
+    if "measured_deflection" in cube:  # of many trials only the nominal run is drawn
         literal = cube["measured_deflection"].isel(trial=0, drop=True)
         cube = cube.assign(measured_deflection=literal)
     if kind == "beam":

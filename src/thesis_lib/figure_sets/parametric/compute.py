@@ -49,7 +49,7 @@ def block_results(
 ) -> dict[str, Any]:
     """Compute some trials of a setting: a value for each of ``VARIABLES``.
 
-    Those without trials are there where the block has the literal run.
+    Results without trials are included where the block has the nominal run.
     """
     cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
     trials = block.trials

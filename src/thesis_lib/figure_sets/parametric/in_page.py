@@ -50,7 +50,7 @@ def model(structure: Structure, modes: int) -> dict[str, Any]:
 
 
 def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
-    """All that some figure sets of :data:`COMPUTED` need beside the values of their parameters.
+    """Return what some figure sets of :data:`COMPUTED` need besides their parameters.
 
     Returns
     -------

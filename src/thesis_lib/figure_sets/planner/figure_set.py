@@ -1,4 +1,4 @@
-"""Planned cameras beside the thesis's layouts."""
+"""Planned cameras, and the thesis's layouts."""
 
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.figure_sets.planner.parameters import Planner
