@@ -171,9 +171,9 @@ def test_trials_scatter_as_is_predicted(conforms, cubes, case):
 def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method, frames):
     own = replace(tracks(noisy, method), rest_frames=frames)
     instant = shapes.instant_of(noisy, BEAM.damping)
-    predicted = shapes.predict_deviation(own, method, instant, np.zeros(4))
+    _, predicted = shapes.measure_deflection(own, instant, method, np.zeros(4))
     endless = replace(own, rest_frames=10**9)
-    ratio = predicted / shapes.predict_deviation(endless, method, instant, np.zeros(4))
+    ratio = predicted / shapes.measure_deflection(endless, instant, method, np.zeros(4))[1]
     if method == "literal":
         conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
     else:  # interpolation has less noise of its own
@@ -303,7 +303,7 @@ def test_the_other_methods_do_not_care_when_the_cameras_start(conforms, method, 
     starts = np.random.default_rng(seed).uniform(0, 0.25, 4)
     data = recordings(resolution(widths_px=[1920]).recordings, starts=starts)
     instant = shapes.instant_of(data, BEAM.damping)
-    found = shapes.deflection(tracks(data, method), instant, method, np.zeros(4))
+    found, _ = shapes.measure_deflection(tracks(data, method), instant, method, np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     conforms.invariance(found, shape, atol=2e-7)
 
@@ -314,7 +314,7 @@ def test_a_wrong_clock_costs_its_camera_s_part(conforms, exact, method):
     # reference's peak, the harmonic one at the peak of their mean.
     data = exact.assign(delay=exact["delay"] + np.array([0, 1, 1, 1]) * 0.5 / 60)
     instant = shapes.instant_of(exact, BEAM.damping)
-    found = shapes.deflection(tracks(data, method), instant, method, np.zeros(4))
+    found, _ = shapes.measure_deflection(tracks(data, method), instant, method, np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     share = 1 - np.vdot(found, shape) / np.vdot(shape, shape)
     angle = instant.omega * 0.5 / 60
@@ -358,14 +358,14 @@ def test_the_maximum_is_one_that_all_cameras_recorded(conforms):
         there = np.abs(times - time) < 1 / 60
         uv = whole.uv.copy()
         uv[2] = np.where(there[2, :, None, None], uv[2], np.nan)
-        found = shapes.deflection(replace(whole, uv=uv), instant, "literal", np.zeros(4))
+        found, _ = shapes.measure_deflection(replace(whole, uv=uv), instant, "literal", np.zeros(4))
         conforms.closed_form(found, expected, atol=4e-8)
     none = replace(whole, uv=np.where(np.arange(4)[:, None, None, None] == 2, np.nan, whole.uv))
     with pytest.raises(ValueError, match="recorded by all cameras"):
-        shapes.deflection(none, instant, "literal", np.zeros(4))
+        shapes.measure_deflection(none, instant, "literal", np.zeros(4))
     early = replace(whole, uv=whole.uv[:, : np.flatnonzero(times[2] < instant.times[0])[-1] - 3])
     with pytest.raises(ValueError, match="recorded by all cameras"):
-        shapes.deflection(early, instant, "literal", np.zeros(4))
+        shapes.measure_deflection(early, instant, "literal", np.zeros(4))
 
 
 # Missing markers.

@@ -314,9 +314,8 @@ def test_deflection_is_the_true_one(conforms, measured, take):
     one = measured[take]
     exposures = one.data["exposure"].values
     tracks, instant = one.tracks, one.instant
-    found = shapes.deflection(tracks, instant, "harmonic", exposures)
+    found, predicted = shapes.measure_deflection(tracks, instant, "harmonic", exposures)
     true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    predicted = shapes.predict_deviation(tracks, "harmonic", instant, exposures)
     errors = found - true
     assert np.isfinite(errors).all()
     conforms.independent(tracks.frame.scale, 1, atol=2e-4)

@@ -400,9 +400,9 @@ def test_a_deflection_errs_by_what_the_cameras_that_see_its_marker_state(conform
     shape, sigma = rest.shape, 0.05
     seen = np.random.default_rng(4).random((4, 1, shape[2])) < 0.9
     uv = np.where(seen, moved + noise(shape, sigma, 1), np.nan)
-    found = rc.deflection_at(P, AT_ORIGIN, rest + noise(shape, sigma, 2), uv)
-    each = np.where(np.isfinite(uv), np.sqrt(2) * sigma, np.nan)
-    off = (found - 0.003) / rc.height_deviation(P, AT_ORIGIN, world, each)
+    still, each = rest + noise(shape, sigma, 2), np.full(shape, np.sqrt(2) * sigma)
+    found, std = rc.measure_instant(P, AT_ORIGIN, still, uv, each)
+    off = (found - 0.003) / std
     count = seen.sum(axis=(0, 1))
     np.testing.assert_array_equal(np.isfinite(off), count >= 2)
     for n in (2, 3, 4):

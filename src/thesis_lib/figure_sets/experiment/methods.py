@@ -327,13 +327,23 @@ def instant_of(data: xr.Dataset, damping: float) -> Instant:
     return Instant(omega, phase, (2 * np.pi * turns - phase) / omega)
 
 
-def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) -> Array:
-    """Return deflection of all markers at its maximum, shape (markers,), m."""
-    P = tracks.P
+def measure_deflection(
+    tracks: Tracks, instant: Instant, method: str, exposures: Array
+) -> tuple[Array, Array]:
+    """Measure the deflection of all markers at its maximum by one method.
+
+    Returns
+    -------
+    deflection, std : ndarray, shape (markers,)
+        In m; the standard uncertainty is that by the noise of the centres alone.
+    """
+    P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        return rc.real_shape(amplitude(tracks, instant.omega, exposures), instant.phase)
+        shape = rc.real_shape(amplitude(tracks, omega, exposures), instant.phase)
+        return shape, deviation(tracks, omega, exposures)
     if method in WHOLE_FRAMES:
         uv = tracks.uv[np.arange(len(P)), _frames_at_a_maximum(tracks, instant)]
+        noise_gain = 1.0
     else:
         uv = np.stack(
             [
@@ -341,7 +351,10 @@ def deflection(tracks: Tracks, instant: Instant, method: str, exposures: Array) 
                 for times, own in zip(tracks.times, tracks.uv, strict=True)
             ]
         )
-    return rc.deflection_at(P, tracks.frame, tracks.rest, uv)
+        fractions = np.linspace(0, 1, 21)
+        noise_gain = float(np.mean([interpolation_gain(f) ** 2 for f in fractions]))
+    sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
+    return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)
 
 
 def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
@@ -364,16 +377,3 @@ def interpolation_gain(fraction: float) -> float:
     nodes = np.arange(NEAR)
     weights = rc.interpolate(nodes, np.eye(NEAR), NEAR / 2 - 1 + fraction, NEAR)
     return float(np.linalg.norm(weights))
-
-
-def predict_deviation(tracks: Tracks, method: str, at: Instant, exposures: Array) -> Array:
-    """Predict the standard deviation of each marker's deflection by the noise of the centres."""
-    if method == "harmonic":
-        return deviation(tracks, at.omega, exposures)
-    mean = (
-        1.0
-        if method in WHOLE_FRAMES
-        else np.mean([interpolation_gain(f) ** 2 for f in np.linspace(0, 1, 21)])
-    )
-    each = tracks.sigma * np.sqrt(mean + 1 / tracks.rest_frames)
-    return rc.height_deviation(tracks.P, tracks.frame, tracks.points, each)

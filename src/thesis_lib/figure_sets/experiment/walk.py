@@ -137,7 +137,7 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
         "harmonic": tracks["full"],
     }
     for method, own in by_method.items():
-        measured = methods.deflection(own, instant, method, data["exposure"].values)
+        measured, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
         measured = measured[rows_on(beam).middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         mean, largest = np.sqrt(np.nanmean(error**2)), np.nanmax(error)

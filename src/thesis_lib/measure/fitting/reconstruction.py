@@ -148,6 +148,29 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
     return deflection
 
 
+def measure_instant(
+    P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike, sigma: ArrayLike
+) -> tuple[Array, Array]:
+    """Measure the deflection at one instant, with its standard uncertainty by noise.
+
+    Parameters
+    ----------
+    P, frame, rest, uv
+        As in :func:`deflection_at`.
+    sigma : array_like, shape (cameras, 2, markers)
+        Standard deviation by noise of an image of the instant less that of rest, px.
+
+    Returns
+    -------
+    deflection, std : ndarray, shape (markers,)
+        In m. Both rest on the cameras that see a marker in both images; NaN if fewer than two do.
+    """
+    rest, uv = np.asarray(rest, float), np.asarray(uv, float)
+    common = np.where(np.isfinite(rest) & np.isfinite(uv), sigma, np.nan)
+    points, _ = triangulate_seen(P, rest)
+    return deflection_at(P, frame, rest, uv), height_deviation(P, frame, points, common)
+
+
 # What noise of the centres does.
 
 
