@@ -231,8 +231,13 @@ def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
 
 
 def _scale(block: Block, poles: Poles) -> Array:
-    """Relative error of amplitudes at the begin by that of the decays, shape (modes,)."""
-    weight = np.exp(-2 * np.clip(poles.rates[:, 0], 0, None) * block.times[:, None])
+    """Estimate the relative error of amplitudes at the begin by that of the decays, (modes,).
+
+    An amplitude is measured best at the middle of its energy. That is later where the first and
+    fastest centres are missing, so each frame counts by the share of its centres that are known.
+    """
+    decay = np.exp(-2 * np.clip(poles.rates[:, 0], 0, None) * block.times[:, None])
+    weight = decay * block.known.mean(axis=1)[:, None]
     middle = np.sum(weight * block.times[:, None], axis=0) / weight.sum(axis=0)
     return np.asarray(middle * np.sqrt(np.diag(poles.covariance)[::2]), float)
 
