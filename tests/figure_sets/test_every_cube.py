@@ -1,4 +1,4 @@
-"""The contract of all cubes: each variable has a unit, and a long name that is understood alone."""
+"""The contract of all results: each variable has a unit and a long name understood alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from scenes.ledger import cube_of, own_cube
 
-from thesis_lib import figure_sets
+from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.optics import compute as optics
 from thesis_lib.figure_sets.planner import compute as planner
@@ -25,8 +25,12 @@ POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the s
 
 @cache
 def declared() -> dict[str, Variable]:
-    """Return the variables that figure sets declare for their cubes, by module and name."""
-    found = pkgutil.walk_packages(figure_sets.__path__, f"{figure_sets.__name__}.")
+    """Return what figure sets and `measure` declare for their results, by module and name."""
+    found = [
+        one
+        for package in (figure_sets, measure)
+        for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    ]
     tables = [
         (module.__name__, table)
         for module in (plan_cube, *(import_module(one.name) for one in found))
@@ -70,7 +74,7 @@ def test_what_a_fault_is(attributes, faulty):
 
 
 def test_declared_variables_are_understood_alone():
-    assert len(declared()) > 150
+    assert len(declared()) > 300
     assert faults({name: one.attributes for name, one in declared().items()}) == []
 
 

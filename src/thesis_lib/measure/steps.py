@@ -27,15 +27,16 @@ from thesis_lib.vision.lens import Camera
 
 CALIBRATION = declared("""
     reprojection_rms() [px] rms residual of a coordinate of the board's corners
-    single_rms(camera) [px] the same of each camera calibrated alone
-    single_focal(camera, side) [px] its focal lengths then
+    single_rms(camera) [px] rms residual of a coordinate of the board's corners, of each camera
+        calibrated alone
+    single_focal(camera, side) [px] focal lengths of each camera calibrated alone
     focal_deviation(camera) [px] standard deviation of the focal length
     centre_deviation(camera) [m] standard deviation of the centre of projection
     K(camera, i, j) [px] intrinsic matrix
     distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
     size(camera, side) [px] width and height of the pictures
     residuals(camera, shot, side, corner) [px] corners seen minus computed
-    corners(camera, shot, side, corner) [px] corners of the board as they were found
+    corners(camera, shot, side, corner) [px] corners of the board as found in the pictures
     R_camera_world(camera, i, j) [1] rotation from the first board to the camera
     centre(camera, i) [m] centre of projection in the first board's frame
 """)
@@ -47,7 +48,7 @@ SOUND = declared("""
     force(part) [1] amplitude of the force's signal over full scale, real and imaginary part
     frequency() [Hz] frequency of the force
     of_sound() [Hz] frequency of the force's signal
-    of_sound_deviation() [Hz] its standard error
+    of_sound_deviation() [Hz] standard error of the frequency of the force's signal
 """)
 
 

@@ -26,8 +26,8 @@ VARIABLES = declared("""
     board_poses() [1] poses of the board that were used; 0 of a calibration that is reused
     focal_deviation(camera) [px] standard deviation of the focal length
     centre_deviation(camera) [m] standard deviation of the centre of projection
-    covariance(unknown, other) [1] of all cameras' poses (rotation in rad, centre in m), then their
-        lenses (f_x, f_y, c_x, c_y in px, k1, k2, p1, p2), up to where the world lies
+    covariance(unknown, other) [1] covariance of all cameras' poses (rotation in rad, centre in m),
+        then of all lenses (f_x, f_y, c_x, c_y in px, k1, k2, p1, p2), up to where the world lies
 """)
 
 

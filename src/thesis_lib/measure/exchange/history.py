@@ -32,13 +32,14 @@ STEADY, UNSTEADY, LOST, FAST = range(4)
 FLAGS = "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
 VARIABLES = declared("""
     displacement(axis, time, marker) [mm] displacement from the place at rest
-    standard_error(axis, time, marker) [mm] its standard error by the scatter of the centres
+    standard_error(axis, time, marker) [mm] standard error of the displacement by the scatter of the
+        centres
     flag(time, marker) [1] what a value rests on
     cameras_seen(time, marker) [1] cameras that see the marker
     residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
         on
-    x(marker) [mm] place along the structure, from its first corner
-    y(marker) [mm] place across the structure, from its first corner
+    x(marker) [mm] place along the structure, from the first corner
+    y(marker) [mm] place across the structure, from the first corner
     rest(axis, marker) [mm] place at rest, from the structure's centre
 """)
 

@@ -37,35 +37,47 @@ DECIBEL = 10 / np.log(10)
 VARIABLES = declared("""
     frequency(tone) [Hz] frequency
     power(tone) [W] sound power of one side, in a rigid wall
-    power_error(tone) [W] its standard error
+    power_error(tone) [W] standard error of the sound power of one side
     power_level(tone) [dB] sound power level of one side re 1 pW, in a rigid wall
-    power_level_error(tone) [dB] its standard error
-    efficiency(tone) [1] power in a rigid wall over that of a plane wave of the same area and
-        mean square velocity
-    efficiency_error(tone) [1] its standard error
+    power_level_error(tone) [dB] standard error of the sound power level of one side
+    efficiency(tone) [1] power in a rigid wall over the power of a plane wave of equal area and mean
+        square velocity
+    efficiency_error(tone) [1] standard error of the radiation efficiency
     mode_power(tone, mode) [W] power of a way of moving that radiates without interference, the
         loudest first
-    mode_power_error(tone, mode) [W] its standard error
+    mode_power_error(tone, mode) [W] standard error of the power of a way of moving that radiates
+        without interference
     pressure_real(tone, point) [Pa] complex amplitude of the pressure in a rigid wall, exp(+jωt),
         real part
-    pressure_imag(tone, point) [Pa] the same, imaginary part
-    pressure_error(tone, point) [Pa] standard error of its absolute value
+    pressure_imag(tone, point) [Pa] complex amplitude of the pressure in a rigid wall, exp(+jωt),
+        imaginary part
+    pressure_error(tone, point) [Pa] standard error of the absolute value of the pressure
     level(tone, point) [dB] sound pressure level re 20 µPa, in a rigid wall
-    level_error(tone, point) [dB] its standard error
-    field_real(tone, plane, u, z) [Pa] complex amplitude on a plane, in a rigid wall, real part
-    field_imag(tone, plane, u, z) [Pa] the same, imaginary part
-    field_error(tone, plane, u, z) [Pa] standard error of its absolute value
-    decay(tone) [s-1] rate α at which a mode dies away, e^(−αt); 0 if it does not
+    level_error(tone, point) [dB] standard error of the sound pressure level
+    field_real(tone, plane, u, z) [Pa] complex amplitude of the pressure on a plane, in a rigid
+        wall, real part
+    field_imag(tone, plane, u, z) [Pa] complex amplitude of the pressure on a plane, in a rigid
+        wall, imaginary part
+    field_error(tone, plane, u, z) [Pa] standard error of the absolute value of the pressure on a
+        plane
+    decay(tone) [s-1] rate α at which a mode dies away, e^(−αt); 0 of a steady tone
     energy(tone) [J] sound energy from the moment on until the mode has died away
-    energy_error(tone) [J] its standard error
+    energy_error(tone) [J] standard error of the sound energy
     band_power(band) [W] sound power of all tones together, and by octave, in a rigid wall
-    band_power_error(band) [W] its standard error
-    band_power_level(band) [dB] sound power level re 1 pW, in a rigid wall
-    band_power_level_error(band) [dB] its standard error
-    band_level(band, point) [dB] sound pressure level re 20 µPa of the same
-    band_level_error(band, point) [dB] its standard error
-    left(tone) [1] rms of what the surface leaves of the markers' amplitudes, over their rms
-    left_by_noise(tone) [1] the same by the markers' errors alone
+    band_power_error(band) [W] standard error of the sound power of all tones together, and by
+        octave
+    band_power_level(band) [dB] sound power level of all tones together, and by octave, re 1 pW, in
+        a rigid wall
+    band_power_level_error(band) [dB] standard error of the sound power level of all tones together,
+        and by octave
+    band_level(band, point) [dB] sound pressure level of all tones together, and by octave, re 20
+        µPa, in a rigid wall
+    band_level_error(band, point) [dB] standard error of the sound pressure level of all tones
+        together, and by octave
+    left(tone) [1] rms residual of the markers' amplitudes after the fit of the surface, over the
+        amplitudes' rms
+    left_by_noise(tone) [1] rms residual of the markers' amplitudes by the markers' errors alone,
+        over the amplitudes' rms
     place(point, axis) [m] where the pressure is, from the structure's centre
     u(u) [m] X on plane XZ, Y on plane YZ
     z(z) [m] height above the structure

@@ -21,8 +21,8 @@ VARIABLES = declared("""
         rigid wall
     no_wall_change_std(tone) [dB] standard uncertainty of the estimated change without a wall, by
         markers, cells and thickness
-    no_wall_below(tone) [Hz] frequency below which the structure radiates less without a wall: of
-        sound as long as its flexural waves, or as twice its narrower side
+    no_wall_below(tone) [Hz] frequency below which the structure radiates less without a wall: where
+        sound is as long as the flexural waves, or as twice the narrower side
 """)
 
 

@@ -41,8 +41,9 @@ VARIABLES = declared("""
     receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
     mobility_real(estimator, marker, frequency) [m/(N s)] velocity over force, real part
     mobility_imag(estimator, marker, frequency) [m/(N s)] velocity over force, imaginary part
-    standard_error(estimator, marker, frequency) [m/N] standard error of either part of the
-        receptance: its scatter about what the estimator tends to, and the blur by segments
+    standard_error(estimator, marker, frequency) [m/N] standard error of the real and of the
+        imaginary part of the receptance: scatter about the estimator's limit, and the blur by
+        segments
     blur(estimator, marker, frequency) [m/N] estimated error by the resolution of the segments
     coherence(marker, frequency) [1] share of the motion that the force explains
     averages(marker) [1] independent segments that were averaged
@@ -50,25 +51,25 @@ VARIABLES = declared("""
     phase_deviation(frequency) [rad] standard error of all phases by the force's clock
     displacement(time, marker) [m] deflection along the normal
     force(force_time) [N] the force
-    x(marker) [m] place along the structure, from its first corner
-    y(marker) [m] place across the structure, from its first corner
+    x(marker) [m] place along the structure, from the first corner
+    y(marker) [m] place across the structure, from the first corner
     rest_position(axis, marker) [m] place at rest, from the structure's centre
     force_place(xy) [m] where the force acts, from the structure's first corner
     drive() [1] number of the marker that is nearest to the force
     segment() [s] length of the segments
-    segments() [1] how many there are
-    delay() [s] when the force's file begins on the first camera's clock
-    delay_deviation() [s] its standard error
+    segments() [1] number of the segments
+    delay() [s] start of the force's file on the first camera's clock
+    delay_deviation() [s] standard error of the start of the force's file
     pace() [1] how much faster than the first camera's the force's clock runs
-    unknown(marker) [1] share of the time in which its deflection is not known
+    unknown(marker) [1] share of the time in which the marker's deflection is not known
     camera_lag(camera) [s] by how much the pictures start later than the sound tells
-    camera_pace(camera) [1] how much faster than the first camera's its clock runs
+    camera_pace(camera) [1] how much faster than the first camera's clock the camera's runs
     beyond() [1] share of the force's power above half of the lowest frame rate
     ringing() [1] rms of the last eighth of the motion over that of the largest
     noise(marker) [m] rms of the noise in the deflection, as at rest
     filmed(end) [s] from when to when all cameras recorded
     sweep(end) [Hz] frequencies from which to which a sweep goes; NaN of another force
-    sweep_duration() [s] how long it takes
+    sweep_duration() [s] duration of the sweep
 """)
 
 
@@ -174,7 +175,11 @@ def responded(
             {"units": "Hz", "long_name": "frequency"},
         ),
         "time": ("time", times, {"units": "s", "long_name": "time on the first camera's clock"}),
-        "force_time": ("force_time", fine, {"units": "s", "long_name": "time on the same clock"}),
+        "force_time": (
+            "force_time",
+            fine,
+            {"units": "s", "long_name": "force's time on the first camera's clock"},
+        ),
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }
