@@ -57,9 +57,8 @@ def assert_same(found, expected=CAMERAS, placed=True):
 def test_what_is_written_is_read(tmp_path, name, write):
     write(tmp_path / name, CAMERAS)
     assert_same(read_cameras(tmp_path / name))
-    odd = [
-        replace(CAMERAS[0], name=text) for text in ("it's", "C:\\A", "\\'", "12:30", "1e5", "#ü")
-    ]
+    names = ("it's", "C:\\A", "\\'", "12:30", "1e5", "#ü", "null", "yes", "true", "off", "1")
+    odd = [replace(CAMERAS[0], name=text) for text in names]
     write(tmp_path / name, odd)
     assert [one.name for one in read_cameras(tmp_path / name).cameras] == [one.name for one in odd]
 

@@ -7,6 +7,7 @@ its normal, in m. Both count pixels from the middle of the first one, half a pix
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -57,11 +58,12 @@ def write_opencv(path: Path, cameras: Sequence[Camera]) -> None:
     file = cv2.FileStorage(
         ".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     )
-    file.write("names", [camera.name for camera in cameras])
+    # Names are put in afterwards, in quotes: plain ones such as null or yes would be no texts.
+    file.write("names", [f"name_of_{k}" for k in range(len(cameras))])
     for k, camera in enumerate(cameras):
         K, distortion, rotation, translation = _opencv(camera)
         file.startWriteStruct(f"camera_{k}", cv2.FileNode_MAP)
-        file.write("name", camera.name)
+        file.write("name", f"name_of_{k}")
         file.write("image_width", camera.size[0])
         file.write("image_height", camera.size[1])
         file.write("camera_matrix", K)
@@ -69,7 +71,9 @@ def write_opencv(path: Path, cameras: Sequence[Camera]) -> None:
         file.write("rvec", rotation[:, None])
         file.write("tvec", translation[:, None])
         file.endWriteStruct()
-    whole_text(path, file.releaseAndGetString())
+    names = [_toml(camera.name) for camera in cameras]
+    text = re.sub(r'"?\bname_of_(\d+)\b"?', lambda k: names[int(k[1])], file.releaseAndGetString())
+    whole_text(path, text)
 
 
 def write_aniposelib(path: Path, cameras: Sequence[Camera]) -> None:
@@ -90,5 +94,5 @@ def write_aniposelib(path: Path, cameras: Sequence[Camera]) -> None:
 
 
 def _toml(value: object) -> str:
-    """Texts, numbers and lists are written in TOML as in JSON."""
+    """Write texts, numbers and lists in TOML, and texts in YAML, as in JSON."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
