@@ -103,3 +103,16 @@ def test_slow_motion_is_taken_at_its_own_rate(tmp_path, video):
     text = (tmp_path / "g" / "manifest.yaml").read_text(encoding="utf-8")
     assert text.count("captured_hz: null  # CHECK") == 2
     assert "a.mov: 64 × 48 px, 50 frames per second" in done.out
+
+
+def test_a_packed_film_is_used_in_place_of_its_source(tmp_path, video):
+    """Both would count as one recording in two files."""
+    for name in ("a.mp4", "b.mov"):
+        shutil.copy(video, tmp_path / name)
+    assert thesis("pack", tmp_path / "a.mp4", "--rate-hz", "400").status == 0
+    done = new(tmp_path, video)
+    assert (done.status, done.err) == (0, "")
+    manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
+    rates = {camera.video: camera.frame_rate_hz for camera in manifest.cameras}
+    assert rates == {"a.mov": 400, "b.mov": 50}
+    assert "passed over: a.mp4, since a.mov was packed from it" in done.out

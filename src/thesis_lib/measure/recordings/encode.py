@@ -21,6 +21,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import PICTURES, by_number
 from thesis_lib.measure.recordings.media import depth_of, read_frames, read_png, write_video
 from thesis_lib.measure.recordings.media_info import (
+    PACKED_FROM,
     UNTIMED,
     MediaError,
     file_address,
@@ -250,7 +251,7 @@ def retime(source: Path, target: Path, rate: float) -> int:
             f"the video as it is, with captured_hz: {rate:g} in the manifest"
         )
     frames = read_frames(source, clock=clock)
-    write_video(target, frames, rate, None, codec="h264", crf=0)
+    write_video(target, frames, rate, None, codec="h264", crf=0, packed_from=source.name)
     return len(clock)
 
 
@@ -282,6 +283,7 @@ def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
     with open_media(source) as file, av.open(file_address(target), "w", format="mov") as new:
         stream = video_track(file, source)
         track = new.add_stream_from_template(stream)
+        new.metadata["title"] = PACKED_FROM + source.name
         track.time_base = unit
         packets = (packet for packet in file.demux(stream) if packet.size)
         for packet, shown, first in zip(packets, stamps, decoded, strict=True):

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
+    PACKED_FROM,
     UNTIMED,
     MediaError,
     decode_frames,
@@ -46,6 +47,7 @@ def write_video(
     sample_rate: int = 48000,
     codec: Literal["ffv1", "h264"] = "ffv1",
     crf: int = 23,
+    packed_from: str = "",
 ) -> None:
     """Write gray frames and their sound to a file, whole or not at all.
 
@@ -65,6 +67,8 @@ def write_video(
         ``ffv1`` is lossless, ``h264`` (x264, full range, preset medium) is as cameras record.
     crf : int
         Constant rate factor of H.264, 0…51; lower is better.
+    packed_from : str
+        Name of the film whose frames these are, if any.
 
     Raises
     ------
@@ -92,6 +96,8 @@ def write_video(
             file_address(part), "w", format=container, options={"fflags": "+bitexact"}
         ) as file:
             file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
+            if packed_from:
+                file.metadata["title"] = PACKED_FROM + packed_from
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
             assert isinstance(video, VideoStream)
             video.height, video.width = first.shape

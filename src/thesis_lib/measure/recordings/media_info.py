@@ -29,6 +29,7 @@ SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames and places that are looked at f
 UNTIMED = {"avi"}
 _CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNORECASE)  # Android's
 _SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
+PACKED_FROM = "packed from "  # begin of the title of a packed video; its film's name follows
 SONY_BYTES = 1 << 16  # bytes at either end of a file that are searched for it
 # Formats that FFmpeg opens and that hold no recording themselves, by its names for them
 NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
@@ -259,6 +260,18 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             stored_depth=stored_depth,
             captured_hz=_capture_rate(file, video, path),
         )
+
+
+def packed_from(path: Path) -> str | None:
+    """Return the name of the film that ``thesis pack`` made a .mov of, None of another file."""
+    if path.suffix.lower() != ".mov":
+        return None
+    try:
+        with open_media(path) as file:
+            title = file.metadata.get("title", "")
+    except MediaError:
+        return None
+    return title.removeprefix(PACKED_FROM) if title.startswith(PACKED_FROM) else None
 
 
 def start_of_film(path: Path) -> float | None:

@@ -32,6 +32,7 @@ from thesis_lib.measure.recordings.media_info import (
     describe_reading,
     frame_clock,
     frame_times,
+    packed_from,
     probe,
 )
 from thesis_lib.measure.recordings.validation import is_slowed, rate_of
@@ -354,6 +355,10 @@ def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
             videos.append(file)
         else:
             lines.append(f"passed over: {file.name}, which is no video that can be read")
+    names = {video.name for video in videos}
+    packed = {source: file.name for file in videos if (source := packed_from(file)) in names}
+    lines += [f"passed over: {one}, since {packed[one]} was packed from it" for one in packed]
+    videos = [video for video in videos if video.name not in packed]
     _check_names(folder, videos)
     return videos, lines
 
