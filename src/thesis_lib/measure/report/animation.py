@@ -172,7 +172,9 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
             stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
             assert isinstance(stream, VideoStream)
             stream.height, stream.width = first.shape[:2]
-            stream.pix_fmt, stream.options = "yuv420p", {"crf": "20", "preset": "fast"}
+            # Without mbtree, whose assembly does not give the same bytes each time.
+            stream.pix_fmt = "yuv420p"
+            stream.options = {"crf": "20", "preset": "fast", "mbtree": "0"}
             for frame in chain([first], remaining):
                 picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
                 file.mux(stream.encode(picture))
