@@ -1,8 +1,7 @@
 """Print all measurements: ``python -m benchmarks``, five minutes at most.
 
-``--peers`` measures the library and its peers alone, ``--scale`` a large study in pieces alone;
-``--tracking`` follows markers by several trackers, ``--compression`` as their motion becomes small
-in compressed films. ``--publish`` keeps what any of these has measured for the book.
+``--peers`` measures the library and its peers alone; ``--tracking`` follows markers by several
+trackers, ``--compression`` as their motion becomes small in compressed films. ``--publish`` keeps what any of these has measured for the book.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import compression, limits, own, peers, publish, rayleigh, scale, tracking
+from benchmarks import compression, limits, own, peers, publish, rayleigh, tracking
 from thesis_lib.book.pieces import benchmarks as page
 
 
@@ -34,11 +33,6 @@ MEASUREMENTS = {  # by option: title, what measures, parts of the page
         "The same points and pixels, in turns, processor time, one thread",
         measure_peers,
         ("machine", "targets", "comparison", "needs", "rayleigh", "plan"),
-    ),
-    "scale": (
-        "A study in pieces: case 4a of the plate, written to disk as it is computed",
-        lambda: publish.rounded({"scale": scale.compare()}),
-        ("scale",),
     ),
     "tracking": (
         "Tracking: one camera of 1280×720, processor time, one thread, in turns",

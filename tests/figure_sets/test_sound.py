@@ -599,13 +599,13 @@ def library(tmp_path, monkeypatch):
 def computed(monkeypatch):
     """Names of the studies that were computed, in turn."""
     names = []
-    outline = studies.outline
+    run = studies.run
 
     def counting(study, *more, **values):
         names.append(study.name)
-        return outline(study, *more, **values)
+        return run(study, *more, **values)
 
-    monkeypatch.setattr(studies, "outline", counting)
+    monkeypatch.setattr(studies, "run", counting)
     return names
 
 

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,11 +17,9 @@ from benchmarks.reference import svd_triangulate
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies import blocks as chunks
 from thesis_lib.studies import schema, storage
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, world_points
@@ -502,16 +499,6 @@ def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit)
     gc.collect()
     assert not storage.opened(tmp_path / "a.nc")["a"].any()
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
-
-
-def test_what_does_not_fit_on_the_disk_is_not_begun(tmp_path, monkeypatch):
-    request = camera_study("beam-distance", {"distances_mm": [500], "trials": 3})
-    monkeypatch.setattr(chunks, "HELD_BYTES", 0)
-    outline = studies.outline(request)
-    monkeypatch.setattr(storage.shutil, "disk_usage", lambda _: SimpleNamespace(free=2000))
-    with pytest.raises(OSError, match="No space left on device"):
-        storage.fill_in(outline, tmp_path / "a.nc", lambda: 0.0)
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", ["netCDF-3", "HDF5", "empty HDF5"])

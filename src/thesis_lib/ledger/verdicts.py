@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim
 from thesis_lib.studies import cubes
-from thesis_lib.studies.blocks import runs_of_trials
 
 WIDER, WIDER_BELOW_10 = 1.0, 0.5  # points by which the band is widened
 UNCHANGED = "no material change"  # of trends alone
@@ -77,13 +76,7 @@ def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     }
     if not claim.excepted:
         return cubes.error(cube, claim.quantity).isel(here)
-    part = cube.isel(here)
-    trial_bytes = 24 * part.sizes["setting"] * part.sizes["point"]
-    runs = [
-        point_errors(part.isel(trial=trials)).isel(point=-1 - claim.excepted)
-        for trials in runs_of_trials(part.sizes["trial"] - 1, trial_bytes)
-    ]
-    return runs[0] if len(runs) == 1 else xr.concat(runs, "trial")
+    return point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
 
 
 def point_errors(cube: xr.Dataset) -> xr.DataArray:

@@ -24,10 +24,9 @@ from thesis_lib.files import (
     sha256,
     whole_text,
 )
-from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.studies.storage import CubeError, fill_in, opened, write
+from thesis_lib.studies.storage import CubeError, opened, write
 
 
 def _digest(path: Path) -> Path:
@@ -52,30 +51,25 @@ def keep(path: Path) -> None:
     whole_text(_digest(path), f"{sha256(path)}\n")
 
 
-def kept(path: Path, compute: Callable[[], xr.Dataset | Outline], key: str = "") -> xr.Dataset:
+def kept(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
     """Return what a file holds, if it has the key; else compute, write and read it.
 
-    Its attribute `run_time_s` says how long it took. An outline that is too large to be held is
-    filled in on disk, and read from there as it is needed.
+    Its attribute `run_time_s` says how long it took.
     """
     data = read(path)
     if data is not None and data.attrs.get("key", "") == key:
         return data
     begun = time.perf_counter()
-    made = compute()
-    if isinstance(made, Outline) and not made.is_held:
-        fill_in(made, path, lambda: time.perf_counter() - begun)
-    else:
-        cube = made.in_memory() if isinstance(made, Outline) else made
-        cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
-        write(cube.assign_attrs({"key": key} if key else {}), path)
+    cube = compute()
+    cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
+    write(cube.assign_attrs({"key": key} if key else {}), path)
     keep(path)
     return opened(path)
 
 
 def cached(
     study: Study,
-    compute: Callable[[Any], xr.Dataset | Outline],
+    compute: Callable[[Any], xr.Dataset],
     key: str = "",
     library: str = "",
 ) -> xr.Dataset:

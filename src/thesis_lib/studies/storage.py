@@ -1,17 +1,14 @@
-"""Cubes as files: netCDF-4, whole or not at all, small or larger than memory.
+"""Cubes as files: netCDF-4, whole or not at all.
 
 Written and read by h5netcdf, which has wheels where the netCDF library has none.
 """
 
 from __future__ import annotations
 
-import errno
 import io
 import math
-import os
-import shutil
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +18,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from thesis_lib.files import staging, whole_file
-from thesis_lib.studies import effort
-from thesis_lib.studies.blocks import HELD_BYTES, Outline
+from thesis_lib.files import whole_file
+from thesis_lib.studies.blocks import HELD_BYTES
 
 BITS = {  # of a rounded mantissa
     np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
@@ -33,11 +29,9 @@ STEPS = 2**11  # at least, of a large field's largest value: each is within 0.02
 _ROUNDED = "_QuantizeBitRoundNumberOfSignificantBits"
 _SMALL_BYTES = 4096  # up to here compressing costs more than it saves: HDF5 then keeps an index
 _HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
-_LOADED_BYTES = 2**20  # variables of a large cube up to this size are read when it is opened
 _TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
 _PACKED = 100  # times that what a file holds may be larger than it
 _STEPPED_BYTES = 2**19  # above it, drawn numbers are stored as multiples of a step
-_STORED_BYTES = 2**18  # of a large variable are compressed together
 
 
 class CubeError(ValueError):
@@ -62,33 +56,22 @@ def write(
     steps : mapping, optional
         By variable: what its values are multiples of, to store them as whole numbers.
     """
-    large = {str(n) for n, v in cube.data_vars.items() if "trial" in v.dims}
-    large = large if cube.nbytes > HELD_BYTES else set()
-    small = cube.drop_vars(large)
     encoding = {}
     if compact:
-        stored = {n: _compression(v) for n, v in small.variables.items()}
-        encoding = {n: how | {"chunksizes": small[n].shape} for n, how in stored.items() if how}
-        rounded = {str(n): v.variable for n, v in small.data_vars.items() if _is_rounded(v)}
+        stored = {n: _compression(v) for n, v in cube.variables.items()}
+        encoding = {n: how | {"chunksizes": cube[n].shape} for n, how in stored.items() if how}
+        rounded = {str(n): v.variable for n, v in cube.data_vars.items() if _is_rounded(v)}
         by_steps = {n: _in_steps(least) for n, v in rounded.items() if (least := _step(v))}
         encoding |= {n: encoding[n] | how for n, how in by_steps.items()}
         rounded = {n: v for n, v in rounded.items() if n not in {*by_steps, *(steps or {})}}
-        small = small.assign({n: _rounded(v) for n, v in rounded.items()})
+        cube = cube.assign({n: _rounded(v) for n, v in rounded.items()})
     for name, step in (steps or {}).items():
         whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
         encoding[name] = encoding.get(name, {}) | whole
 
-    def fill(part: Path) -> None:
-        part.write_bytes(_image(small, encoding))
-        if large:
-            _room(part, cube.nbytes)
-            with h5netcdf.File(part, "a") as file:
-                for name in cube.data_vars:
-                    if name in large:
-                        _copy(cube[name], file, compact)
-
     with _HDF5:
-        whole_file(path, fill)
+        image = _image(cube, encoding)
+        whole_file(path, lambda part: part.write_bytes(image))
 
 
 def _image(cube: xr.Dataset, encoding: Mapping[Any, Any] | None = None) -> bytes:
@@ -96,12 +79,6 @@ def _image(cube: xr.Dataset, encoding: Mapping[Any, Any] | None = None) -> bytes
     image = io.BytesIO()
     cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
     return image.getvalue()
-
-
-def _room(path: Path, size: int) -> None:
-    """Refuse what would fill the disk before HDF5 does."""
-    if shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
@@ -153,68 +130,6 @@ def _nearest(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     return np.where(np.isfinite(values), rounded, values)
 
 
-def _copy(values: xr.DataArray, file: h5netcdf.File, compact: bool) -> None:
-    """Copy a variable with settings and trials into a file, some trials of a setting at a time."""
-    along = values.dims.index("trial")
-    trial_bytes = max(1, values.nbytes // (values.sizes["trial"] * values.sizes["setting"]))
-    step = min(values.sizes["trial"], max(1, _STORED_BYTES * values.sizes["mode"] // trial_bytes))
-    encoding, rounded = {}, compact and _is_rounded(values)
-    if compact:  # what is stored together is written at once
-        stored = [1 if dim in ("setting", "mode") else values.sizes[dim] for dim in values.dims]
-        stored[along] = step
-        encoding = {**_compression(values, 4), "chunks": tuple(stored)}
-    dims = tuple(map(str, values.dims))
-    said = values.attrs | (_said(values) if rounded else {})
-    target = _created(file, str(values.name), dims, values.dtype, said, **encoding)
-    for setting in range(values.sizes["setting"]):
-        for first in range(0, values.sizes["trial"], step):
-            here = {"setting": setting, "trial": slice(first, first + step)}
-            part = values.isel(here).values
-            place = tuple(here.get(str(dim), slice(None)) for dim in values.dims)
-            target[place] = _nearest(part) if rounded else part
-
-
-def fill_in(outline: Outline, path: Path, seconds: Callable[[], float]) -> None:
-    """Write an outline as netCDF-4 and fill it in there, whole or not at all.
-
-    Parameters
-    ----------
-    outline : Outline
-        What to write.
-    path : pathlib.Path
-        Where to.
-    seconds : callable
-        Tells, when all is done, what it took.
-    """
-    with staging(path.parent) as folder, _HDF5:
-        part = folder / path.name
-        part.write_bytes(_image(outline.cube))
-        _room(part, outline.nbytes)
-        with h5netcdf.File(part, "a") as file:
-            values = {
-                name: _created(file, name, dims, kind, attributes)
-                for name, (dims, kind, attributes) in outline.large.items()
-            }
-            outline.fill(values)
-            file.attrs["run_time_s"] = np.float64(seconds())
-            file.attrs["peak_memory_mb"] = np.float64(effort.peak_memory_mb())
-        part.replace(path)
-
-
-def _created(
-    file: h5netcdf.File,
-    name: str,
-    dims: tuple[str, ...],
-    kind: Any,
-    said: Mapping[Any, Any],
-    **encoding: Any,
-) -> Any:
-    """A new variable of a file, to be filled in entirely."""
-    variable = file.create_variable(name, dims, kind, **encoding)
-    variable.attrs.update(said)
-    return variable
-
-
 class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
     """A file to read that looks up a variable once; h5netcdf asks some forty times for each."""
 
@@ -245,28 +160,18 @@ def attributes(path: Path) -> dict[str, Any]:
 
 
 def opened(path: Path) -> xr.Dataset:
-    """Open a netCDF file, with one-line errors.
-
-    What is too large to be held stays on disk, and is read as it is needed; nothing of it is kept.
-    """
+    """Read a netCDF file, with one-line errors."""
     if not path.is_file():
         kind = "a folder, not a file" if path.is_dir() else "no such file"
         raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
     try:
-        with _HDF5:
-            with (
-                _Indexed(path) as indexed,
-                h5netcdf.File(indexed, decode_vlen_strings=True) as file,
-            ):
-                _refuse_bomb(file, path)
-                held = xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False)
-                if held.nbytes <= HELD_BYTES:
-                    return held.load()
-            large = xr.open_dataset(path, engine="h5netcdf", cache=False, lock=_HDF5)
-            for values in large.variables.values():
-                if values.nbytes <= _LOADED_BYTES:
-                    values.load()
-            return large
+        with (
+            _HDF5,
+            _Indexed(path) as indexed,
+            h5netcdf.File(indexed, decode_vlen_strings=True) as file,
+        ):
+            _refuse_bomb(file, path)
+            return xr.open_dataset(xr.backends.H5NetCDFStore(file), cache=False).load()
     except CubeError:
         raise
     except Exception as error:  # the netCDF and HDF libraries raise what they like

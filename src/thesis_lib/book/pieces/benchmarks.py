@@ -188,7 +188,6 @@ VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
     "needs": ("triangulation", estimate_limits),
     "rayleigh": ("rayleigh", compare_transfers),
     "plan": ("triangulation", plan_points),
-    "scale": ("scale", lambda run: {"rows": run["scale"]["rows"]}),
     "tracking": ("tracking", compare_trackers),
     "compression": ("compression", compare_films),
 }

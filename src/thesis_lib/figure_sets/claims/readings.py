@@ -71,7 +71,7 @@ def measure_claimed(study: CameraStudy) -> xr.Dataset:
         for setting in study.settings()
         if any(c.speaks_of(setting.case, setting.value, setting.pair_order) for c in spoken)
     ]
-    return studies.outline(study, only=only).in_memory()
+    return studies.run(study, only=only)
 
 
 def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:

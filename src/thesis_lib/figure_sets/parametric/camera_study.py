@@ -36,6 +36,8 @@ COINCIDENT = (
     "allowed: different places"
 )
 """How values are refused that do not go together; pages refuse in the same words."""
+MAX_MEMORY_BYTES = 2 * 2**30
+BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding and writing make
 
 
 class CameraStudy(Study):
@@ -105,11 +107,26 @@ class CameraStudy(Study):
     def _check_together(self) -> CameraStudy:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", CONDITIONS["amplitude_mm"])
+        _check_memory(self)
         settings = self.printed()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
         for setting in settings:
             _check_coincidence(self, setting)
         return self
+
+
+def _check_memory(study: CameraStudy) -> None:
+    markers, settings = study.structure.markers.shape[1], len(study.printed())
+    deflections = markers * len(study.modes) * settings * (study.trials + 1)
+    needed = BYTES_PER_DEFLECTION * deflections
+    if needed > MAX_MEMORY_BYTES:
+        refuse(
+            "trials",
+            study.trials,
+            f"which with {settings} settings and {len(study.modes)} modes would need "
+            f"{needed / 1e9:.3g} GB of memory, allowed: {MAX_MEMORY_BYTES / 1e9:.2g} GB or less; "
+            "ask for fewer trials, settings or modes",
+        )
 
 
 def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:

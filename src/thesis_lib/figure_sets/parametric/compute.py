@@ -8,7 +8,7 @@ image of a setting are one batch of points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -18,9 +18,8 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
+from thesis_lib.studies.blocks import Block, computed, runs_of_trials
 from thesis_lib.studies.schema import (
-    CAMERAS,
     REFERENCE,
     SHORT,
     VARIABLES,
@@ -86,18 +85,10 @@ def block_results(
     }
 
 
-def run(study: CameraStudy, scheduler: str = "") -> xr.Dataset:
-    """Compute the cube of a camera study in memory: that of :func:`outline`, filled in."""
-    return outline(study, scheduler).in_memory()
-
-
-def outline(
-    study: CameraStudy,
-    scheduler: str = "",
-    piece_bytes: int = PIECE_BYTES,
-    only: Sequence[Setting] | None = None,
-) -> Outline:
-    """Outline the cube of a camera study, or of some settings, to be filled in by blocks."""
+def run(
+    study: CameraStudy, scheduler: str = "", only: Sequence[Setting] | None = None
+) -> xr.Dataset:
+    """Compute the cube of a camera study, or of some of its settings, block by block."""
     structure, settings = study.structure, list(study.settings() if only is None else only)
     shapes = [
         deflection_shape(structure, mode, structure.markers, peak)
@@ -105,14 +96,13 @@ def outline(
     ]
     reference = np.array(shapes)
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
-    values = labelled({"reference_deflection": reference}, REFERENCE) | camera_places(settings)
-    cube = xr.Dataset(values, coordinates(study, study.modes, structure, settings))
-    order = (*REFERENCE, *VARIABLES, *CAMERAS)
-    large = {
-        name: (("setting", *one.dims), SHORT.get(name, "float64"), one.attributes)
+    cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
+    values = {
+        name: np.empty(
+            (len(settings), *(cube.sizes[dim] for dim in one.dims)), SHORT.get(name, "float64")
+        )
         for name, one in VARIABLES.items()
     }
-    large["predicted_error"][2]["long_name"] = study.law
     work = partial(
         block_results,
         points=points,
@@ -126,19 +116,20 @@ def outline(
         noise_px=study.noise_px,
     )
 
-    def fill(values: Mapping[str, Any]) -> None:
-        blocks = _blocks(settings, study.trials, points[0].size)
-        for block, results in computed(work, blocks, scheduler, piece_bytes):
-            for name, result in results.items():
-                of_trials = "trial" in VARIABLES[name].dims
-                values[name][block.place if of_trials else block.setting] = result
-
-    return Outline(cube, large, fill, order)
+    blocks = _blocks(settings, study.trials, points[0].size)
+    for block, results in computed(work, blocks, scheduler):
+        for name, result in results.items():
+            of_trials = "trial" in VARIABLES[name].dims
+            values[name][block.place if of_trials else block.setting] = result
+    cube = cube.assign(labelled({"reference_deflection": reference}, REFERENCE))
+    cube = cube.assign(labelled(values, VARIABLES, over=["setting"]))
+    cube["predicted_error"].attrs["long_name"] = study.law
+    return cube.assign(camera_places(settings))
 
 
 def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[Block]:
-    """Blocks of a study whose cameras see that many points, modes times markers, in a trial."""
+    """Cut a study whose cameras see that many points, modes times markers, in a trial."""
     for index, setting in enumerate(settings):
         trial_bytes = 16 * len(setting.directions_deg) * n_points
         for run in runs_of_trials(trials, trial_bytes):
-            yield Block(index, run, (run.stop - run.start) * trial_bytes, setting)
+            yield Block(index, run, setting)

@@ -23,7 +23,7 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies.blocks import PIECE_BYTES, Block, Outline, computed, runs_of_trials
+from thesis_lib.studies.blocks import Block, computed, runs_of_trials
 from thesis_lib.studies.schema import declared, extremes, field_coordinates, labelled
 from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
@@ -76,20 +76,8 @@ LEVELS = declared("""
 
 
 def checksum(plate_cube: xr.Dataset) -> str:
-    """SHA-256 of the measured deflections that a plate's cube holds."""
-    total, deflections = hashlib.sha256(), plate_cube["measured_deflection"]
-    for block in _runs(deflections):
-        total.update(block.values.tobytes())
-    return total.hexdigest()
-
-
-def _runs(values: xr.DataArray) -> Iterator[xr.DataArray]:
-    """Parts of a variable (setting, mode, trial, ...) in the order in which it is stored."""
-    for setting in range(values.sizes["setting"]):
-        for mode in range(values.sizes["mode"]):
-            part = values.isel(setting=setting, mode=mode)
-            for trials in runs_of_trials(part.sizes["trial"] - 1, part[0].nbytes):
-                yield part.isel(trial=trials)
+    """Return the SHA-256 of the measured deflections that a plate's cube holds."""
+    return hashlib.sha256(plate_cube["measured_deflection"].values.tobytes()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -136,20 +124,13 @@ class _Sound:
 
 
 def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.Dataset:
-    """Compute the cube of a sound study in memory, from that of the plate's settings.
+    """Compute the cube of a sound study from that of the plate's same settings and trials.
 
     Errors on the planes XZ and YZ in % of each plane's largest reference pressure (eq. 6.8, with
     the modulus of the complex difference), NaN where a plane is nodal, and of the larger of the
     two, NaN where both are; predicted errors; reference fields and those of the best and worst
     settings.
     """
-    return outline(study, plate_cube, scheduler=scheduler).in_memory()
-
-
-def outline(
-    study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "", piece_bytes: int = PIECE_BYTES
-) -> Outline:
-    """Outline the cube of a sound study, to be filled in block by block."""
     plate = study.structure
     assert isinstance(plate, Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
@@ -206,18 +187,10 @@ def outline(
     }
     cube = cube.assign(labelled(values, VARIABLES))
     cube = cube.assign_coords(labelled({"radiation_mode": range(1, told + 1)}, COORDINATES))
-    later = {
-        name: (one.dims, "float32" if name.startswith("pressure") else "float64", one.attributes)
-        for name, one in VARIABLES.items()
-        if name not in values
-    }
-    later["predicted_error"][2]["long_name"] = study.law
-    order = [*VARIABLES]
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":
         cube = _with_levels(cube, power[:, 0], largest)
-    order += [str(name) for name in cube.data_vars if name not in order]
 
     rests = np.zeros_like(reference)
     points = np.stack(
@@ -231,33 +204,36 @@ def outline(
         trial_bytes = 8 * reference.size
         for index, setting in enumerate(settings):
             for trials in runs_of_trials(study.trials, trial_bytes):
-                measured = deflections.isel(setting=index, trial=trials).values
-                nbytes = trial_bytes * measured.shape[1]
-                yield Block(index, trials, nbytes, (setting, measured))
+                yield Block(index, trials, (setting, deflections[index, :, trials].values))
 
-    def fill(target: Mapping[str, Any]) -> None:
-        for block, found in computed(work, blocks(), scheduler, piece_bytes):
-            target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
-            target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
-            if "predicted" in found:
-                target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
-                target["coherence"][block.setting] = found["coherence"]
-                target["radiated_share"][block.setting] = found["share"]
-            mean = plate_cube["mean_error"].isel(setting=block.setting, trial=block.trials)
-            target["deflection_error"][block.place] = mean.values
-        for c, of_case in enumerate(chosen.values()):
-            for m, omega in enumerate(omegas):
-                for x, setting in enumerate(of_case[m]):
-                    literal = deflections.isel(setting=setting, mode=m, trial=0).values.astype(
-                        float
-                    )
-                    for p, op in enumerate(operators[m]):
-                        pressure = op.field(1j * omega * literal)
-                        target["pressure_measured_real"][c, m, x, p] = pressure.real
-                        target["pressure_measured_imag"][c, m, x, p] = pressure.imag
-
-    cube = cube.assign_attrs(deflections_sha256=checksum(plate_cube))
-    return Outline(cube, later, fill, tuple(order))
+    sizes = {**cube.sizes, **plate_cube.sizes}
+    target = {
+        name: np.empty(
+            [sizes[dim] for dim in one.dims], "float32" if name.startswith("pressure") else float
+        )
+        for name, one in VARIABLES.items()
+        if name not in values
+    }
+    for block, found in computed(work, blocks(), scheduler):
+        target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
+        target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
+        if "predicted" in found:
+            target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
+            target["coherence"][block.setting] = found["coherence"]
+            target["radiated_share"][block.setting] = found["share"]
+    target["deflection_error"] = plate_cube["mean_error"].values
+    for c, of_case in enumerate(chosen.values()):
+        for m, omega in enumerate(omegas):
+            for x, setting in enumerate(of_case[m]):
+                literal = deflections[setting, m, 0].values.astype(float)
+                for p, op in enumerate(operators[m]):
+                    pressure = op.field(1j * omega * literal)
+                    target["pressure_measured_real"][c, m, x, p] = pressure.real
+                    target["pressure_measured_imag"][c, m, x, p] = pressure.imag
+    cube = cube.assign(labelled(target, VARIABLES))
+    cube["predicted_error"].attrs["long_name"] = study.law
+    others = [name for name in cube.data_vars if name not in VARIABLES]
+    return cube[[*VARIABLES, *others]].assign_attrs(deflections_sha256=checksum(plate_cube))
 
 
 def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:

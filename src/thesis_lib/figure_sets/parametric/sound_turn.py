@@ -8,7 +8,6 @@ measured and radiated as in ``sound-arrays``, where they are a reader's own layo
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible
-from thesis_lib.studies.blocks import Outline
 from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import resonance, world_points
@@ -87,11 +85,11 @@ def law_errors(study: Any, reference: Array) -> Array:
     return np.moveaxis(by_mode, 0, 2)
 
 
-def outline(
+def run(
     study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset, scheduler: str = ""
-) -> Outline:
-    """Return the cube of ``sound-aperture``: that of :func:`.sound.outline`, with turned pairs."""
-    plain = sound.outline(study, plate_cube, scheduler)
+) -> xr.Dataset:
+    """Compute the cube of ``sound-aperture``: that of :func:`.sound.run`, with turned pairs."""
+    plain = sound.run(study, plate_cube, scheduler)
     elevations = study.elevations_deg  # type: ignore[attr-defined]
 
     def by_turn(values: xr.DataArray) -> Any:
@@ -112,9 +110,7 @@ def outline(
         "turned_coherence": by_turn(turned["coherence"]),
         "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
     }
-    cube = plain.cube.assign(labelled(values, VARIABLES))
-    more = [name for name in values if name in cube.data_vars]
-    return replace(plain, cube=cube, order=(*plain.order, *more))
+    return plain.assign(labelled(values, VARIABLES))
 
 
 def turn_table(cube: xr.Dataset) -> str:
