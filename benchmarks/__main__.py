@@ -1,7 +1,8 @@
 """Print all measurements: ``python -m benchmarks``, five minutes at most.
 
 ``--peers`` measures the library and its peers alone; ``--tracking`` follows markers by several
-trackers, ``--compression`` as their motion becomes small in compressed films. ``--publish`` keeps what any of these has measured for the book.
+trackers, ``--compression`` as their motion becomes small in compressed films. ``--publish`` keeps
+what any of these has measured for the book.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import digest_of, folder_files, shipped
+from thesis_lib.studies.lock import installed_versions
 from thesis_lib.studies.request import Study
 
 PACKAGE = Path(__file__).parents[1]
@@ -36,11 +37,12 @@ def source_files(product: Product) -> list[Path]:
 
 @cache
 def code_digest(product: Product) -> str:
-    """Return the digest that a cube carries of the code and facts that made it.
+    """Return the digest that a cube carries of the code, facts and packages that made it.
 
     It is that of the files when this process first asked, as what it has imported is, too.
     """
-    return digest_of(source_files(product))
+    own = digest_of(source_files(product))
+    return hashlib.sha256(f"{own} {installed_versions()}".encode()).hexdigest()
 
 
 def request_key(product: Product, asked: Study) -> str:

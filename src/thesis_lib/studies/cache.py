@@ -24,6 +24,7 @@ from thesis_lib.files import (
     sha256,
     whole_text,
 )
+from thesis_lib.studies.lock import installed_versions
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.studies.storage import CubeError, opened, write
@@ -105,5 +106,5 @@ def key_of(values: Any, files: Iterable[Path] = ()) -> str:
     takes about a second, tracking it takes minutes.
     """
     stamps = [[file.name, sha256(file)] for file in files]
-    text = json.dumps([values, stamps, library_digest()])
+    text = json.dumps([values, stamps, library_digest(), installed_versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]

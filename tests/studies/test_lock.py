@@ -1,0 +1,34 @@
+"""Packages in other versions than the lock's are reported; what they computed is not trusted."""
+
+from __future__ import annotations
+
+from thesis_lib.figure_sets import digests
+from thesis_lib.figure_sets.registry import FIGURE_SETS
+from thesis_lib.studies import cache, lock
+
+OTHER = {"numpy": "0.1"}
+
+
+def test_packages_other_than_the_locks_are_reported(monkeypatch):
+    assert lock.differing_packages() == []
+    monkeypatch.setattr(lock, "installed_versions", lambda: OTHER)
+    (line,) = lock.differing_packages()
+    assert line.startswith("numpy 0.1 is installed, the lock has ")
+
+
+def test_what_other_packages_computed_is_not_trusted(monkeypatch):
+    """Neither a figure set's cube nor a step of a measurement."""
+    product = FIGURE_SETS["beam-distance"]
+
+    def trusted():
+        digests.code_digest.cache_clear()
+        return digests.code_digest(product), cache.key_of([1])
+
+    before = trusted()
+    assert trusted() == before
+    for module in (digests, cache):
+        monkeypatch.setattr(module, "installed_versions", lambda: OTHER)
+    cube, step = trusted()
+    digests.code_digest.cache_clear()
+    assert cube != before[0]
+    assert step != before[1]
