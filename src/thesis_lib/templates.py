@@ -23,7 +23,7 @@ FOLDER = "templates"
 _UNBROKEN = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
 
 
-def render(module_file: str | Path, name: str, **values: Any) -> str:
+def render(module_file: str | Path, name: str, /, **values: Any) -> str:
     """Fill in the template `name` that stands next to a module.
 
     Parameters
