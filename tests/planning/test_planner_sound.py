@@ -161,7 +161,7 @@ def test_cube_and_summary_tell_the_gain(tmp_path):
         worst = [float(cube[name].max()) for name in ("predicted_error", "shape_plan_error")]
         assert cube.attrs["goal"] == "sound"
     less = 100 * (1 - worst[0] / worst[1])
-    assert f"have a field error of {worst[1]:.3g} %, so this is {less:.0f} % less" in done.out
+    assert f"have a field error of {worst[1]:.3g} %; this plan is {less:.0f} % lower" in done.out
     page = (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
     assert "largest pressure on a plane" in page
 
@@ -180,7 +180,9 @@ def test_a_plan_for_the_power_is_better_at_that_and_says_so(conforms, tmp_path):
     conforms.closed_form(now.max(), below=before.max() * (1 + 1e-9))
     conforms.sampled(drawn_ / now, 1, atol=0.2)
     less = 100 * (1 - now.max() / before.max())
-    assert f"have a power error of {before.max():.3g} %, so this is {less:.0f} % less" in done.out
+    assert (
+        f"have a power error of {before.max():.3g} %; this plan is {less:.0f} % lower" in done.out
+    )
     page = (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
     assert "worst mode in % of its sound power" in page
 
@@ -246,7 +248,7 @@ def test_a_plan_for_a_plane_or_a_point_says_what_it_gains(
         assert words[1].split("=")[0] in cube.attrs["command"]
     conforms.closed_form(now, below=0.95 * before)
     less = 100 * (1 - now / before)
-    assert f"have a {heard} error of {before:.3g} %, so this is {less:.0f} % less" in done.out
+    assert f"have a {heard} error of {before:.3g} %; this plan is {less:.0f} % lower" in done.out
     assert counted in (tmp_path / "made" / "plan.html").read_text(encoding="utf-8")
 
 
