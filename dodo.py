@@ -117,7 +117,10 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )  # fmt: skip
     yield step(
         "sample report", lambda: sample.write(EXECUTED),
-        [measured_sample.path(), *code("book/sample.py", "laboratory", "measure", "plotting")],
+        [
+            measured_sample.path(),
+            *code("book/sample.py", "laboratory", "measure", "plotting", "web"),
+        ],
         [EXECUTED / name for name in sample.NAMES],
     )  # fmt: skip
     yield step(

@@ -83,7 +83,7 @@ def build_shape(
     data : xarray.Dataset
         The result.
     seen : xarray.Dataset
-        What :func:`~thesis_lib.measure.report.diagnostics.diagnostics` returns.
+        What :func:`~thesis_lib.measure.report.diagnostics.collect_diagnostics` returns.
     manifest : Manifest
         The manifest.
     assessment : Assessment
