@@ -50,3 +50,7 @@ def test_table_of_unknown_columns(fill):
 def test_missing_value_is_an_error(fill):
     with pytest.raises(jinja2.UndefinedError, match="power"):
         fill("The power is {{ power }}.")
+
+
+def test_a_value_may_be_called_name(fill):
+    assert fill("{{ name }}", name="beam") == "beam"

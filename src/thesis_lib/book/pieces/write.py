@@ -32,7 +32,7 @@ def write(
 
 
 def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
-    """One piece, or what it is missing."""
+    """Return one piece, or a sentence on the cubes that it is missing."""
     opened.forget()
     try:
         text = piece(opened)
@@ -63,22 +63,22 @@ def _laboratory(figure_set: str, template: str, opened: Cubes) -> str:
 
 
 def _optics(name: str, opened: Cubes) -> str:
-    """A table of chapter 2 or its appendices, from the cube of ``cameras``."""
+    """Fill in a table of chapter 2 or its appendices, from the cube of ``cameras``."""
     return optics_tables.PIECES[name](opened["cameras"])
 
 
 def _benchmark(name: str, _: Cubes) -> str:
-    """What the published run of the benchmarks measured."""
+    """Tabulate what the published run of the benchmarks measured."""
     return benchmark_tables.PIECES[name]()
 
 
 def _design(name: str, opened: Cubes) -> str:
-    """What is said of the law of rounding for design, from the cube of ``design-law``."""
+    """Describe the law of rounding for design, from the cube of ``design-law``."""
     return design_tables.PIECES[name](opened["design-law"])
 
 
 def _planner(name: str, opened: Cubes) -> str:
-    """What is said of planned layouts, from the cube of ``planner``."""
+    """Describe planned layouts, from the cube of ``planner``."""
     return planner_tables.PIECES[name](opened["planner"])
 
 
