@@ -22,6 +22,7 @@ from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import postprocess
 from thesis_lib.studies import effort, storage
 from thesis_lib.studies.effort import Effort
+from thesis_lib.studies.request import command
 from thesis_lib.studies.schema import with_provenance
 
 EVIL = "<script>alert(\"1\")</script> &amp; '*y*'"
@@ -156,7 +157,7 @@ def test_strings_of_the_reader_are_text(evil, tmp_path, in_book):
         assert set(parsed.tags) <= {"p", "a", "details", "summary", "dl", "dt", "dd", "code"}
         assert "onerror" not in parsed.attributes
     assert json.dumps(EVIL)[1:-1] in Parsed(added[-1].source).text
-    assert request.command(request) in Parsed(added[-1].source).text
+    assert command(request) in Parsed(added[-1].source).text
 
 
 def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
