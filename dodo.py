@@ -123,19 +123,15 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED / name for name in sample.NAMES],
     )  # fmt: skip
+    writers = (thesis_index, assumptions, conformance)
     yield step(
-        "index and assumptions",
-        lambda: [one.write(EXECUTED) for one in (thesis_index, assumptions)],
-        [*PAGES, *library_files()], included(*thesis_index.PIECES, *assumptions.PIECES),
+        "index, assumptions and conformance", lambda: [one.write(EXECUTED) for one in writers],
+        [*PAGES, *PUBLISHED, *library_files()],
+        included(*(piece for one in writers for piece in one.PIECES)),
     )  # fmt: skip
     yield step(
         "explorer, form and demonstrations", lambda: demos.write(EXECUTED),
         [*PUBLISHED, *TEXT_CODE], [EXECUTED / f"{name}.html" for name in demos.PAGES],
-    )  # fmt: skip
-    yield step(
-        "conformance", lambda: conformance.write(EXECUTED),
-        [*PUBLISHED, *code("book/conformance.py", "book/templates")],
-        included(*conformance.PIECES),
     )  # fmt: skip
 
 
@@ -148,15 +144,15 @@ def task_figures() -> Iterator[dict[str, Any]]:
             illustrations.write(cubes([name]), EXECUTED, drawn)
             downloads.write_tables(build.TABLES, cubes([name]))
 
-        facts = code("facts", "planning", "vision")  # of figures of no cube
-        needs = facts if name == "facts" else [result_files(name)[0]]
-        needs = [*needs, *code("book/pieces", "figure_sets", "plotting")]
+        of = code("planning", "vision") if name == "facts" else [result_files(name)[0]]
+        needs = [*of, *code("book/pieces", "facts", "figure_sets", "plotting")]
         yield step(f"figures and numbers of {name}", act, needs, [EXECUTED / one for one in drawn])
 
 
 def task_pages() -> dict[str, Any]:
     """Render the pages, and pack them as one file."""
-    made = ["inputs", "notebook", "assets", "piece", "figures"]
     needs = [*PAGES, *NOTEBOOKS, *library_files(), ROOT / "_config.yml"]
     task = step("pages", build.render_pages, needs, [HTML / "index.html", build.ARCHIVE])
-    return {key: value for key, value in task.items() if key != "name"} | {"task_dep": made}
+    return {key: value for key, value in task.items() if key != "name"} | {
+        "task_dep": DOIT_CONFIG["default_tasks"][:-1]
+    }
