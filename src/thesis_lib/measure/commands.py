@@ -27,7 +27,7 @@ _PAPER = click.option(
 
 @contextlib.contextmanager
 def one_line(place: Path) -> Iterator[None]:
-    """Every failure as one line, also what the system or another library raises."""
+    """Report every failure as one line, also errors of the system or of another library."""
     from thesis_lib.measure.paper.page import PaperError
     from thesis_lib.measure.recordings.manifest import ManifestError
     from thesis_lib.outputs import OutputError

@@ -1,4 +1,4 @@
-"""What a folder of recordings holds: cameras, clocks, tracks, and the deflection fitted to them."""
+"""Cameras, clocks and tracks of a folder of recordings, and the deflection fitted to them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ UNKEPT = {
 
 @dataclass(frozen=True)
 class Recorded:
-    """What is known before anything is fitted."""
+    """Inputs of a measurement, before anything is fitted."""
 
     sound: xr.Dataset  #: When the cameras started, and what their sound tells
     calibration: xr.Dataset  #: The cameras
@@ -65,7 +65,7 @@ def recorded(
 
 
 def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
-    """The shape of one tone with all that it rests on, and every marker's motion.
+    """Fit the shape of one frequency, with all that it rests on, and every marker's motion.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
 def _calibration(
     manifest: Manifest, folder: Path, steps: Path, given: Found | None, say: Callable[[str], object]
 ) -> xr.Dataset:
-    """The cameras by pictures of the board, or reused, and how exact they are."""
+    """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
     if given is None:
         return exactness.exact(calibrated(manifest, folder, steps, say), board, steps)
@@ -127,7 +127,7 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
 
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
-    """What of calibration and sound belongs to the result."""
+    """Return the variables of calibration and sound that belong to the result."""
     of_cameras = CALIBRATION | exactness.VARIABLES
     values = {
         name: (calibration if name in of_cameras else sound)[name].values

@@ -34,7 +34,7 @@ class Message:
 
     @property
     def pattern(self) -> str:
-        """The text with dots for what is put in."""
+        """Return the text with dots in place of values."""
         return re.sub(r"\{[^}]*\}", "…", self.text)
 
 

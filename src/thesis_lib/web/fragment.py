@@ -19,7 +19,7 @@ _IMPORT = re.compile(r'^import (?:(?:(\w+)|\{[^}]*\}) from )?"\./(\w+)\.js";\n',
 
 
 def asset(name: str) -> str:
-    """The text of a file of the front ends."""
+    """Return the text of a file of the front ends."""
     return (ASSETS / name).read_text(encoding="utf-8")
 
 

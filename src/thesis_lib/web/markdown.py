@@ -10,13 +10,13 @@ if TYPE_CHECKING:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; its cells stand as they are."""
+    """Return a Markdown table; its cells stand as they are."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def columns(rows: Iterable[Mapping[str, str]]) -> str:
-    """The same of rows that have cells by the names of columns, else —; nothing of no rows."""
+    """Return a Markdown table of rows by column, — where one is missing; empty without rows."""
     rows = list(rows)
     header = list(dict.fromkeys(name for row in rows for name in row))
     return table(header, [[row.get(name, "—") for name in header] for row in rows]) if rows else ""
@@ -34,7 +34,7 @@ def markdown_table(
     above: bool = False,
     plain: bool = True,
 ) -> Markdown:
-    """A table with a text in Markdown below or above it; cells are plain text, or Markdown, too."""
+    """Return a table with a text below or above it; cells are plain text, or Markdown, too."""
     from IPython.display import Markdown  # takes longer than all else of a command's imports
 
     cells = [[escape(cell) if plain else cell for cell in row] for row in rows]

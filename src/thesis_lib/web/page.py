@@ -95,12 +95,12 @@ def _frame(title: str, body: str, mathjax: str = "") -> str:
 
 
 def mathjax_path() -> Path:
-    """Where MathJax is, once a book was rendered."""
+    """Return where MathJax is once a book was rendered."""
     return workplace() / "build" / "assets" / MATHJAX
 
 
 def damaged_assets(assets: Path) -> str:
-    """What in a folder of installed assets is not what was installed, or empty."""
+    """Return what is damaged in a folder of installed assets, or nothing."""
     for name, digest in installed_assets(assets)["files"].items():
         if sha256(assets / name) != digest:
             return f"{assets / name} is not what was installed"
@@ -117,7 +117,7 @@ def installed_assets(assets: Path) -> dict[str, Any]:
 
 
 def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
-    """A small self-contained page of links, each with its label and relative address."""
+    """Return a small self-contained page of links, each with its label and relative address."""
     items = "".join(
         f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
     )

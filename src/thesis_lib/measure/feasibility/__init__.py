@@ -1,1 +1,1 @@
-"""What a planned measurement can find."""
+"""Feasibility of planned measurements: predicted performance, checks, draft manifests."""

@@ -1,1 +1,1 @@
-"""The page, the figures and the files of a measurement."""
+"""Reports of measurements: pages, figures, animations, and notes on their quality."""
