@@ -200,4 +200,7 @@ def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
     try:
         yield
     finally:
+        if lock.lock_counter == 1:  # whoever waits for the removed file makes a new one
+            with contextlib.suppress(OSError):
+                (folder / LOCK).unlink()
         lock.release()

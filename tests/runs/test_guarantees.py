@@ -218,6 +218,28 @@ def test_a_damaged_cube_is_made_again(book):
 
 # Two at once, and failures.
 
+IN_TURNS = """
+import sys, time
+from pathlib import Path
+from thesis_lib.files import only_command
+
+folder = Path(sys.argv[1])
+for _ in range(30):
+    with only_command(folder, wait=True):
+        mine = folder / "mine"
+        assert not mine.exists()
+        mine.touch()
+        time.sleep(0.002)
+        mine.unlink()
+"""
+
+
+def test_commands_wait_for_each_other_and_leave_no_lock(tmp_path):
+    command = [sys.executable, "-c", IN_TURNS, str(tmp_path)]
+    processes = [subprocess.Popen(command, stderr=subprocess.PIPE) for _ in range(3)]
+    assert [process.communicate()[1] for process in processes] == [b""] * 3
+    assert list(tmp_path.iterdir()) == []
+
 
 @pytest.mark.slow
 def test_of_two_commands_in_one_folder_the_second_is_refused(own_checkout, tmp_path, start):
