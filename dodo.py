@@ -109,7 +109,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield step(
         "walk through chapter 5", lambda: walk.write_all(EXECUTED),
         [data, *code("figure_sets/experiment", "laboratory", "measure", "plotting")],
-        [*map(EXECUTED.joinpath, map(walk.file_name, walk.PICTURES)), *included(*walk.VALUES)],
+        [*map(EXECUTED.joinpath, map(walk.file_name, walk.PICTURES)), *included(*walk.TEXT_VALUES)],
     )  # fmt: skip
     yield step(
         "reference of own recordings", lambda: reference.write(EXECUTED),

@@ -62,7 +62,7 @@ def of_conclusions(results: Path) -> bytes:
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
-    for path in walk.write(data, folder):
+    for path in walk.write_pictures(data, folder):
         yield path.name, path.read_bytes()
 
 

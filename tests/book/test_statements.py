@@ -351,7 +351,7 @@ def test_where_many_coarse_cameras_lose_and_win():
     several = cube["n_cameras"] > 2
     light = cube.isel(setting=int(np.flatnonzero(several & (cube["case"] == "light"))[-1]))
     low, high = light["ratio_band"].values  # "even with more light they are not told apart"
-    assert low < 1 / (1 + equal_pixels.ALIKE) < high
+    assert low < 1 / (1 + equal_pixels.MAX_RATIO_DIFFERENCE) < high
     assert (cube["ratio"][several & (cube["case"] == "light")] < 1).all()
     assert (cube["ratio"][several & pixels] > 1).all()
     assert (cube["ratio"][cube["case"] == "frames"].diff("setting") < 0).all()

@@ -170,7 +170,7 @@ def test_trials_scatter_as_is_predicted(conforms, cubes, case):
 @pytest.mark.parametrize("frames", [1, 4, 10**6])
 def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method, frames):
     own = replace(tracks(noisy, method), rest_frames=frames)
-    instant = shapes.instant_of(noisy, BEAM.damping)
+    instant = shapes.find_maxima(noisy, BEAM.damping)
     _, predicted = shapes.measure_deflection(own, instant, method, np.zeros(4))
     endless = replace(own, rest_frames=10**9)
     ratio = predicted / shapes.measure_deflection(endless, instant, method, np.zeros(4))[1]
@@ -238,7 +238,7 @@ def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
 def test_whole_frames_are_counted_from_the_first_of_the_cameras(conforms, names):
     starts = np.array([0.0, 0.10, 0.10 - 2.5 / 60, 0.10 - 3.8 / 60])
     data = recordings(resolution().recordings, starts=starts)
-    tracks = shapes.tracks_of(data, MARKERS, names, 1920, "literal")
+    tracks = shapes.select_tracks(data, MARKERS, names, 1920, "literal")
     delays = starts[["ABCD".index(name) for name in names]]
     conforms.closed_form(tracks.frames, np.rint((delays - delays[0]) * 60), atol=0)
 
@@ -292,7 +292,7 @@ def test_a_missed_peak_costs_what_the_cosine_says(conforms, offset):
 
 
 def tracks(data, method, names="ABCD"):
-    return shapes.tracks_of(
+    return shapes.select_tracks(
         data, MARKERS, names, 1920, "full" if method == "harmonic" else "literal"
     )
 
@@ -302,7 +302,7 @@ def tracks(data, method, names="ABCD"):
 def test_the_other_methods_do_not_care_when_the_cameras_start(conforms, method, seed):
     starts = np.random.default_rng(seed).uniform(0, 0.25, 4)
     data = recordings(resolution(widths_px=[1920]).recordings, starts=starts)
-    instant = shapes.instant_of(data, BEAM.damping)
+    instant = shapes.find_maxima(data, BEAM.damping)
     found, _ = shapes.measure_deflection(tracks(data, method), instant, method, np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     conforms.invariance(found, shape, atol=2e-7)
@@ -313,7 +313,7 @@ def test_a_wrong_clock_costs_its_camera_s_part(conforms, exact, method):
     # All cameras but the reference are wrong by the same phase: the aligned way reads them at the
     # reference's peak, the harmonic one at the peak of their mean.
     data = exact.assign(delay=exact["delay"] + np.array([0, 1, 1, 1]) * 0.5 / 60)
-    instant = shapes.instant_of(exact, BEAM.damping)
+    instant = shapes.find_maxima(exact, BEAM.damping)
     found, _ = shapes.measure_deflection(tracks(data, method), instant, method, np.zeros(4))
     shape = 0.004 * Component().shape(BEAM, MARKERS.positions[:, :75])
     share = 1 - np.vdot(found, shape) / np.vdot(shape, shape)
@@ -324,7 +324,7 @@ def test_a_wrong_clock_costs_its_camera_s_part(conforms, exact, method):
 
 
 def test_the_instants_are_the_maxima_of_the_steady_part(conforms, exact):
-    instant = shapes.instant_of(exact, BEAM.damping)
+    instant = shapes.find_maxima(exact, BEAM.damping)
     begin, end = exact["steady"].values
     assert np.all((instant.times > begin) & (instant.times < end))
     conforms.closed_form(np.diff(instant.times), 1 / 4.25, rtol=1e-7)
@@ -335,7 +335,7 @@ def test_the_instants_are_the_maxima_of_the_steady_part(conforms, exact):
 
 
 def test_the_chosen_frame_is_nearest_to_any_maximum(conforms, exact):
-    instant = shapes.instant_of(exact, BEAM.damping)
+    instant = shapes.find_maxima(exact, BEAM.damping)
     offset = np.random.default_rng(0).uniform(-5, 5, (7, 2))
     peak, frame = instant.nearest(60, offset)
     assert peak.shape == frame.shape == (7, 2)
@@ -349,7 +349,7 @@ def test_the_chosen_frame_is_nearest_to_any_maximum(conforms, exact):
 def test_the_maximum_is_one_that_all_cameras_recorded(conforms):
     """A camera that started first ends first: whichever maximum is left to it, that one is read."""
     _, data = whole_frames(0.2)
-    instant, whole = shapes.instant_of(data, BEAM.damping), tracks(data, "literal")
+    instant, whole = shapes.find_maxima(data, BEAM.damping), tracks(data, "literal")
     assert len(instant.times) > 3
     expected = np.cos(2 * np.pi * 5 * 0.2 / 60) * 0.004
     expected = expected * Component().shape(BEAM, MARKERS.positions[:, :75])

@@ -126,11 +126,11 @@ def test_bands_of_ratios_hold_the_truth_as_often_as_they_say():
         request = study(trials=20, cases=["pixels"], diameters_mm=[12.0], counts=[2, 16])
         data = equal_pixels(request, sigma=lambda kind: 1e-6 * kind.count, seed=seed)
         errors = {
-            kind: compute._errors(request, kind, data.isel(rig=i), _shape(request))
+            kind: compute._deflection_errors(request, kind, data.isel(rig=i), _shape(request))
             for i, kind in enumerate(request.rendered_kinds)
         }
-        few, many = (compute._resampled(each, k) for k, each in enumerate(errors.values()))
-        low, high = np.quantile(many / few, compute.BAND)
+        few, many = (compute._resample_errors(each, k) for k, each in enumerate(errors.values()))
+        low, high = np.quantile(many / few, compute.BAND_QUANTILES)
         inside.append(low < 8 < high)
     assert 0.72 < np.mean(inside) <= 1
 
@@ -159,8 +159,8 @@ def test_the_verdict_follows_the_bands():
 def test_a_recording_is_measured_as_well_as_its_scatter_says():
     request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
     data = compute.measure(request, 0).isel(rig=0)
-    error = compute._errors(request, request.rendered_kinds[0], data.expand_dims("replicate"),
-                            _shape(request))[0]  # fmt: skip
+    kind, one = request.rendered_kinds[0], data.expand_dims("replicate")
+    error = compute._deflection_errors(request, kind, one, _shape(request))[0]
     scatter = 100 * data["deviation"].values / _shape(request).max()
     assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(scatter**2)) < 2
     assert data["missing"] == 0

@@ -18,10 +18,10 @@ from thesis_lib.figure_sets.lab_modes import compute as beam_films
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
 from thesis_lib.figure_sets.lab_modes import methods as lab_modes
 from thesis_lib.figure_sets.lab_modes import methods as spectra
-from thesis_lib.figure_sets.lab_modes.parameters import MARKER, ROWS
+from thesis_lib.figure_sets.lab_modes.parameters import MARKER_DIAMETER_M, ROW_SPACING_M
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
 from thesis_lib.figure_sets.lab_plate import compute as plate_films
-from thesis_lib.figure_sets.lab_plate.compute import filling
+from thesis_lib.figure_sets.lab_plate.compute import surface_matrix
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.registry import validate
@@ -134,7 +134,10 @@ def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(con
 
 def test_the_markers_are_those_of_the_thesis_s_beam():
     markers = rows_on(BEAM)
-    assert (markers.row_spacing, markers.diameter) == (pytest.approx(ROWS), pytest.approx(MARKER))
+    assert (markers.row_spacing, markers.diameter) == (
+        pytest.approx(ROW_SPACING_M),
+        pytest.approx(MARKER_DIAMETER_M),
+    )
 
 
 def test_torsion_has_nothing_of_bending_over_the_rows(conforms):
@@ -334,7 +337,7 @@ def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
     x, y = PLATE.markers
     missing = np.zeros(150, bool)
     missing[[17, 80, 81]] = True
-    fill = filling(PLATE.markers, missing)
+    fill = surface_matrix(PLATE.markers, missing)
     plane = 2 + 3 * x - y
     conforms.closed_form(fill @ np.where(missing, 0, plane), plane, atol=1e-9)
     shape = PLATE.mode_shapes([3], PLATE.markers)[0]

@@ -131,15 +131,15 @@ def test_tables_of_the_notebooks_hold_numbers(results):
             assert len(re.findall(r"\d", text)) > 20
 
 
-@pytest.mark.parametrize("name", walk.VALUES)
+@pytest.mark.parametrize("name", walk.TEXT_VALUES)
 def test_numbers_of_the_walk_through_are_numbers(data, name):
-    text = walk.text(data, name)
+    text = walk.fill_text(data, name)
     assert re.search(r"\d", text)
     assert "nan" not in text
 
 
 def test_pictures_are_drawn_alike_each_time(data, tmp_path):
-    first, second = (walk.write(data, tmp_path / name) for name in ("one", "two"))
+    first, second = (walk.write_pictures(data, tmp_path / name) for name in ("one", "two"))
     names = [walk.file_name(name) for name in walk.PICTURES]
     assert [path.name for path in first] == names
     for one, other in zip(first, second, strict=True):

@@ -19,7 +19,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as filmed
 from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.laboratory import recording_files as laboratory_film
-from thesis_lib.laboratory.recording_files import SAMPLE_RATE, manifest_of, write_recording
+from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of, write_recording
 from thesis_lib.laboratory.rig import MAX_START_S, REST_S, default_rig
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration.corners import find_corners
@@ -163,7 +163,7 @@ def test_frames_are_made_one_by_one(rig):
 def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
     for index, station in enumerate(rig.stations):
         sound = laboratory_film.render_sound(rig, index)
-        times = station.start + np.arange(len(sound)) / SAMPLE_RATE
+        times = station.start + np.arange(len(sound)) / SAMPLE_RATE_HZ
         force = rig.motion.force(times) / rig.full_scale
         noise = sound - force
         tone = force[times > rig.motion.steady]
@@ -244,7 +244,7 @@ def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
 @pytest.fixture(scope="module")
 def tracked(measured, rig):
     """Undistorted tracks, their times, projection matrices and the beam's frame."""
-    cameras = chain.cameras_of(measured, "full")
+    cameras = chain.read_cameras(measured, "full")
     uv = np.stack(
         [lens.undistorted(c, own.swapaxes(0, 1)).swapaxes(0, 1)
          for c, own in zip(cameras, measured["tracks"].values[:, 0], strict=True)]

@@ -16,9 +16,9 @@ from thesis_lib.laboratory.render import (
     BeamView,
     Polygons,
     Sensor,
-    board_image,
-    expose,
-    rasterise,
+    rasterise_polygons,
+    render_board,
+    render_polygons,
 )
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board, on_surface, rows_on
@@ -32,7 +32,9 @@ SIZE = (40, 30)
 
 def one(uv, contrast=1.0, size=SIZE):
     """Coverage by one polygon."""
-    return rasterise(np.asarray(uv, float), Polygons(np.array([0]), np.array([contrast])), *size)
+    return rasterise_polygons(
+        np.asarray(uv, float), Polygons(np.array([0]), np.array([contrast])), *size
+    )
 
 
 def star(seed, n=9, middle=(20, 15), reach=14.0):
@@ -145,17 +147,19 @@ def test_polygons_add_up_with_their_contrasts_and_frames_are_averaged(conforms):
     both = Polygons(np.array([0, 9]), np.array([2.0, -3.0]))
     uv = np.concatenate([a, b], axis=1)
     expected = 2 * one(a) - 3 * one(b)
-    conforms.invariance(rasterise(uv, both, *SIZE), expected, atol=1e-12)
+    conforms.invariance(rasterise_polygons(uv, both, *SIZE), expected, atol=1e-12)
     moved = uv + [[1.3], [-0.4]]
-    mean = 0.5 * (expected + rasterise(moved, both, *SIZE))
-    conforms.invariance(rasterise(np.stack([uv, moved], axis=1), both, *SIZE), mean, atol=1e-12)
+    mean = 0.5 * (expected + rasterise_polygons(moved, both, *SIZE))
+    conforms.invariance(
+        rasterise_polygons(np.stack([uv, moved], axis=1), both, *SIZE), mean, atol=1e-12
+    )
 
 
 def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
     """A picture that is of one grey level in the middle."""
     uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
     polygons = Polygons(np.array([0]), np.array([grey - sensor.background]))
-    return expose(uv, polygons, size, sensor, rng)
+    return render_polygons(uv, polygons, size, sensor, rng)
 
 
 @pytest.mark.parametrize("grey", [20.0, 100.0, 200.0])
@@ -205,7 +209,7 @@ def test_dark_and_bright_levels_saturate(conforms):
 def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place):
     uv = np.array([[place, 350, 350, place], [50, 50, 250, 250]])
     polygons = Polygons(np.array([0]), np.array([140.0]))
-    row = expose(uv, polygons, (400, 300), replace(SHARP, spread=spread), None)[150, 30:70]
+    row = render_polygons(uv, polygons, (400, 300), replace(SHARP, spread=spread), None)[150, 30:70]
     u = np.arange(30, 70)
     to = (np.stack([u, u + 1]) - place) / spread
     bell = np.exp(-0.5 * to**2) / np.sqrt(2 * np.pi)
@@ -342,7 +346,7 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
 def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     R, t = (part[pose] for part in default_poses())
     at = camera(size=(640, 360))
-    image = board_image(at, Board(), R, t, replace(Sensor(), background=90.0))
+    image = render_board(at, Board(), R, t, replace(Sensor(), background=90.0))
     counted = picture(at, R, t, samples=512)
     assert image.shape == (360, 640)
     difference = (image - counted)[4:-4, 4:-4]  # the spread mirrors what is beyond the border
@@ -354,5 +358,5 @@ def test_a_board_is_printed_on_both_sides():
     turned = np.diag([1.0, -1.0, -1.0])
     at = camera(size=(640, 360), elevation=70.0)
     for R in (np.eye(3), turned):
-        image = board_image(at, Board(), R, [0, 0, 0.0], SHARP)
+        image = render_board(at, Board(), R, [0, 0, 0.0], SHARP)
         assert np.count_nonzero(image == 30) > 0.15 * image.size

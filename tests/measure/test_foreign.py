@@ -206,11 +206,11 @@ class Measured:
     def tracks(self) -> shapes.Tracks:
         markers = markers_of(self.manifest)
         names = [eye.name for eye in SCENE.eyes]
-        return shapes.tracks_of(self.data, markers, names, SCENE.eyes[0].size[0], "full")
+        return shapes.select_tracks(self.data, markers, names, SCENE.eyes[0].size[0], "full")
 
     @property
     def instant(self) -> shapes.Instant:
-        return shapes.instant_of(self.data, self.manifest.structure.damping)
+        return shapes.find_maxima(self.data, self.manifest.structure.damping)
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ from scenes.measure import (
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import sample
-from thesis_lib.laboratory.recording_files import AMPLITUDE, example_manifest, example_rig
+from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUTS
@@ -421,7 +421,7 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
     assert {"heard-1.wav", "radiated.csv"} <= {p.name for p in (folder / "measured").iterdir()}
     beam, omega = setups.beam(), 2 * np.pi * 4.25
     x = (np.arange(4000) + 0.5) / 4000 * beam.length
-    mean = abs(np.mean(deflection_shape(beam, 1, np.stack([x, 0 * x]), AMPLITUDE)))
+    mean = abs(np.mean(deflection_shape(beam, 1, np.stack([x, 0 * x]), EXAMPLE_AMPLITUDE_M)))
     strength = omega * mean * beam.length * beam.width  # m³/s
     true = AIR.density * (omega * strength) ** 2 / (4 * np.pi * AIR.speed_of_sound)
     with xr.open_dataset(folder / "measured" / "radiated.nc") as found:

@@ -15,7 +15,7 @@ from scenes.modes import BEAM
 from scenes.rolling import rolling_frames
 
 from thesis_lib.arrays import Array
-from thesis_lib.laboratory.recording_files import SAMPLE_RATE, manifest_of
+from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import MAX_START_S, Rig, default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
@@ -67,13 +67,13 @@ def pushed(rig: Rig, driven: Driven, rates: tuple[float, ...], seconds: float, r
 
 def heard(times: Array, seed: int) -> Array:
     """What a microphone hears at times of the world: claps, and a little noise."""
-    length = SAMPLE_RATE // 100
+    length = SAMPLE_RATE_HZ // 100
     fades = np.exp(-np.arange(length) / 80)
-    room, clock = np.zeros(2 * SAMPLE_RATE), np.random.default_rng(5)
+    room, clock = np.zeros(2 * SAMPLE_RATE_HZ), np.random.default_rng(5)
     for at in CLAPS:
-        first = int(at * SAMPLE_RATE)
+        first = int(at * SAMPLE_RATE_HZ)
         room[first : first + length] = 0.6 * clock.standard_normal(length) * fades
-    sound = np.interp(times, np.arange(len(room)) / SAMPLE_RATE, room)
+    sound = np.interp(times, np.arange(len(room)) / SAMPLE_RATE_HZ, room)
     return np.clip(sound, -0.9, 0.9) + 1e-3 * np.random.default_rng(seed).standard_normal(
         len(times)
     )
@@ -81,10 +81,10 @@ def heard(times: Array, seed: int) -> Array:
 
 def force_heard(rig: Rig, folder: Path, place: tuple[float, float]) -> dict[str, Any]:
     """Write the force beside what a microphone hears; returns what a manifest says of it."""
-    world = np.arange(int((rig.duration + 0.5) * SAMPLE_RATE)) / SAMPLE_RATE
+    world = np.arange(int((rig.duration + 0.5) * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     newtons = rig.motion.force(world)
     full_scale = 2 * float(np.abs(newtons).max())
-    write_wav(folder / "force.wav", newtons / full_scale, heard(world, 99), rate=SAMPLE_RATE)
+    write_wav(folder / "force.wav", newtons / full_scale, heard(world, 99), rate=SAMPLE_RATE_HZ)
     at = [1000 * x for x in place]
     return {"file": "force.wav", "full_scale_n": full_scale, "sound_channel": 2, "at_mm": at}
 
@@ -94,10 +94,10 @@ def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]
 
     def one(index: int) -> None:
         station = rig.stations[index]
-        times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
+        times = station.start + np.arange(int(rig.duration * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
         path = folder / f"{station.camera.name}.mkv"
         frames = rolling_frames(rig, index, readout)
-        write_video(path, frames, station.frame_rate, heard(times, index), SAMPLE_RATE)
+        write_video(path, frames, station.frame_rate, heard(times, index), SAMPLE_RATE_HZ)
 
     abreast(one, range(len(rig.stations)))
     write_opencv(folder / "cameras.yaml", rig.cameras)

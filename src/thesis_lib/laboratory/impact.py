@@ -41,7 +41,9 @@ class ImpactMotion(Motion):
     def coordinates(self, times: ArrayLike) -> Array:
         """Return displacement of each mode where its shape is 1, shape (components, ...), m."""
         t = np.asarray(times, float) - self.start
-        return np.stack([gain * _answer(pole, t, self.ramp).imag for pole, gain in self._gains()])
+        return np.stack(
+            [gain * _integrate_pulse(pole, t, self.ramp).imag for pole, gain in self._gains()]
+        )
 
     def force(self, times: ArrayLike) -> Array:
         """Return force of the tap in N."""
@@ -53,7 +55,8 @@ class ImpactMotion(Motion):
         """Return complex shapes (modes, n) of the free modes e^{λ (t − at)} at points (2, n), m."""
         shapes, since = self.shapes(points), at - self.start
         size = [
-            -1j * gain * _answer(pole, np.array(since), self.ramp) for pole, gain in self._gains()
+            -1j * gain * _integrate_pulse(pole, np.array(since), self.ramp)
+            for pole, gain in self._gains()
         ]
         return np.asarray(np.array(size)[:, None] * shapes, complex)
 
@@ -71,7 +74,7 @@ class ImpactMotion(Motion):
         return found
 
 
-def _answer(pole: complex, t: Array, length: float) -> ComplexArray:
+def _integrate_pulse(pole: complex, t: Array, length: float) -> ComplexArray:
     """Integrate sin(πs/T) e^{λ(t − s)} over the part of a pulse of length T that is past."""
     kappa, until = np.pi / length, np.clip(t, 0, length)
     past = -(pole * np.sin(kappa * until) + kappa * np.cos(kappa * until)) * np.exp(

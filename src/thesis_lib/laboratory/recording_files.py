@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
 from thesis_lib.files import staging
-from thesis_lib.laboratory.render import BeamView, Sensor, board_image
+from thesis_lib.laboratory.render import BeamView, Sensor, render_board
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
@@ -30,7 +30,7 @@ from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure
 
-SAMPLE_RATE = 48000  # Hz
+SAMPLE_RATE_HZ = 48000  # Hz
 
 
 def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
@@ -45,7 +45,7 @@ def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
 def render_sound(rig: Rig, index: int) -> Array:
     """Return the audio track of one camera: the force over full scale, with noise."""
     station = rig.stations[index]
-    times = station.start + np.arange(int(rig.duration * SAMPLE_RATE)) / SAMPLE_RATE
+    times = station.start + np.arange(int(rig.duration * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
     signal = rig.motion.force(times) / rig.full_scale
     tone = signal[times > rig.motion.steady]
     spread = np.std(tone) * 10 ** (-rig.audio_noise_db / 20)
@@ -57,7 +57,7 @@ def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
     station = rig.stations[index]
     for k, (R, t) in enumerate(zip(rig.rotations, rig.translations, strict=True)):
         rng = rig.generator(3, index, k)
-        yield board_image(station.camera, rig.board, R, t, station.sensor, rng)
+        yield render_board(station.camera, rig.board, R, t, station.sensor, rng)
 
 
 def write_video(
@@ -67,7 +67,7 @@ def write_video(
     station = rig.stations[index]
     video = folder / f"{station.camera.name}.mkv"
     pictures, rate = render_frames(rig, index), station.frame_rate
-    media.write_video(video, pictures, rate, render_sound(rig, index), SAMPLE_RATE, codec, crf)
+    media.write_video(video, pictures, rate, render_sound(rig, index), SAMPLE_RATE_HZ, codec, crf)
 
 
 def write_board_images(rig: Rig, index: int, folder: Path) -> None:
@@ -101,7 +101,7 @@ def manifest_of(rig: Rig) -> Manifest:
     """Describe the files of a rendered rig."""
     board = rig.board
     return Manifest(
-        structure=_structure(rig.motion.structure, rig.markers),
+        structure=_describe_structure(rig.motion.structure, rig.markers),
         cameras=tuple(
             CameraFiles(
                 name=station.camera.name,
@@ -128,7 +128,7 @@ def manifest_of(rig: Rig) -> Manifest:
     )
 
 
-def _structure(structure: Structure, markers: Markers) -> StructureSpec:
+def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec:
     """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
     if isinstance(structure, Plate):
@@ -182,11 +182,11 @@ def _mm(metres: float) -> float:
     return round(1000 * metres, 9)
 
 
-DIRECTIONS = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth and elevation, °
-AMPLITUDE = 0.003  # m at the tip
-SIZE = (1280, 720)
-CRF = 18  # of H.264
-QUALITY = 92  # of the board's pictures, JPEG
+EXAMPLE_DIRECTIONS_DEG = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth and elevation, °
+EXAMPLE_AMPLITUDE_M = 0.003  # m at the tip
+EXAMPLE_SIZE_PX = (1280, 720)
+EXAMPLE_CRF = 18  # of H.264
+JPEG_QUALITY = 92  # of the board's pictures, JPEG
 FOCAL_MM, SENSOR_MM = 24.0, 36.0
 
 
@@ -194,13 +194,13 @@ def example_rig() -> Rig:
     """Return the rig of the example."""
     return default_rig(
         setups.beam(),
-        DIRECTIONS,
+        EXAMPLE_DIRECTIONS_DEG,
         focal_length=FOCAL_MM / 1000,
         sensor_width=SENSOR_MM / 1000,
-        size=SIZE,
+        size=EXAMPLE_SIZE_PX,
         sensor=Sensor(exposure=1 / 500, samples=4, shot=0.02, read=0.7),
         seed=11,
-        components=(Component(amplitude=AMPLITUDE),),
+        components=(Component(amplitude=EXAMPLE_AMPLITUDE_M),),
     )
 
 
@@ -220,9 +220,11 @@ def example_manifest(rig: Rig) -> Manifest:
                 "elevation_deg": elevation,
             }
         )
-        for camera, (azimuth, elevation) in zip(manifest.cameras, DIRECTIONS, strict=True)
+        for camera, (azimuth, elevation) in zip(
+            manifest.cameras, EXAMPLE_DIRECTIONS_DEG, strict=True
+        )
     )
-    excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * AMPLITUDE})
+    excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * EXAMPLE_AMPLITUDE_M})
     return manifest.model_copy(update={"cameras": cameras, "excitation": excitation})
 
 
@@ -261,12 +263,12 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
                 until_stopped(render_frames(rig, index)),
                 station.frame_rate,
                 render_sound(rig, index),
-                SAMPLE_RATE,
+                SAMPLE_RATE_HZ,
                 "h264",
-                CRF,
+                EXAMPLE_CRF,
             )
             for k, shot in enumerate(until_stopped(render_board_images(rig, index))):
-                _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+                _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
 
         abreast(one, range(len(rig.stations)), stop.set)

@@ -58,7 +58,7 @@ class Polygons:
         return index
 
 
-def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
+def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     """Sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
 
     Parameters
@@ -83,7 +83,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     )  # its sign tells which way round
     sizes = np.diff(np.append(polygons.first, n))
     weight = np.repeat(np.sign(twice_area) * polygons.contrast / frames, sizes, axis=1)
-    edge, t0, t1 = _pieces(start.reshape(2, -1), stop.reshape(2, -1))
+    edge, t0, t1 = _cut_edges(start.reshape(2, -1), stop.reshape(2, -1))
     (x, y), (dx, dy) = start.reshape(2, -1)[:, edge], (stop - start).reshape(2, -1)[:, edge]
     middle = (t0 + t1) / 2
     x, y, rise = x + middle * dx, y + middle * dy, (t1 - t0) * dy
@@ -98,7 +98,7 @@ def rasterise(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     return np.asarray(np.cumsum(sums.reshape(height, width + 2), axis=1)[:, :width], float)
 
 
-def _pieces(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
+def _cut_edges(start: Array, stop: Array) -> tuple[IntArray, Array, Array]:
     """Cut edges (2, n) at the borders of pixels: number of the edge, from where to where."""
     edges = np.arange(start.shape[1])
     ids, cuts = [edges], [np.zeros(len(edges))]
@@ -132,7 +132,7 @@ class BeamView:
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = markers.positions[:, :, None] + circle[:, None]
         length, width = markers.extent
-        outline = _outline(np.array([[0, 0], [length, 0], [length, width], [0, width]]), 0.004)
+        outline = _divide_sides(np.array([[0, 0], [length, 0], [length, width], [0, width]]), 0.004)
         self.points = np.concatenate([outline, discs.reshape(2, -1)], axis=1)
         n = discs.shape[1]
         first = np.concatenate([[0], outline.shape[1] + self.VERTICES * np.arange(n)])
@@ -157,7 +157,7 @@ class BeamView:
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
-def board_image(
+def render_board(
     camera: Camera,
     board: Board,
     rotation: ArrayLike,
@@ -180,7 +180,7 @@ def board_image(
     rng : numpy.random.Generator, optional
         Source of the noise; without it there is none.
     """
-    shapes = [_outline(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
+    shapes = [_divide_sides(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
     sizes = [shape.shape[1] for shape in shapes]
     flat = np.concatenate(shapes, axis=1)
     points = np.concatenate([flat, np.zeros_like(flat[:1])])
@@ -188,10 +188,10 @@ def board_image(
     contrast = np.full(len(shapes), sensor.dark - sensor.white)
     contrast[0] = sensor.white - sensor.background
     polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
-    return expose(lens.project(camera, world), polygons, camera.size, sensor, rng)
+    return render_polygons(lens.project(camera, world), polygons, camera.size, sensor, rng)
 
 
-def expose(
+def render_polygons(
     uv: Array,
     polygons: Polygons,
     size: tuple[int, int],
@@ -228,7 +228,7 @@ class Light:
 def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
     """Collect the light of polygons before the background; over several frames the mean.
 
-    Parameters are those of :func:`rasterise` and the sensor.
+    Parameters are those of :func:`rasterise_polygons` and the sensor.
     """
     width, height = size
     margin = int(np.ceil(5 * sensor.spread)) + 1
@@ -240,7 +240,7 @@ def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: 
     if np.all(high > low):  # else nothing is in view
         (left, top), (right, bottom) = low, high
         fine = SUBPIXELS * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
-        part = rasterise(fine, polygons, *(SUBPIXELS * (high - low)))
+        part = rasterise_polygons(fine, polygons, *(SUBPIXELS * (high - low)))
         grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
             taps = 2 * SUBPIXELS * margin - 1
@@ -253,7 +253,7 @@ def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: 
     return Light(picture, box)
 
 
-def _outline(vertices: ArrayLike, step: float) -> Array:
+def _divide_sides(vertices: ArrayLike, step: float) -> Array:
     """Divide the sides of a polygon (n, 2) into parts of at most `step`, shape (2, m)."""
     corners = np.asarray(vertices, float)
     sides = []

@@ -142,7 +142,7 @@ def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
     """
     found = []
     for station, centres in zip(rig.stations, tracks, strict=True):
-        times = tracking.times_of(rig, station)
+        times = tracking.frame_times(rig, station)
         times = times[np.r_[:REST_FRAMES, len(times) + REST_FRAMES - len(centres) : len(times)]]
         found.append(TrackedCentres(times, centres, tracking.true_centres(rig, station, times)))
     return found
@@ -164,14 +164,14 @@ def perturb_cameras(rig: Rig) -> Rig:
     def moved(index: int, station: Station) -> Station:
         shift, turn = rig.generator(9, index, 0).standard_normal((2, 3))
         camera = station.camera
-        R = _turned(TURN_STD_RAD * turn) @ camera.R_camera_world
+        R = _rotate_about(TURN_STD_RAD * turn) @ camera.R_camera_world
         camera = replace(camera, R_camera_world=R, centre=camera.centre + PLACE_STD_M * shift)
         return replace(station, camera=camera)
 
     return replace(rig, stations=tuple(moved(*each) for each in enumerate(rig.stations)))
 
 
-def _turned(vector: Array) -> Array:
+def _rotate_about(vector: Array) -> Array:
     """Return the rotation about a vector by its length in rad (Rodrigues)."""
     x, y, z = vector
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

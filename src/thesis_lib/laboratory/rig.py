@@ -64,11 +64,16 @@ def default_poses() -> tuple[Array, Array]:
         The board's centre in the world, m.
     """
     tilt, turn, roll = np.radians(_POSES[:, :3]).T
-    rotations = _about(2, turn) @ _about(0, tilt) @ _UPRIGHT @ _about(2, roll)
+    rotations = (
+        _rotate_about_axis(2, turn)
+        @ _rotate_about_axis(0, tilt)
+        @ _UPRIGHT
+        @ _rotate_about_axis(2, roll)
+    )
     return rotations, _POSES[:, 3:] * 1e-3
 
 
-def _about(axis: int, angle: Array) -> Array:
+def _rotate_about_axis(axis: int, angle: Array) -> Array:
     """Return rotations (n, 3, 3) about a coordinate axis by angles (n,) in rad."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     R = np.zeros((len(angle), 3, 3))
@@ -81,7 +86,7 @@ def _about(axis: int, angle: Array) -> Array:
 
 REST_S = 1.0  # s at rest at the start of every recording
 MAX_START_S = 0.25  # s within which the cameras start
-HEADROOM = 0.5  # largest force on the audio track over full scale
+MAX_FORCE_SHARE = 0.5  # largest force on the audio track over full scale
 
 
 @dataclass(frozen=True)
@@ -119,7 +124,7 @@ class Rig:
     def full_scale(self) -> float:
         """Force in N at full scale of the audio tracks."""
         times = np.linspace(self.motion.start, self.motion.steady + 1, 4000)
-        return float(np.abs(self.motion.force(times)).max()) / HEADROOM
+        return float(np.abs(self.motion.force(times)).max()) / MAX_FORCE_SHARE
 
     def generator(self, what: int, camera: int, item: int) -> np.random.Generator:
         """Return the generator of the noise of one frame, image or track."""

@@ -81,7 +81,7 @@ def shorten_recording(rig: Rig, rest: int = 6, ramp: float = 1.0, steady: float 
     return replace(rig, stations=stations, motion=motion, duration=duration)
 
 
-def times_of(rig: Rig, station: Station) -> Array:
+def frame_times(rig: Rig, station: Station) -> Array:
     """Return world times of a camera's frames in s."""
     count = int(rig.duration * station.frame_rate)
     return np.asarray(station.start + np.arange(count) / station.frame_rate)
@@ -108,7 +108,7 @@ def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None
     """
     station, markers = rig.stations[index], rig.markers
     scene = scene or BeamView(station.camera, markers, rig.motion, station.sensor)
-    times = times_of(rig, station)
+    times = frame_times(rig, station)
     truth = true_centres(rig, station, times)
     centres = np.full_like(truth, np.nan)
     turn = 2 * np.pi * min(part.frequency for part in rig.motion.components) / station.frame_rate
@@ -151,7 +151,7 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
 
 
 AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
-TILES, TILE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
+BOARD_TILES, TILE_SHARE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
 BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
 OUTLINE_STEP_M = 0.004  # m, between the places of an outline that are drawn
 
@@ -186,7 +186,7 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
     sideways, up = draw.uniform(-0.08, 0.08, (poses, 2)), draw.uniform(-0.02, 0.06, (poses, 1))
     return replace(
         replace_cameras(rig, cameras),
-        board=Board(*TILES, TILE * distance, TILE * distance / 2),
+        board=Board(*BOARD_TILES, TILE_SHARE * distance, TILE_SHARE * distance / 2),
         rotations=(Rotation.from_rotvec(tilts) * rolls).as_matrix(),
         translations=distance * np.concatenate([sideways, up], axis=1),
     )
@@ -248,12 +248,12 @@ def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]
         uv, most = lens.project(camera, box), np.array(camera.size)
         low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
         high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
-        parts.append(_part(camera, low, high))
-        others.append(_part(other, low, high))
+        parts.append(_crop_camera(camera, low, high))
+        others.append(_crop_camera(other, low, high))
     return replace_cameras(rig, parts), others
 
 
-def _part(camera: Camera, low: Array, high: Array) -> Camera:
+def _crop_camera(camera: Camera, low: Array, high: Array) -> Camera:
     """Return a camera that reads its sensor from one corner to another."""
     K = camera.K.copy()
     K[:2, 2] -= low

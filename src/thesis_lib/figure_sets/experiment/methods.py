@@ -41,9 +41,9 @@ from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
-UNEVEN = 0.1  # frames that a time stamp may be off
+MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATIONS = ("literal", "full")
-VARIABLES = declared("""
+RECORDING_VARIABLES = declared("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
     matches(camera, width, frame, axis, marker) [px] marker centres by the template match
         alone, lens distortion included
@@ -123,7 +123,7 @@ def measure_recordings(
         raise ManifestError('excitation.sound: given "room", allowed here: "force"')
     shares = [width / full for width in widths]
     followed = tracked(manifest, folder, steps, calibration, sound, clocks, shares)
-    data = dataset_of(manifest, widths, calibration, sound, followed)
+    data = join_steps(manifest, widths, calibration, sound, followed)
     check_grid(data, markers_of(manifest))
     return data
 
@@ -132,7 +132,7 @@ def _check_even(manifest: Manifest, folder: Path, clocks: Sequence[Array]) -> No
     """Refuse frames at uneven times, of which the thesis's methods know nothing."""
     for camera, clock in zip(manifest.cameras, clocks, strict=True):
         gaps = np.diff(clock) * camera.frame_rate_hz
-        if np.abs(gaps - 1).max(initial=0) > UNEVEN:
+        if np.abs(gaps - 1).max(initial=0) > MAX_STAMP_ERROR_FRAMES:
             k = int(np.argmax(np.abs(gaps - 1))) + 1
             raise MediaError(
                 f"{folder / camera.video}: variable frame rate: frame {k} comes {gaps[k - 1]:.2f} "
@@ -153,12 +153,12 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
-    cameras = cameras_of(data, "full", int(data["width"].max()))
+    cameras = read_cameras(data, "full", int(data["width"].max()))
     rest = np.array([undistorted(c, own) for c, own in zip(cameras, raw, strict=True)])
     checked_frame(cameras, rest, markers)
 
 
-def dataset_of(
+def join_steps(
     manifest: Manifest,
     widths: Sequence[int],
     calibration: xr.Dataset,
@@ -211,10 +211,14 @@ def dataset_of(
         "notes": "\n".join(filter(None, [calibration.attrs["notes"], *notes])),
         "synchronisation": sound.attrs["synchronisation"],
     }
-    return xr.Dataset(labelled({name: values[name] for name in VARIABLES}, VARIABLES), coords, told)
+    return xr.Dataset(
+        labelled({name: values[name] for name in RECORDING_VARIABLES}, RECORDING_VARIABLES),
+        coords,
+        told,
+    )
 
 
-def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
+def read_cameras(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
     """Return the cameras of a dataset, at full size or reduced to a width."""
     cameras = cameras_in(data.sel(calibration=calibration))
     if width is None:
@@ -222,8 +226,8 @@ def cameras_of(data: xr.Dataset, calibration: str, width: int | None = None) -> 
     return [resized(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
 
 
-ORDER = 2  # harmonics that are fitted
-NEAR = 6  # frames that are interpolated
+MAX_HARMONIC_ORDER = 2  # harmonics that are fitted
+INTERPOLATED_FRAMES = 6  # frames that are interpolated
 WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
 
 
@@ -243,7 +247,7 @@ class Tracks(Fitted):
         return float(1 / (self.times[0, 1] - self.times[0, 0]))
 
 
-def tracks_of(
+def select_tracks(
     data: xr.Dataset,
     markers: Markers,
     names: Sequence[str],
@@ -258,16 +262,16 @@ def tracks_of(
     fitted ones.
     """
     index = [list(data["camera"].values).index(name) for name in names]
-    every = cameras_of(data, calibration, width)
+    every = read_cameras(data, calibration, width)
     cameras = [every[i] for i in index]
-    uv = _undistorted(cameras, data["tracks"].sel(width=width).values[index])
+    uv = _undistort_tracks(cameras, data["tracks"].sel(width=width).values[index])
     rates = data["frame_rate"].values[index]
     own_times = np.arange(uv.shape[1]) / rates[:, None]
     times = own_times + data["delay"].values[index][:, None]
     omega = 2 * np.pi * float(data["frequency"])
     begin, end = data["steady"].values
     # Where the second harmonic nears the frame rate less the first, frames cannot tell them apart.
-    order = ORDER if float(data["frequency"]) < 0.2 * rates.min() else 1
+    order = MAX_HARMONIC_ORDER if float(data["frequency"]) < 0.2 * rates.min() else 1
     steady = (times >= begin) & (times <= end)
     resting = own_times < float(data["rest"]) - 1 / rates.min()
     harmonics = [
@@ -277,7 +281,9 @@ def tracks_of(
     still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     if matched:
-        uv = _undistorted(cameras, data["matches"].sel(width=width).values[index].astype(float))
+        uv = _undistort_tracks(
+            cameras, data["matches"].sel(width=width).values[index].astype(float)
+        )
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
@@ -288,7 +294,7 @@ def tracks_of(
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
 
 
-def _undistorted(cameras: list[Camera], raw: Array) -> Array:
+def _undistort_tracks(cameras: list[Camera], raw: Array) -> Array:
     """Return tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
         [lens.undistorted_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
@@ -315,12 +321,12 @@ class Instant:
         return self.times[best[..., 0]], chosen
 
 
-def instant_of(data: xr.Dataset, damping: float) -> Instant:
+def find_maxima(data: xr.Dataset, damping: float) -> Instant:
     """Find the maxima: at the resonance they lag the force by a quarter period, less ξ."""
     omega = 2 * np.pi * float(data["frequency"])
     real, imaginary = data["force"].values
     phase = float(np.arctan2(imaginary, real) - (np.pi / 2 - damping))
-    margin = NEAR / float(data["frame_rate"].min())
+    margin = INTERPOLATED_FRAMES / float(data["frame_rate"].min())
     begin, end = data["steady"].values + np.array([margin, -margin])
     first, last = np.ceil((omega * begin + phase) / (2 * np.pi)), (omega * end + phase) / 2 / np.pi
     turns = np.arange(first, max(last, first + 0.5))
@@ -342,12 +348,12 @@ def measure_deflection(
         shape = rc.real_shape(amplitude(tracks, omega, exposures), instant.phase)
         return shape, deviation(tracks, omega, exposures)
     if method in WHOLE_FRAMES:
-        uv = tracks.uv[np.arange(len(P)), _frames_at_a_maximum(tracks, instant)]
+        uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
         uv = np.stack(
             [
-                rc.interpolate(times, own, instant.times[0], NEAR)
+                rc.interpolate(times, own, instant.times[0], INTERPOLATED_FRAMES)
                 for times, own in zip(tracks.times, tracks.uv, strict=True)
             ]
         )
@@ -357,7 +363,7 @@ def measure_deflection(
     return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)
 
 
-def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
+def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
     """Return each camera's frame nearest to a maximum that all recorded, shape (cameras,)."""
     first = tracks.times[0, 0] * tracks.rate
     frames = np.rint(instant.times * tracks.rate - first).astype(int)[:, None] - tracks.frames
@@ -374,6 +380,11 @@ def _frames_at_a_maximum(tracks: Tracks, instant: Instant) -> IntArray:
 
 def interpolation_gain(fraction: float) -> float:
     """Return the root of the summed squares of the interpolation's weights."""
-    nodes = np.arange(NEAR)
-    weights = rc.interpolate(nodes, np.eye(NEAR), NEAR / 2 - 1 + fraction, NEAR)
+    nodes = np.arange(INTERPOLATED_FRAMES)
+    weights = rc.interpolate(
+        nodes,
+        np.eye(INTERPOLATED_FRAMES),
+        INTERPOLATED_FRAMES / 2 - 1 + fraction,
+        INTERPOLATED_FRAMES,
+    )
     return float(np.linalg.norm(weights))

@@ -17,7 +17,7 @@ from matplotlib.patches import Polygon, Rectangle
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment.sketches import INK, WIDE, names_of, tip_marker
+from thesis_lib.figure_sets.experiment.sketches import INK, WIDTH_IN, camera_letters, tip_marker
 from thesis_lib.measure.calibration.zhang import central
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
@@ -27,10 +27,10 @@ from thesis_lib.plotting.style import COLORS, in_style, mosaic, subplots
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
 _, ORANGE, GREEN, PINK, RED, SKY = COLORS
-OUTLINED: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
+DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
 
 
-def _photo(
+def _draw_photo(
     axes: Axes, image: Image, box: Box | None = None, smooth: bool = False, scale: float = 1.0
 ) -> None:
     """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one."""
@@ -50,33 +50,33 @@ def _photo(
         spine.set_visible(False)
 
 
-def _note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
+def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
     """Write letters that are read on any ground."""
     (u, v), style = place, {"ha": "center", "va": "center", "fontsize": 9, **style}
-    axes.text(u, v, text, color=tint, path_effects=OUTLINED, **style)
+    axes.text(u, v, text, color=tint, path_effects=DARK_RIM, **style)
 
 
-def _frame(axes: Axes, box: Box, tint: str) -> None:
+def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
     """Draw the border of a part that another panel shows."""
     left, right, top, bottom = box
     axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=tint,
                              linewidth=1.3))  # fmt: skip
 
 
-def _edged(axes: Axes, tint: str) -> None:
+def _colour_border(axes: Axes, tint: str) -> None:
     """Draw a border in the colour of the part that the panel shows."""
     for spine in axes.spines.values():
         spine.set(visible=True, color=tint, linewidth=2)
 
 
-def _crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
+def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
     """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
     if rim:
         axes.plot(*places, "+", color="#222222", markersize=size + 1, markeredgewidth=2.4)
     axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
 
 
-def _around(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
+def _enclose_places(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
     """Return a box of a proportion, width over height, around places (2, n) in an image."""
     (left, top), (right, bottom) = np.nanmin(places, 1) - margin, np.nanmax(places, 1) + margin
     width = max(right - left, aspect * (bottom - top))
@@ -87,7 +87,7 @@ def _around(places: Array, aspect: float, margin: float, limits: tuple[int, int]
     return u - half, u + half, v - tall, v + tall
 
 
-def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
+def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
     """Return marker centres of a camera in one frame at full width, (2, markers), px."""
     part = data["tracks"].sel(width=data["width"].max()).isel(camera=camera, frame=frame)
     return np.asarray(part.transpose("axis", "marker").values, float)
@@ -96,28 +96,28 @@ def _rest(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 # What they see.
 
 
-def views(data: xr.Dataset) -> Figure:
+def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     markers = rows_on(setups.beam())
     with in_style():
         figure, grid = subplots(
-            2, 2, figsize=(WIDE, WIDE * 9 / 16 + 0.03), layout="constrained",
+            2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
             gridspec_kw={"wspace": 0.01, "hspace": 0.01},
         )  # fmt: skip
         figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
-        for i, (axes, name) in enumerate(zip(grid.flat, names_of(data), strict=False)):
-            _photo(axes, pictures[i], smooth=True)
+        for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
+            _draw_photo(axes, pictures[i], smooth=True)
             scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
-            row = scale * _rest(data, i)[:, markers.middle_row]
-            _note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
+            row = scale * _rest_centres(data, i)[:, markers.middle_row]
+            _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
                   transform=axes.transAxes)  # fmt: skip
             for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
-                _note(axes, place + [0, 34], text, fontsize=8.5)
+                _write_note(axes, place + [0, 34], text, fontsize=8.5)
     return figure
 
 
-def board(data: xr.Dataset) -> Figure:
+def draw_board(data: xr.Dataset) -> Figure:
     """Draw a calibration image, its corners, the central squares, and one corner (D.1 to D.4)."""
     picture = data["picture_shot"].values
     corners = data["picture_corners"].transpose("axis", "corner").values
@@ -128,9 +128,11 @@ def board(data: xr.Dataset) -> Figure:
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     with in_style():
         figure, (left, right) = subplots(
-            1, 2, figsize=(WIDE, 0.436 * WIDE), layout="constrained", width_ratios=[1.32, 1]
+            1, 2, figsize=(WIDTH_IN, 0.436 * WIDTH_IN), layout="constrained", width_ratios=[1.32, 1]
         )
-        _photo(left, picture, _around(corners, 1.32, 95, picture.shape[::-1]), smooth=True)
+        _draw_photo(
+            left, picture, _enclose_places(corners, 1.32, 95, picture.shape[::-1]), smooth=True
+        )
         left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
         left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
         first = corners[:, part[0]]
@@ -139,13 +141,13 @@ def board(data: xr.Dataset) -> Figure:
             left.annotate(
                 "", end, first, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 2}
             )
-            _note(left, first + 1.75 * (there - first), name)
+            _write_note(left, first + 1.75 * (there - first), name)
         zoomed = corners[:, part[20]]
-        box = _around(zoomed[:, None], 1.0, 10, picture.shape[::-1])
-        _frame(left, _around(zoomed[:, None], 1.0, 26, picture.shape[::-1]), GREEN)
-        _photo(right, picture, box)
-        _edged(right, GREEN)
-        _crosses(right, zoomed, SKY, 22)
+        box = _enclose_places(zoomed[:, None], 1.0, 10, picture.shape[::-1])
+        _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, picture.shape[::-1]), GREEN)
+        _draw_photo(right, picture, box)
+        _colour_border(right, GREEN)
+        _draw_crosses(right, zoomed, SKY, 22)
         left.set_title("(a) one shot of camera A")
         right.set_title("(b) one corner, pixel by pixel")
     return figure
@@ -154,7 +156,7 @@ def board(data: xr.Dataset) -> Figure:
 # Appendix F.
 
 
-def outline(data: xr.Dataset) -> Figure:
+def draw_outline(data: xr.Dataset) -> Figure:
     """Draw the first frame with the beam's outline, and its two ends (figures F.2 and F.3)."""
     picture = data["picture_first"].values
     corners = data["picture_outline"].transpose("axis", "outline").values
@@ -167,38 +169,41 @@ def outline(data: xr.Dataset) -> Figure:
     with in_style():
         figure, panels = mosaic(
             [["all", "all"], ["tip", "clamped end"]],
-            figsize=(WIDE, 0.79 * WIDE), layout="constrained", height_ratios=[1.45, 1],
+            figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
         )  # fmt: skip
         whole = panels["all"]
-        _photo(whole, picture, _around(corners, 2.15, 160, limits), smooth=True)
+        _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
         whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
         middle = corners.mean(axis=1)
         for n, corner in enumerate(corners.T):
             off = corner - middle
-            place = corner + [45 * np.sign(off[0]), 32 * np.sign(corner[1] - _axis(corners, n))]
-            _note(whole, place, "①②③④"[n], ORANGE, fontsize=12)
+            place = corner + [
+                45 * np.sign(off[0]),
+                32 * np.sign(corner[1] - _end_height(corners, n)),
+            ]
+            _write_note(whole, place, "①②③④"[n], ORANGE, fontsize=12)
         whole.set_title("(a) the first frame of camera A, with the beam's outline")
         for name, some in ends.items():
             near = corners[:, [1, 2] if name == "tip" else [0, 3]]
-            box = _around(np.column_stack([centres[:, some], near]), 1.65, 14, limits)
-            _frame(whole, box, tints[name])
+            box = _enclose_places(np.column_stack([centres[:, some], near]), 1.65, 14, limits)
+            _draw_frame(whole, box, tints[name])
             axes = panels[name]
-            _photo(axes, picture, box)
-            _edged(axes, tints[name])
+            _draw_photo(axes, picture, box)
+            _colour_border(axes, tints[name])
             axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
             inside = (centres[0] > box[0]) & (centres[0] < box[1])
-            _crosses(axes, centres[:, inside], SKY, 6, rim=False)
+            _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
             axes.set_title(f"({'b' if name == 'tip' else 'c'}) the {name}")
     return figure
 
 
-def _axis(corners: Array, n: int) -> float:
+def _end_height(corners: Array, n: int) -> float:
     """Return the height v of the middle of the end of the beam that a corner belongs to."""
     partner = {0: 3, 3: 0, 1: 2, 2: 1}[n]
     return float(corners[1, [n, partner]].mean())
 
 
-def plane(data: xr.Dataset) -> Figure:
+def draw_plane(data: xr.Dataset) -> Figure:
     """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
     markers = rows_on(setups.beam())
@@ -211,16 +216,16 @@ def plane(data: xr.Dataset) -> Figure:
     box = (0.0, 380.0, 0.0, float(size[1]))
     with in_style():
         figure, axes = subplots(
-            3, 1, figsize=(WIDE, 1.03 * WIDE), layout="constrained",
+            3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
             height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
         )  # fmt: skip
         for panel, part in zip(axes, (None, box, box), strict=True):
-            _photo(panel, picture, part, smooth=part is None)
+            _draw_photo(panel, picture, part, smooth=part is None)
             panel.invert_yaxis()  # y upwards: the beam as it is seen from above
-        _frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
+        _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
         for panel in axes[1:]:
-            _edged(panel, SKY)
-        _crosses(axes[1], grid, PINK, 11, rim=False)
+            _colour_border(panel, SKY)
+        _draw_crosses(axes[1], grid, PINK, 11, rim=False)
         axes[2].plot(
             *matches[:, taken], "o", color=GREEN, markersize=15, fillstyle="none", markeredgewidth=2
         )
@@ -234,23 +239,23 @@ def plane(data: xr.Dataset) -> Figure:
     return figure
 
 
-def centres(data: xr.Dataset) -> Figure:
+def draw_centres(data: xr.Dataset) -> Figure:
     """Draw marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
     markers = rows_on(setups.beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
     row = markers.columns
-    still, moved = _rest(data), _rest(data, frame=moved_frame)
+    still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     pictures = data["picture_first"].values, data["picture_moved"].values
-    box = _around(
+    box = _enclose_places(
         np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12, pictures[0].shape[::-1]
     )
     with in_style():
-        figure, axes = subplots(2, 1, figsize=(WIDE, 0.89 * WIDE), layout="constrained")
+        figure, axes = subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
         for panel, picture in zip(axes, pictures, strict=True):
-            _photo(panel, picture, box)
-            _crosses(panel, still[:, shown], SKY, 10)
-        _crosses(axes[1], moved[:, shown], ORANGE, 10)
+            _draw_photo(panel, picture, box)
+            _draw_crosses(panel, still[:, shown], SKY, 10)
+        _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
         for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
             axes[1].annotate("", end, start, arrowprops={
                 "arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0,
@@ -264,24 +269,24 @@ def centres(data: xr.Dataset) -> Figure:
 # Resolution.
 
 
-def widths(data: xr.Dataset) -> Figure:
+def draw_widths(data: xr.Dataset) -> Figure:
     """Draw three columns of markers at every width, and what tracking makes of them."""
     full = data["picture_first"].values
     markers = rows_on(setups.beam())
     row, middle = markers.columns, markers.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
-    box = _around(_rest(data)[:, shown], 2.3, 16, full.shape[::-1])
+    box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)
     with in_style():
         figure, grid = subplots(
-            -(-len(every) // 2), 2, figsize=(WIDE, 0.245 * WIDE * -(-len(every) // 2)),
+            -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
             layout="constrained", squeeze=False,
         )  # fmt: skip
         for axes, width in zip(grid.flat, reversed(every), strict=False):
             small = reduced(full, width)
             if width == data.sizes["column_low"]:
                 small = data["picture_low"].values
-            _photo(axes, small, box, scale=full.shape[1] / small.shape[1])
+            _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])
             at = data.sel(width=width)
             text = f"{100 * float(at['missing_share']):.0f} % missing"
             if np.isfinite(at["wrong_share"]):

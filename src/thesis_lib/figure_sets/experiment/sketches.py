@@ -17,7 +17,7 @@ from matplotlib.path import Path
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import methods as shapes
-from thesis_lib.figure_sets.experiment.methods import ORDER
+from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.plotting.style import (
@@ -30,13 +30,13 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 
-WIDE = 5.5  # in: on a phone the letters are then hardly smaller than the text
+WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
 INK = "#333333"
-GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-EXAGGERATED = 8000.0  # times that residuals are drawn larger
+WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
 
 
-def names_of(data: xr.Dataset) -> str:
+def camera_letters(data: xr.Dataset) -> str:
     """Return the cameras' letters."""
     return "".join(str(name) for name in data["camera"].values)
 
@@ -49,26 +49,28 @@ def tip_marker(markers: Markers) -> int:
 # The rig.
 
 
-def rig(data: xr.Dataset) -> Figure:
+def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
     markers = rows_on(setups.beam())
-    found = shapes.tracks_of(data, markers, names_of(data), int(data["width"].max()), "full")
+    found = shapes.select_tracks(
+        data, markers, camera_letters(data), int(data["width"].max()), "full"
+    )
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
     with in_style():
         figure, axes = subplots(
-            4, 1, figsize=(WIDE, 7.7), layout="constrained",
+            4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
             height_ratios=[3.9, 1.75, 0.75, 1.6],
         )  # fmt: skip
-        _above(axes[0], markers, centres, looks)
-        _aside(axes[1], markers, centres, looks)
-        _layout(axes[2], markers, whole=True)
-        _layout(axes[3], markers, whole=False)
+        _draw_plan(axes[0], markers, centres, looks)
+        _draw_side(axes[1], markers, centres, looks)
+        _draw_layout(axes[2], markers, whole=True)
+        _draw_layout(axes[3], markers, whole=False)
     return figure
 
 
-def _cameras(axes: Axes, places: Array, looks: Array) -> None:
+def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
     """Draw triangles where cameras (2, n) stand, turned to where they look, with their axes.
 
     Cameras that hide each other share a label.
@@ -89,7 +91,7 @@ def _cameras(axes: Axes, places: Array, looks: Array) -> None:
             )
 
 
-def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     length, width = 1e3 * np.array(markers.extent)
     axes.set_title("(a) from above")
     axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
@@ -101,8 +103,8 @@ def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
                              edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
     axes.text(62, -length / 2 - 21, "clamp", va="center", color=INK)
     axes.text(0, length / 2 + 20, "tip", ha="center", va="bottom", color=INK)
-    _cameras(axes, centres[[1, 0]], looks[[1, 0]])
-    _arrows(axes, ("Y", "X"), 150)
+    _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
+    _draw_axes(axes, ("Y", "X"), 150)
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
     low, high = sorted([first, second])
     axes.add_patch(Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT, linewidth=1.4))
@@ -112,15 +114,15 @@ def _above(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     u, v = 300 * along + [0, 22]
     axes.text(u, v, f"d = {distance:.0f} mm", color=INK, ha="center",
               rotation=np.degrees(np.arctan(along[1] / along[0])), va="center")  # fmt: skip
-    _bare(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
+    _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
 
 
-def _aside(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     _, width = 1e3 * np.array(markers.extent)
     axes.set_title("(b) along the beam")
     axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=INK, zorder=5))
-    _cameras(axes, centres[[1, 2]], looks[[1, 2]])
-    _arrows(axes, ("Y", "Z"), 150)
+    _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
+    _draw_axes(axes, ("Y", "Z"), 150)
     flat = np.hypot(*centres[:2, 0])
     elevation = np.degrees(np.arctan2(centres[2, 0], flat))
     axes.plot([0, flat], [0, 0], color=REFERENCE, linewidth=0.8, linestyle="--", zorder=0)
@@ -128,23 +130,23 @@ def _aside(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     axes.text(300, 50, f"φ = {elevation:.0f}°", color=HIGHLIGHT, va="center")
     axes.annotate("", (-60, -48), (-60, 48), arrowprops={"arrowstyle": "<->", "color": INK})
     axes.text(-78, -36, "vibrates", color=INK, va="center", ha="right")
-    _bare(axes, (-650, 650), (-90, 290))
+    _hide_axes(axes, (-650, 650), (-90, 290))
 
 
-def _arrows(axes: Axes, names: tuple[str, str], size: float) -> None:
+def _draw_axes(axes: Axes, names: tuple[str, str], size: float) -> None:
     for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
         axes.annotate("", (u, v), (0, 0), zorder=6,
                       arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.2})  # fmt: skip
         axes.text(1.1 * u + 30 * (u == 0), 0.95 * v, name, color=INK, ha="center", va="center",
-                  zorder=6, bbox=GROUND)  # fmt: skip
+                  zorder=6, bbox=WHITE_GROUND)  # fmt: skip
 
 
-def _bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
+def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
     axes.set(xlim=x, ylim=y, aspect="equal")
     axes.axis("off")
 
 
-def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
+def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     """Draw markers and hole on the beam, in mm: all of it, or the clamped end with measures."""
     length, width = 1e3 * np.array(markers.extent)
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
@@ -162,16 +164,16 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
             apart = y + 0.7 * (y - width / 2)  # else they touch
             axes.text(-6, apart, str(first), ha="right", **style)
             axes.text(length + 6, apart, str(first + row - 1), ha="left", **style)
-        _bare(axes, (-32, length + 32), (-4, width + 4))
+        _hide_axes(axes, (-32, length + 32), (-4, width + 4))
         return
     for n in (0, 1):  # lines to the measures
         axes.plot([places[0, n]] * 2, [places[1, 2 * row], width + 9], color=INK, linewidth=0.6)
     spacing = places[0, 1] - places[0, 0]
-    _measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
+    _draw_measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
     right = places[0, 3] + 13
     for y in places[1, [row, 2 * row]]:
         axes.plot([places[0, 3], right + 2], [y, y], color=INK, linewidth=0.6)
-    _measure(
+    _draw_measure(
         axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
     )
     force = tuple(1e3 * setups.beam().force_point[:, 0])
@@ -187,32 +189,34 @@ def _layout(axes: Axes, markers: Markers, whole: bool) -> None:
     )
     axes.add_patch(Rectangle((-14, -3), 14, width + 6, facecolor="white", hatch="////",
                              edgecolor=INK, linewidth=0.8))  # fmt: skip
-    _bare(axes, (-16, 118), (-12, width + 14))
+    _hide_axes(axes, (-16, 118), (-12, width + 14))
 
 
-def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
+def _draw_measure(
+    axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str
+) -> None:
     axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8,
                                               "shrinkA": 0, "shrinkB": 0})  # fmt: skip
     u, v = np.mean([start, end], axis=0)
-    axes.text(u, v, text, ha="center", va="center", color=INK, bbox=GROUND | {"pad": 1.5})
+    axes.text(u, v, text, ha="center", va="center", color=INK, bbox=WHITE_GROUND | {"pad": 1.5})
 
 
 # The board.
 
 
-def coverage(data: xr.Dataset) -> Figure:
+def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
     with in_style():
-        figure, grid = subplots(2, 2, figsize=(WIDE, 3.6), layout="constrained")
+        figure, grid = subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
         for i, axes in enumerate(grid.flat):
             if i < data.sizes["camera"]:
-                _sensor(axes, data.isel(camera=i), i)
+                _draw_sensor(axes, data.isel(camera=i), i)
             else:
                 axes.axis("off")
     return figure
 
 
-def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
+def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     corners = camera["adjusted_corners"].transpose("axis", "shot", "corner").values.reshape(2, -1)
     residual = camera["corner_residuals"].transpose("axis", "shot", "corner").values.reshape(2, -1)
     width, height = (float(size) for size in camera["size"].values)
@@ -220,22 +224,22 @@ def _sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     axes.add_patch(
         Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=INK, linewidth=0.8)
     )
-    ends = corners + EXAGGERATED * unit * residual
-    axes.add_patch(_segments(corners, ends, color(index), 0.7))
-    axes.add_patch(_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
+    ends = corners + RESIDUAL_FACTOR * unit * residual
+    axes.add_patch(_draw_segments(corners, ends, color(index), 0.7))
+    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
     row = still.transpose("axis", "marker").values[:, rows_on(setups.beam()).middle_row]
     axes.plot(*row, color=INK, linewidth=2.5, alpha=0.45, zorder=3)
-    bar = 0.01 * EXAGGERATED * unit
+    bar = 0.01 * RESIDUAL_FACTOR * unit
     axes.plot([0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT, linewidth=2)
     axes.text(0.03 * width, 0.92 * height, "0.01 px", color=HIGHLIGHT, fontsize=7.5, va="bottom",
-              bbox=GROUND | {"facecolor": "#f4f4f4"})  # fmt: skip
+              bbox=WHITE_GROUND | {"facecolor": "#f4f4f4"})  # fmt: skip
     axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
-    _bare(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
+    _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
 
 
-def _segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
+def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
     """Draw segments between points (2, n) as one path; NaN is left out."""
     known = np.isfinite(start + end).all(axis=0)
     points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
@@ -243,7 +247,7 @@ def _segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
     return PathPatch(Path(points, codes), fill=False, edgecolor=tint, linewidth=width)
 
 
-def sound(data: xr.Dataset) -> Figure:
+def draw_sound(data: xr.Dataset) -> Figure:
     """Draw the start of the force on the four audio tracks, before and after alignment."""
     signal = data["picture_sound"].transpose("camera", "sample").values
     rate = float(data["picture_sound"].attrs["rate_hz"])
@@ -253,10 +257,10 @@ def sound(data: xr.Dataset) -> Figure:
     begin = float(data["steady"][0])
     with in_style():
         figure, panels = mosaic(
-            [["own", "own"], ["whole", "part"]], figsize=(WIDE, 5.2), layout="constrained"
+            [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
         )
         top, below = panels["own"], [panels["whole"], panels["part"]]
-        for i, (own, name) in enumerate(zip(signal, names_of(data), strict=True)):
+        for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
             top.plot(seconds, own - i, color=color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
             top.text(begin - 0.74, 0.13 - i, text, color=INK)
@@ -268,7 +272,7 @@ def sound(data: xr.Dataset) -> Figure:
         )
         top.grid(visible=False, axis="y")
         top.spines["left"].set_visible(False)
-        middle = _crossing(seconds, signal[0], begin)
+        middle = _find_crossing(seconds, signal[0], begin)
         titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
         for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
             for i, own in enumerate(signal):
@@ -286,7 +290,7 @@ def sound(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _crossing(time: Array, signal: Array, before: float) -> float:
+def _find_crossing(time: Array, signal: Array, before: float) -> float:
     """Find the steepest zero crossing before a time, where a delay is seen best."""
     steps = round(0.02 / (time[1] - time[0]))
     smooth = np.convolve(signal, np.ones(steps) / steps, "same")
@@ -296,7 +300,7 @@ def _crossing(time: Array, signal: Array, before: float) -> float:
     return float(time[best])
 
 
-def tracks(data: xr.Dataset) -> Figure:
+def draw_tracks(data: xr.Dataset) -> Figure:
     """Draw one marker in four cameras: on their clocks, on one clock, and the residual."""
     markers = rows_on(setups.beam())
     every = data["tracks"].sel(width=data["width"].max(), axis="v")
@@ -306,9 +310,9 @@ def tracks(data: xr.Dataset) -> Figure:
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
     with in_style():
         figure, axes = subplots(
-            3, 1, figsize=(WIDE, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
+            3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
         )
-        for i, name in enumerate(names_of(data)):
+        for i, name in enumerate(camera_letters(data)):
             ink: Any = {"color": color(i)}
             dots: Any = {**ink, "markersize": 3.5}
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
@@ -316,7 +320,7 @@ def tracks(data: xr.Dataset) -> Figure:
             axes[0].plot(own[i], moved, ".-", linewidth=0.6, label=name, **dots)
             axes[1].plot(common[i], moved, ".", **dots)
             steady = (common[i] >= begin) & (common[i] <= end)
-            fit = fit_harmonics(omega, common[i, steady], moved[steady], ORDER)
+            fit = fit_harmonics(omega, common[i, steady], moved[steady], MAX_HARMONIC_ORDER)
             fine = np.linspace(begin, end, 400)
             axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
             residual = moved[steady] - fit.at(omega, common[i, steady])

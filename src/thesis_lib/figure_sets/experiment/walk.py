@@ -26,19 +26,19 @@ from thesis_lib.plotting.style import saved, slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 
-PIXELS = 1500  # width of pictures that hold photographs
-QUALITY = 85  # of 100, at which they are stored
+PICTURE_WIDTH_PX = 1500  # width of pictures that hold photographs
+WEBP_QUALITY = 85  # of 100, at which they are stored
 PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "rig": sketches.rig,
-    "views": photographs.views,
-    "board": photographs.board,
-    "coverage": sketches.coverage,
-    "sound": sketches.sound,
-    "outline": photographs.outline,
-    "plane": photographs.plane,
-    "centres": photographs.centres,
-    "widths": photographs.widths,
-    "tracks": sketches.tracks,
+    "rig": sketches.draw_rig,
+    "views": photographs.draw_views,
+    "board": photographs.draw_board,
+    "coverage": sketches.draw_coverage,
+    "sound": sketches.draw_sound,
+    "outline": photographs.draw_outline,
+    "plane": photographs.draw_plane,
+    "centres": photographs.draw_centres,
+    "widths": photographs.draw_widths,
+    "tracks": sketches.draw_tracks,
 }
 
 
@@ -48,23 +48,23 @@ def file_name(name: str) -> str:
     return f"lab-{name}.{kind}"
 
 
-def write(data: xr.Dataset, folder: Path) -> list[Path]:
+def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     """Write all pictures of the measured recordings; the same dataset gives the same bytes."""
     paths = []
     for name, draw in PICTURES.items():
         path = folder / file_name(name)
-        content = _webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
+        content = _encode_webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
         files.whole_file(path, partial(Path.write_bytes, data=content))
         paths.append(path)
     return paths
 
 
-def _webp(figure: Figure) -> bytes:
+def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
-    file = io.BytesIO(saved(figure, "png", dpi=PIXELS / figure.get_figwidth()))
+    file = io.BytesIO(saved(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth()))
     picture, files = Image.open(file).convert("RGB"), (io.BytesIO(), io.BytesIO())
     for file, lossless in zip(files, (True, False), strict=True):
-        picture.save(file, format="webp", lossless=lossless, quality=QUALITY, method=6)
+        picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)
     return min((file.getvalue() for file in files), key=len)
 
 
@@ -151,14 +151,14 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _instant(data: xr.Dataset) -> methods.Instant:
-    return methods.instant_of(data, setups.beam().damping)
+    return methods.find_maxima(data, setups.beam().damping)
 
 
 def _tracks(data: xr.Dataset, calibration: str, matched: bool = False) -> methods.Tracks:
     """Return the tracks of all cameras at the largest width."""
     names, widest = "".join(data["camera"].values.tolist()), int(data["width"].max())
     markers = rows_on(setups.beam())
-    return methods.tracks_of(data, markers, names, widest, calibration, matched)
+    return methods.select_tracks(data, markers, names, widest, calibration, matched)
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def _parts(data: xr.Dataset) -> dict[str, Any]:
     }
 
 
-VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
+TEXT_VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
     "lab-calibration": lambda _: {},
     "lab-synchronisation": _synchronisation,
     "lab-clocks": _clocks,
@@ -203,14 +203,14 @@ VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
 }
 
 
-def text(data: xr.Dataset, name: str) -> str:
+def fill_text(data: xr.Dataset, name: str) -> str:
     """Fill in a table or paragraph of the page."""
-    return render(__file__, name, data=data, slices=slices, **VALUES[name](data))
+    return render(__file__, name, data=data, slices=slices, **TEXT_VALUES[name](data))
 
 
 def write_all(folder: Path) -> None:
     """Write pictures and texts into a folder, from the recordings of chapter 5."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
-    write(data, folder)
-    for name in VALUES:
-        files.whole_text(folder / f"{name}.md", text(data, name))
+    write_pictures(data, folder)
+    for name in TEXT_VALUES:
+        files.whole_text(folder / f"{name}.md", fill_text(data, name))

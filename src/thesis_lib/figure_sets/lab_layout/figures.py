@@ -20,7 +20,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocat
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.lab_layout.optima import TEXTS, complete, expected, optimum, ratios
+from thesis_lib.figure_sets.lab_layout.optima import (
+    TEXTS,
+    expected_errors,
+    find_optimum,
+    law_ratios,
+    select_complete,
+)
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
 from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, draw_curves, subplots
@@ -30,38 +36,42 @@ from thesis_lib.vision.pinhole import hemisphere_directions
 
 __all__ = ["TEXTS", "figure"]
 DARK, PALE = "#222222", "#c8c8c8"
-LAW = {"predicted_error": ("law, centres equally exact", "_", DARK)}
-PARTS = {
+LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", DARK)}
+PART_CURVES = {
     "noise_error": ("scatter alone", "-", COLORS[5]),
     "bias_error": ("bias alone", "-", COLORS[1]),
 }
 _LINE: Any = {"markersize": 4, "linewidth": 1}
-CENTRES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
+CENTRE_CURVES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
     ("centre_scatter", "scatter", "o-", _LINE),
     ("centre_bias", "bias", "s:", _LINE),
     ("edge_scatter", "law of edges", "_", {"markersize": 9}),
 ]
-VARIED = {"elevation_deg": "elevation φ", "distance_mm": "distance d", "aperture_deg": "aperture α"}
+VARIED_NAMES = {
+    "elevation_deg": "elevation φ",
+    "distance_mm": "distance d",
+    "aperture_deg": "aperture α",
+}
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of a case."""
     part = select(cube, case, mode)
-    return sets(part) if case == "subsets" else _sweep(cube, part)
+    return draw_sets(part) if case == "subsets" else _draw_sweep(cube, part)
 
 
-def _sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
+def _draw_sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
     part = part.isel(setting=np.argsort(part["value"].values, kind="stable"))
     drawing, axes = subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
     setup_panel(axes[0, 0], cube, part)
-    axes[0, 0].set_title(f"(a) setups: {VARIED[str(part['parameter'].values[0])]} varied")
-    _errors(axes[0, 1], part)
-    _centres(axes[1, 0], part)
+    axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[str(part['parameter'].values[0])]} varied")
+    _draw_errors(axes[0, 1], part)
+    _draw_centres(axes[1, 0], part)
     if part["parameter"].values[0] == "elevation_deg":
-        _lost(axes[1, 1], part)
+        _draw_lost(axes[1, 1], part)
         sides = axes.flat[1:]
     else:
-        _along(axes[1, 1], part)
+        _draw_along(axes[1, 1], part)
         sides = axes.flat[1:3]
     for panel in sides:
         _value_axis(panel, part)
@@ -76,26 +86,26 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticklabels([f"{value:g}" for value in values])
     varied = str(part["parameter"].values[0])
-    axes.set_xlabel(f"{VARIED[varied]} in {unit(varied)}")
+    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {unit(varied)}")
     axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
 
 
-def _errors(axes: Axes, part: xr.Dataset) -> None:
+def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
     values, error = part["value"].values, part["mean_error"].transpose("setting", "trial").values
-    draw_curves(axes, values, part, LAW, markersize=10)
-    draw_curves(axes, values, part, PARTS, linewidth=1)
+    draw_curves(axes, values, part, LAW_CURVE, markersize=10)
+    draw_curves(axes, values, part, PART_CURVES, linewidth=1)
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         label = f"5–95 % of {trials_are(part)}"
         axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label=label)
         style: Any = {"color": COLORS[0], "markersize": 4}
-        axes.plot(values, expected(part), "o", label="rms over these", **style)
+        axes.plot(values, expected_errors(part), "o", label="rms over these", **style)
     style = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **style)
-    whole = complete(part)
+    whole = select_complete(part)
     best = None
     if part["parameter"].values[0] == "elevation_deg":
-        best = optimum(whole["value"].values, expected(whole))
+        best = find_optimum(whole["value"].values, expected_errors(whole))
     if best is not None:
         axes.axvspan(best.low, best.high, color=COLORS[0], alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=COLORS[0], linewidth=0.8, linestyle=":")
@@ -103,10 +113,10 @@ def _errors(axes: Axes, part: xr.Dataset) -> None:
         axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=COLORS[0], **where)
     axes.set_yscale("log")
     axes.set(title="(b) mean (rms) error", ylabel="% of the largest deflection")
-    _finish(axes, room=0.45, ncols=2, handlelength=1.4)
+    _add_key(axes, room=0.45, ncols=2, handlelength=1.4)
 
 
-def _finish(axes: Axes, room: float, **how: Any) -> None:
+def _add_key(axes: Axes, room: float, **how: Any) -> None:
     """Add plain ticks and a legend, in some room above what is drawn."""
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * (high / low) ** room)
@@ -114,18 +124,18 @@ def _finish(axes: Axes, room: float, **how: Any) -> None:
     axes.legend(loc="upper center", columnspacing=1, fontsize=7, **how)
 
 
-def _centres(axes: Axes, part: xr.Dataset) -> None:
+def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
-    for name, label, style, how in CENTRES:
+    for name, label, style, how in CENTRE_CURVES:
         for axis, tone in (("u", COLORS[4]), ("v", COLORS[2])):
             one = part[name].sel(axis=axis)
             axes.plot(values, one, style, color=tone, label=f"{label}, {axis}", **how)
     axes.set_yscale("log")
     axes.set(title="(c) scatter and bias of the centres", ylabel="px")
-    _finish(axes, room=0.35, ncols=3, handlelength=1.8)
+    _add_key(axes, room=0.35, ncols=3, handlelength=1.8)
 
 
-def _lost(axes: Axes, part: xr.Dataset) -> None:
+def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
     values, grey = part["value"].values, "#555555"
     axes.plot(values, 100 * part["lost"], "o-", color=DARK, markersize=4, label="lost, of all")
     style: Any = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4, "linewidth": 1}
@@ -139,8 +149,8 @@ def _lost(axes: Axes, part: xr.Dataset) -> None:
     axes.legend(loc="center right")
 
 
-def _along(axes: Axes, part: xr.Dataset) -> None:
-    error = expected(part)
+def _draw_along(axes: Axes, part: xr.Dataset) -> None:
+    error = expected_errors(part)
     if np.isfinite(error).any():
         for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
             one, name = (
@@ -164,25 +174,25 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def sets(part: xr.Dataset) -> Figure:
+def draw_sets(part: xr.Dataset) -> Figure:
     """Draw all sets, from their part of the cube."""
     drawing = Figure(figsize=(7.6, 6.6), layout="constrained")
     parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
-    _plans(parts[0, 0], part)
+    _draw_plans(parts[0, 0], part)
     count = part["n_cameras"].values
     tones = {int(n): color(i) for i, n in enumerate(np.unique(count))}
     _against_the_law(parts[0, 1].subplots(), part, tones)
-    _ratio(parts[1, 0].subplots(), part)
+    _draw_ratio(parts[1, 0].subplots(), part)
     _by_number(parts[1, 1].subplots(), part)
     return drawing
 
 
-def _plans(place: SubFigure, part: xr.Dataset) -> None:
+def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     """Draw plans of the best and the worst sets of two, three and four cameras."""
-    error, count = expected(part), part["n_cameras"].values
+    error, count = expected_errors(part), part["n_cameras"].values
     shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
     panels = place.subplots(2, max(len(shown), 1), squeeze=False)
-    every = _places(part.isel(setting=int(np.argmax(count))))
+    every = _camera_places(part.isel(setting=int(np.argmax(count))))
     reach = 1.25 * np.abs(every).max()
     length, width = (1000 * side for side in setups.beam().extent)
     for column, n in enumerate(shown):
@@ -196,7 +206,9 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
                 Rectangle((-length / 2, -width / 2), length, width, color=REFERENCE, linewidth=0)
             )
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
-            for name, (x, y) in zip(str(one["label"].item()).split("–"), _places(one), strict=True):
+            for name, (x, y) in zip(
+                str(one["label"].item()).split("–"), _camera_places(one), strict=True
+            ):
                 axes.plot([0, x], [0, y], color=COLORS[0], linewidth=0.6, alpha=0.6)
                 axes.plot(x, y, "o", color=COLORS[0], markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)
@@ -206,7 +218,7 @@ def _plans(place: SubFigure, part: xr.Dataset) -> None:
     place.suptitle("(a) best and worst sets in plan", fontsize=9, x=0.02, ha="left")
 
 
-def _places(setting: xr.Dataset) -> Array:
+def _camera_places(setting: xr.Dataset) -> Array:
     """Return the cameras of one setting in plan, X and Y in mm, shape (cameras, 2)."""
     azimuth, elevation = (
         np.radians(setting[f"camera_{a}"].values) for a in ("azimuth", "elevation")
@@ -220,7 +232,7 @@ def _places(setting: xr.Dataset) -> Array:
 
 
 def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
-    law, error = part["predicted_error"].values, expected(part)
+    law, error = part["predicted_error"].values, expected_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
     axes.plot(law, literal, ".", color=PALE, markersize=3, label="rendered run")
     for n, tone in tones.items():
@@ -238,8 +250,8 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
 
 
-def _ratio(axes: Axes, part: xr.Dataset) -> None:
-    trials = ratios(part)
+def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
+    trials = law_ratios(part)
     literal = part["mean_error"].values[:, 0] / part["predicted_error"].values
     both = np.concatenate([trials, literal])
     both = both[np.isfinite(both)]
@@ -254,7 +266,7 @@ def _ratio(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _by_number(axes: Axes, part: xr.Dataset) -> None:
-    error, count = expected(part), part["n_cameras"].values
+    error, count = expected_errors(part), part["n_cameras"].values
     known = np.isfinite(error)
     n = np.unique(count[known])
     if not len(n):

@@ -15,12 +15,12 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.plotting.style import slices
 from thesis_lib.studies.cubes import trials_are
 
-NEAR = 1.1  # times the least error that still count as near it
+MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
 MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
-FINE = 400  # points at which a curve is looked up
+CURVE_POINTS = 400  # points at which a curve is looked up
 
 
-def cases(cube: xr.Dataset) -> list[str]:
+def list_cases(cube: xr.Dataset) -> list[str]:
     """Return the cases of a cube in their order."""
     return list(dict.fromkeys(cube["case"].values.tolist()))
 
@@ -30,16 +30,16 @@ def part_of(cube: xr.Dataset, case: str) -> xr.Dataset:
     return cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
 
 
-def expected(part: xr.Dataset) -> Array:
+def expected_errors(part: xr.Dataset) -> Array:
     """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
     error = part["mean_error"].transpose("setting", "trial").values
     drawn = error[:, 1:] if error.shape[1] > 1 else error
     return np.asarray(np.sqrt(np.mean(drawn**2, axis=1)))
 
 
-def ratios(part: xr.Dataset) -> Array:
+def law_ratios(part: xr.Dataset) -> Array:
     """Return error over the trials divided by the law's prediction, (settings,)."""
-    return np.asarray(expected(part) / part["predicted_error"].values, float)
+    return np.asarray(expected_errors(part) / part["predicted_error"].values, float)
 
 
 def one_sided(part: xr.Dataset) -> Mask:
@@ -58,12 +58,12 @@ class Optimum:
     #: Elevation in degrees and error in % of the least
     at: float
     error: float
-    #: Elevations between which the error is at most :data:`NEAR` times the least, degrees
+    #: Elevations between which the error is at most :data:`MAX_NEAR_OPTIMUM` times the least, °
     low: float
     high: float
 
 
-def optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
+def find_optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
     """Find the least of a curve through errors (n,) at values (n,), NaN left out.
 
     An Akima spline between the logarithms of both; nothing is said beyond the outermost of the
@@ -81,17 +81,17 @@ def optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
     if len(order) < 3:
         return None
     x, y = np.log(x[order]), np.log(y[order])
-    fine = np.linspace(x[0], x[-1], FINE)
+    fine = np.linspace(x[0], x[-1], CURVE_POINTS)
     curve = Akima1DInterpolator(x, y)(fine)
     least = int(np.argmin(curve))
-    far = np.flatnonzero(curve > curve[least] + np.log(NEAR))
+    far = np.flatnonzero(curve > curve[least] + np.log(MAX_NEAR_OPTIMUM))
     first = int(np.max(far[far < least], initial=-1)) + 1
-    last = int(np.min(far[far > least], initial=FINE)) - 1
+    last = int(np.min(far[far > least], initial=CURVE_POINTS)) - 1
     at, low, high = (float(np.exp(fine[index])) for index in (least, first, last))
     return Optimum(at, float(np.exp(curve[least])), low, high)
 
 
-def complete(part: xr.Dataset) -> xr.Dataset:
+def select_complete(part: xr.Dataset) -> xr.Dataset:
     """Select the settings in which every marker is measured: errors of fewer do not compare."""
     return part.isel(setting=np.flatnonzero(part["missing"].values[:, 0] == 0))
 
@@ -99,18 +99,21 @@ def complete(part: xr.Dataset) -> xr.Dataset:
 def trial_optima(part: xr.Dataset) -> Array:
     """Return elevation of the least error of each trial by itself, degrees."""
     error = part["mean_error"].transpose("trial", "setting").values[1:]
-    best = [optimum(part["value"].values, own) for own in error]
+    best = [find_optimum(part["value"].values, own) for own in error]
     return np.array([own.at for own in best if own is not None])
 
 
-def viewable(cube: xr.Dataset) -> xr.Dataset:
+def select_viewable(cube: xr.Dataset) -> xr.Dataset:
     """Select the best and worst sets of each number: no more than a viewer has room for."""
     kept = []
-    for case in cases(cube):
+    for case in list_cases(cube):
         rows = np.flatnonzero(cube["case"].values == case)
         if case == "subsets":
             part = cube.isel(setting=rows, mode=0)
-            error, count = np.nan_to_num(expected(part), nan=np.inf), part["n_cameras"].values
+            error, count = (
+                np.nan_to_num(expected_errors(part), nan=np.inf),
+                part["n_cameras"].values,
+            )
             groups = [np.flatnonzero(count == n) for n in np.unique(count)]
             ends = [own[[np.argmin(error[own]), np.argmax(error[own])]] for own in groups]
             rows = rows[list(dict.fromkeys(np.concatenate(ends).tolist()))]
@@ -127,7 +130,7 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
     Of sets of cameras that is the one of all cameras.
     """
     settings = []
-    for case in cases(cube):
+    for case in list_cases(cube):
         part = part_of(cube, case)
         for one in list(slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
             drawn = one["mean_error"].values[1:]
@@ -141,9 +144,9 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
 def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
     """Return the optimum of every case, and the settings in which tracking fails."""
     optima = []
-    for case in cases(cube):
-        part = complete(part_of(cube, case))
-        best, drawn = optimum(part["value"].values, expected(part)), trial_optima(part)
+    for case in list_cases(cube):
+        part = select_complete(part_of(cube, case))
+        best, drawn = find_optimum(part["value"].values, expected_errors(part)), trial_optima(part)
         height, spread = 0.0, np.quantile(drawn, [0.05, 0.95]) if len(drawn) else None
         if best is not None:
             height = np.interp(
@@ -163,10 +166,10 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
 
 def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
     """Fit powers of the distance to error, law and scatter."""
-    if "distance" not in cases(cube):
+    if "distance" not in list_cases(cube):
         return {"powers": None}
     part = part_of(cube, "distance")
-    error = expected(part)
+    error = expected_errors(part)
     known = np.isfinite(error)
     if np.count_nonzero(known) < 2:
         return {"powers": []}
@@ -185,10 +188,14 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
 
 def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     """Find the best and worst sets by their number of cameras, and compare with the best pair."""
-    if "subsets" not in cases(cube):
+    if "subsets" not in list_cases(cube):
         return {"numbers": None}
     part = part_of(cube, "subsets")
-    count, law, error = part["n_cameras"].values, part["predicted_error"].values, expected(part)
+    count, law, error = (
+        part["n_cameras"].values,
+        part["predicted_error"].values,
+        expected_errors(part),
+    )
     known = np.isfinite(error)
     best_pair = np.nanmin(error[count == 2], initial=np.inf)
 
@@ -211,7 +218,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
         ends = named(order[0]), named(own[np.argmin(law[own])]), np.median(error[own])
         numbers.append((n, len(own), *ends, named(order[-1])))
     rendered = part["mean_error"].isel(trial=0).values / law
-    ratio = ratios(part)[known]
+    ratio = law_ratios(part)[known]
     return {
         "numbers": numbers,
         "beaten": [sets for sets in worse_than_pair(known) if sets["worse"]],
@@ -224,11 +231,11 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
 
 def compare_cameras(cube: xr.Dataset) -> dict[str, Any]:
     """Divide the error of each set with a camera by that of the set without it."""
-    if "subsets" not in cases(cube):
+    if "subsets" not in list_cases(cube):
         return {"shares": None}
     part = part_of(cube, "subsets")
     names_of = [frozenset(label.split("–")) for label in part["label"].values]
-    error = dict(zip(names_of, expected(part).tolist(), strict=True))
+    error = dict(zip(names_of, expected_errors(part).tolist(), strict=True))
     every, whole = max(error, key=len), part.isel(setting=-1)
     shares = []
     for number, name in enumerate(sorted(every)):

@@ -17,7 +17,7 @@ from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, slice
 
 STYLE = POWERS  # of pictures
 BLACK = "#222222"
-MANY = 3.0  # over what noise makes of it, beyond which cameras disagree
+MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
 def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -116,7 +116,7 @@ def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     axes.set(title="(b) disagreement of the cameras at each alias")
     axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
     top = float(np.nanmax(part["misfit"].values))
-    axes.set_ylim(0.5, 20 * max(top, MANY))
+    axes.set_ylim(0.5, 20 * max(top, MIN_DISAGREEMENT))
     axes.legend(ncols=2, columnspacing=1, handlelength=1, loc="upper right")
 
 

@@ -16,7 +16,7 @@ from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, s
 from thesis_lib.plotting.style import draw_map, mosaic, slices
 from thesis_lib.studies import cubes
 
-TITLES = {
+CASE_TITLES = {
     "distance": "distance d",
     "aperture": "aperture α",
     "elevation": "elevation φ",
@@ -38,7 +38,7 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         "abc;def;ghi", figsize=(8.2, 6.6), layout="constrained", height_ratios=[1.3, 1, 1.1]
     )
     figures.setup_panel(axes["a"], cube, part)
-    axes["a"].set_title(f"(a) {TITLES.get(case, case)} varied")
+    axes["a"].set_title(f"(a) {CASE_TITLES.get(case, case)} varied")
     figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
     axes["b"].set(title="(b) deflection", ylabel="error in % of the largest")
     bars = [error_bars(cube, case, mode, f"plane_error_{p}") for p in ("xz", "yz")]
@@ -58,12 +58,12 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         f"{word}:\n{part['label'].values[index]}"
         for word, index in zip(ranking(part), (chosen[0], chosen[-1]), strict=True)
     ]
-    _deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)
-    _fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)
+    _draw_deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)
+    _draw_fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)
     return drawing
 
 
-def _deflections(
+def _draw_deflections(
     drawing: Figure, axes: list[Axes], part: xr.Dataset, chosen: tuple[int, int], words: list[str]
 ) -> None:
     x, y = (np.unique(np.round(part[axis].values, 9)) * 1000 for axis in ("x", "y"))
@@ -85,7 +85,7 @@ def _deflections(
     drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label="error in µm")
 
 
-def _fields(
+def _draw_fields(
     drawing: Figure, axes: list[Axes], cube: xr.Dataset, case: str, mode: int, words: list[str]
 ) -> None:
     """Draw the true field on the louder plane, and the errors of the field there."""

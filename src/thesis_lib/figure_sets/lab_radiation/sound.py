@@ -22,7 +22,12 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
-from thesis_lib.figure_sets.lab_radiation.structures import MODES, Driven, driven, rig_of
+from thesis_lib.figure_sets.lab_radiation.structures import (
+    MOVING_MODES,
+    Driven,
+    drive_structure,
+    rig_of,
+)
 from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_structure
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres
@@ -40,7 +45,7 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision import lens
 
 TRUE_NODES = 3600  # of the true surface
-ROUND = 32  # places on a marker's edge
+EDGE_PLACES = 32  # places on a marker's edge
 PLANE = Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
@@ -60,7 +65,7 @@ def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
     error of their sum.
     """
     surface, omega = _surface(own, TRUE_NODES), 2 * np.pi * own.frequency
-    shapes = own.structure.mode_shapes(range(1, MODES + 1), surface.places)
+    shapes = own.structure.mode_shapes(range(1, MOVING_MODES + 1), surface.places)
     moving, q = shapes.T, peak * own.coordinates
     power = _of(surface.power_form(moving, omega, medium), q)
     plain = _of(surface.plane_wave_form(moving, omega, medium), q)
@@ -131,10 +136,10 @@ class MarkerSound:
 
     def without_noise(self, peak: float) -> ComplexArray:
         """Return what the markers' edges show of the true motion, shape (markers,)."""
-        turn = 2 * np.pi * (np.arange(ROUND) + 0.5) / ROUND
+        turn = 2 * np.pi * (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
         ring = self.own.markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
         edges = (self.own.markers.centres[:, :, None] + ring[:, None]).reshape(2, -1)
-        return peak * self.own.shape(edges).reshape(-1, ROUND).mean(axis=1)
+        return peak * self.own.shape(edges).reshape(-1, EDGE_PLACES).mean(axis=1)
 
 
 def with_grid(own: Driven, grid: tuple[int, int]) -> Driven:
@@ -156,12 +161,16 @@ def _of(form: Array, amplitudes: ComplexArray) -> float:
     return float(np.real(np.conj(amplitudes) @ form @ amplitudes))
 
 
-DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
-RATES = (50.0, 60.0, 30.0)  # frames per second: unlike ones tell modes apart
-PLACE, IMPULSE, SECONDS = 0.3, 0.05, 3.0  # where it is tapped over the length; N s; s
+TAP_DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
+TAP_RATES_HZ = (50.0, 60.0, 30.0)  # frames per second: unlike ones tell modes apart
+TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = (
+    0.3,
+    0.05,
+    3.0,
+)  # where it is tapped over the length; N s; s
 TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
-POINT = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
-HEARD, STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
+LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
+HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
 TAP_VARIABLES = declared("""
     tap_frequency(ringing) [Hz] natural frequency of a mode that rings
     tap_power(ringing) [W] sound power of a mode when the decay begins, as measured
@@ -179,13 +188,13 @@ TAP_VARIABLES = declared("""
 
 def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
     """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
-    rig = _rig(study)
+    rig = _tapped_rig(study)
     assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
-    times = np.arange(0, HEARD, STEP / files.RATE)
+    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / files.RATE)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
-        found = identify(*select_free_decay(rig, _seen(rig, scatter)), asked)
+        found = identify(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -193,17 +202,17 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
             for name, one in TAP_VARIABLES.items()
         }
         return none | {"tap_frequency": hertz, "tap_time": times}
-    own, (x, y) = driven("beam"), rig.markers.extent
+    own, (x, y) = drive_structure("beam"), rig.markers.extent
     assert isinstance(own.structure, Beam)
     surface = Surface.of(np.array(own.corners), NODES, (x / 2, y / 2))
     markers = rig.markers.centres  # seen as points, not by their edges
     between = by_model(own.structure, markers, 0.0, surface.places)
-    plane = Plane("XZ", x, float(POINT[2, 0]), float(POINT[2, 0]), (2, 1))
+    plane = Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = _as_measured(found)
     shapes = shapes_of(data, np.ones(len(markers[0]), bool))
-    made = radiated(surface, between, tones_of(data), shapes, POINT, [plane], medium)
+    made = radiated(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
     power = _true_power(rig.motion, found.zero, surface, medium)
-    each = [files.heard(made.isel(tone=[k]), 0)[::STEP] for k in range(made.sizes["tone"])]
+    each = [files.heard(made.isel(tone=[k]), 0)[::HEARD_STEP] for k in range(made.sizes["tone"])]
     whole = made.sel(band=ALL)
     return {
         "tap_frequency": made["frequency"].values,
@@ -220,36 +229,36 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     }
 
 
-def _rig(study: LabRadiation) -> Rig:
+def _tapped_rig(study: LabRadiation) -> Rig:
     """Set up the cameras of the beam's first recording before a beam that is tapped."""
     rig = rig_of(study, "beam", 0)
     x, y = rig.markers.extent
-    rates = np.resize(RATES, len(rig.stations))
-    at = PLACE * x, y / 2
+    rates = np.resize(TAP_RATES_HZ, len(rig.stations))
+    at = TAP_PLACE * x, y / 2
     return tap_structure(
         rig,
-        len(DAMPING),
-        DAMPING,
+        len(TAP_DAMPING),
+        TAP_DAMPING,
         at,
-        seconds=SECONDS,
+        seconds=TAP_SECONDS,
         rates=tuple(rates.tolist()),
-        impulse=IMPULSE,
+        impulse=TAP_IMPULSE_NS,
     )
 
 
-def _seen(rig: Rig, scatter: float) -> list[TrackedCentres]:
+def _project_tracks(rig: Rig, scatter: float) -> list[TrackedCentres]:
     """Find the markers in each camera, of which none is lost."""
     found = []
     for index, station in enumerate(rig.stations):
         count = int(rig.duration * station.frame_rate)
         times = station.start + np.arange(count) / station.frame_rate
-        uv = _centres(rig, index, times)
+        uv = _project_centres(rig, index, times)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
         found.append(TrackedCentres(times, uv + scatter * noise, uv))
     return found
 
 
-def _centres(rig: Rig, index: int, times: Array) -> Array:
+def _project_centres(rig: Rig, index: int, times: Array) -> Array:
     """Project the markers, (frames, 2, markers), as means over the exposure."""
     station, markers, samples = rig.stations[index], rig.markers, 4
     within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure

@@ -1,8 +1,8 @@
 """What is rendered: plate, beam and L-shaped plate, driven by a steady tone at one place.
 
 All are as thin as what such cameras are for: the thesis's plate with another thickness, an L cut
-from it, and the thesis's beam. A structure moves in its first :data:`MODES` modes, each as the
-force drives it (thesis, eq. 3.5).
+from it, and the thesis's beam. A structure moves in its first :data:`MOVING_MODES` modes, each as
+the force drives it (thesis, eq. 3.5).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import modal_coordinates, resonance
 
-MODES = 40  # that move
-THICKNESS = 0.003  # m, of the plates
-ELEMENT = 0.02  # m, of the L
-FORCE = (0.22, 0.22)  # m, where plates are driven: some way from their edges
-GRID = (7, 5)  # markers along and across the box around a plate
-DENSE = (12, 8)  # the same where a tone between modes moves many of them
+MOVING_MODES = 40  # that move
+PLATE_THICKNESS_M = 0.003  # m, of the plates
+ELEMENT_M = 0.02  # m, of the L
+FORCE_PLACE_M = (0.22, 0.22)  # m, where plates are driven: some way from their edges
+MARKER_GRID = (7, 5)  # markers along and across the box around a plate
+DENSE_GRID = (12, 8)  # the same where a tone between modes moves many of them
 PLATE_MARKER, DENSE_MARKER, BEAM_MARKER = 0.024, 0.018, 0.007  # diameters, m
-ROW_SPACING, COLUMNS = 0.014, 13  # of the beam's two rows
-FINE = 41  # places along each side of the box, for the largest deflection
+ROW_SPACING, BEAM_COLUMNS = 0.014, 13  # of the beam's two rows
+PEAK_PLACES = 41  # places along each side of the box, for the largest deflection
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,16 @@ class Driven:
 
     @cached_property
     def coordinates(self) -> ComplexArray:
-        """Of the first modes, for a largest deflection of 1, shape (:data:`MODES`,)."""
-        q = modal_coordinates(self.structure, np.array(2 * np.pi * self.frequency), MODES)
-        x, y = (np.linspace(0, side, FINE) for side in self.structure.extent)
-        points = np.stack([np.tile(x, FINE), np.repeat(y, FINE)])
-        shapes = self.structure.mode_shapes(range(1, MODES + 1), points)
+        """Of the first modes, for a largest deflection of 1, shape (:data:`MOVING_MODES`,)."""
+        q = modal_coordinates(self.structure, np.array(2 * np.pi * self.frequency), MOVING_MODES)
+        x, y = (np.linspace(0, side, PEAK_PLACES) for side in self.structure.extent)
+        points = np.stack([np.tile(x, PEAK_PLACES), np.repeat(y, PEAK_PLACES)])
+        shapes = self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
         return np.asarray(q / np.nanmax(np.abs(q @ shapes)), complex)
 
     def shape(self, points: Array) -> ComplexArray:
         """Return complex deflection at points (2, n) for a largest one of 1, against the force."""
-        shapes = self.structure.mode_shapes(range(1, MODES + 1), points)
+        shapes = self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
         return np.asarray(self.coordinates @ shapes, complex)
 
     def components(self, peak: float) -> tuple[Component, ...]:
@@ -74,20 +74,20 @@ class Driven:
         return tuple(parts)
 
 
-def plate(grid: tuple[int, int] = GRID) -> Plate:
+def thin_plate(grid: tuple[int, int] = MARKER_GRID) -> Plate:
     """Return the thesis's plate, but thin."""
-    return replace(setups.plate(grid), thickness=THICKNESS, force_position=FORCE)
+    return replace(setups.plate(grid), thickness=PLATE_THICKNESS_M, force_position=FORCE_PLACE_M)
 
 
 @cache
-def driven(case: str) -> Driven:
+def drive_structure(case: str) -> Driven:
     """Return the structure of a case, with its tone."""
     if case == "beam":
         beam = setups.beam()
-        row = replace(beam, n_markers=COLUMNS, marker_spacing=beam.length / COLUMNS)
+        row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
         markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
-        return _at(beam, markers, _box(beam.extent), 3, "beam, third mode")
-    flat = plate()
+        return _drive_at_mode(beam, markers, _box_corners(beam.extent), 3, "beam, third mode")
+    flat = thin_plate()
     if case == "l":
         corners = _corners_of_l()
         panel = Panel(
@@ -100,22 +100,22 @@ def driven(case: str) -> Driven:
             flat.poisson,
             flat.damping,
             flat.force_position,
-            GRID,
-            ELEMENT,
+            MARKER_GRID,
+            ELEMENT_M,
         )
-        markers = Markers(panel.extent, _clear(panel), PLATE_MARKER)
-        return _at(panel, markers, corners, 1, "L-shaped plate, first mode")
+        markers = Markers(panel.extent, _select_clear(panel), PLATE_MARKER)
+        return _drive_at_mode(panel, markers, corners, 1, "L-shaped plate, first mode")
     markers = Markers(flat.extent, flat.markers, PLATE_MARKER)
-    own = _at(flat, markers, _box(flat.extent), 1, "plate, first mode")
+    own = _drive_at_mode(flat, markers, _box_corners(flat.extent), 1, "plate, first mode")
     if case == "plate":
         return own
     second = resonance(flat, 2) / (2 * np.pi)
-    between, many = float(np.sqrt(own.frequency * second)), plate(DENSE)
+    between, many = float(np.sqrt(own.frequency * second)), thin_plate(DENSE_GRID)
     dense = Markers(many.extent, many.markers, DENSE_MARKER)
     return Driven(many, dense, own.corners, between, "plate, between two modes")
 
 
-def _at(
+def _drive_at_mode(
     structure: Beam | Plate | Panel,
     markers: Markers,
     corners: tuple[Point, ...],
@@ -126,7 +126,7 @@ def _at(
     return Driven(structure, markers, corners, resonance(structure, mode) / (2 * np.pi), name)
 
 
-def _box(extent: tuple[float, float]) -> tuple[Point, ...]:
+def _box_corners(extent: tuple[float, float]) -> tuple[Point, ...]:
     x, y = extent
     return (0.0, 0.0), (x, 0.0), (x, y), (0.0, y)
 
@@ -136,7 +136,7 @@ def _corners_of_l() -> tuple[Point, ...]:
     return tuple((x / 1000, y / 1000) for x, y in given)
 
 
-def _clear(panel: Panel) -> Array:
+def _select_clear(panel: Panel) -> Array:
     """Select markers of a panel that are a diameter away from its edges, shape (2, n)."""
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = PLATE_MARKER * np.stack([np.cos(turn), np.sin(turn)])
@@ -147,7 +147,7 @@ def _clear(panel: Panel) -> Array:
 
 def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
     """Return what sees one recording: cameras, the board's poses, the structure with its tone."""
-    own = driven(case)
+    own = drive_structure(case)
     seed = derive_seed(study.seed, case, replicate)
     draw = np.random.default_rng([seed, 7])
     parts = own.components(study.amplitude_mm / 1000)
