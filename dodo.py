@@ -103,7 +103,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )  # fmt: skip
     yield step(
         "figures of notebooks", lambda: shown.write(figures, NOTEBOOKS, EXECUTED),
-        [*NOTEBOOKS, *PAGES, *code("book/pieces")],
+        [*NOTEBOOKS, *PAGES, *code("book/pieces", "templates.py")],
         [EXECUTED / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
     yield step(
@@ -113,7 +113,8 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )  # fmt: skip
     yield step(
         "reference of own recordings", lambda: reference.write(EXECUTED),
-        code("book/pieces", "measure", "planning", "web"), included(*reference.PIECES),
+        [*PUBLISHED, *code("book/pieces", "laboratory", "measure", "planning", "templates.py")],
+        included(*reference.PIECES),
     )  # fmt: skip
     yield step(
         "sample report", lambda: sample.write(EXECUTED),

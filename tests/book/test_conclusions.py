@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import shutil
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,35 +170,6 @@ def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatc
         assert "| plate | 1500 → 650 |" in closer
         assert "`beam-distance`" in closer
         assert "`beam-distance`" not in texts["conclusions-finer"]
-
-
-def test_a_piece_is_made_anew_if_a_cube_that_it_uses_has_changed(small, tmp_path, monkeypatch):
-    made = {name: Path(shutil.copy(small[name], tmp_path)) for name in sorted(small)[:2]}
-    done = []
-
-    def piece(name):
-        return lambda opened: done.append(name) or f"{opened[name].sizes['trial']}"
-
-    monkeypatch.setattr(pieces_write, "PIECES", {name: piece(name) for name in made})
-    folder = tmp_path / "executed"
-    folder.mkdir()
-
-    def write():
-        done.clear()
-        pieces_write.write([*made.values()], folder)
-        return done
-
-    first, second = made
-    assert write() == [first, second]
-    assert write() == []
-    shutil.copy(small["beam-resolution"], made[first])
-    assert write() == [first]
-    (folder / f"{second}.md").write_text("not what was made", encoding="utf-8")
-    assert write() == [second]
-    for damaged in ("", "[]", '{"used": 1}'):
-        (folder / ".made" / f"{first}.json").write_text(damaged, encoding="utf-8")
-        assert write() == [first]
-    assert write() == []
 
 
 @pytest.fixture(scope="module")
