@@ -65,7 +65,7 @@ def test_hidden_files_are_none(tmp_path, video):
         (["gps.mov", "gps.MP4"], "gps.MP4 and gps.mov have one name"),
         (["GX010034.MP4", "GX020034.MP4", "GX010035.MP4"], "GX010034.MP4, GX020034.MP4 are chap"),
         (["GOPR0034.MP4", "GP010034.MP4", "b.mov"], "GOPR0034.MP4, GP010034.MP4 are chapters"),
-        (["a\tb.mov", "b.mov"], "a control character"),
+        (["a\tb.mov", "b.mov"], "characters that can be seen"),
     ],
 )
 def test_videos_that_are_not_of_one_camera_each_are_explained(tmp_path, video, names, words):

@@ -38,6 +38,7 @@ from thesis_lib.measure.recordings.media_info import (
 from thesis_lib.measure.recordings.validation import is_slowed, rate_of
 from thesis_lib.outputs import put_files
 from thesis_lib.studies.fields import first_problem
+from thesis_lib.text import has_hidden
 from thesis_lib.web.fragment import asset, joined, static_html
 from thesis_lib.web.html import render_html
 
@@ -387,6 +388,10 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
     stems: defaultdict[str, list[str]] = defaultdict(list)
     films: defaultdict[str, list[str]] = defaultdict(list)
     for video in videos:
+        if has_hidden(video.name):
+            raise ManifestError(
+                f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename it"
+            )
         stems[video.stem.casefold()].append(video.name)
         if match := _CHAPTER.fullmatch(video.stem):
             films[match["film"]].append(video.name)
