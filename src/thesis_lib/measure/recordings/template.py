@@ -390,7 +390,7 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
     for video in videos:
         if has_hidden(video.name):
             raise ManifestError(
-                f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename it"
+                f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename"
             )
         stems[video.stem.casefold()].append(video.name)
         if match := _CHAPTER.fullmatch(video.stem):
