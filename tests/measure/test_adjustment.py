@@ -13,8 +13,8 @@ from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.alignment import align, alignment, camera_deviations, moved
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
-from thesis_lib.measure.calibration.jackknife import jackknife
 from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.uncertainty import jackknife
 from thesis_lib.measure.calibration.zhang import CalibrationError, zhang
 from thesis_lib.vision import lens
 

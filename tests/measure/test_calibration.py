@@ -7,8 +7,8 @@ import yaml
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration import exactness
 from thesis_lib.measure.calibration import rig as calibration_rig
+from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.zhang import CalibrationError, central, zhang
@@ -254,7 +254,7 @@ def test_lenses_do_not_suffer_from_a_board_that_moves_between_the_cameras(
     assert of_note(data) == ["board-moved"]
     off = data["K"].values[:, [0, 1], [0, 1]] - [c.K[[0, 1], [0, 1]] for c in rig()]
     conforms.sampled(np.abs(off).max(), below=1)  # px; 11 if adjusted together
-    exact = exactness.exact(data, manifest.board.board, tmp_path)
+    exact = uncertainty.exact(data, manifest.board.board, tmp_path)
     conforms.sampled(np.abs(off[:, 0] / exact["focal_deviation"].values).max(), below=4)
 
 

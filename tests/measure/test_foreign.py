@@ -25,9 +25,9 @@ from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.calibration.alignment import align, camera_deviations
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.jackknife import jackknife
 from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify
+from thesis_lib.measure.calibration.uncertainty import jackknife
 from thesis_lib.measure.calibration.zhang import Calibration, zhang
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import write_manifest

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.alignment import moved
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
-from thesis_lib.measure.calibration.jackknife import FEWEST, jackknife
+from thesis_lib.measure.calibration.uncertainty import FEWEST, jackknife
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself

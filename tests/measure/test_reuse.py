@@ -18,9 +18,8 @@ from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.calibration.bundle_adjustment import adjust
-from thesis_lib.measure.calibration.exactness import stated, to_keep
-from thesis_lib.measure.calibration.jackknife import jackknife, with_lenses
 from thesis_lib.measure.calibration.reused import reused
+from thesis_lib.measure.calibration.uncertainty import jackknife, stated, to_keep, with_lenses
 from thesis_lib.measure.exchange import cameras as written
 from thesis_lib.measure.exchange.reading import read_cameras
 from thesis_lib.measure.pipeline import measure

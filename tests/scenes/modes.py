@@ -13,7 +13,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import Rig, default_rig
-from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.reused import as_calibrated
 from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
@@ -170,4 +170,4 @@ def recorded(
 def calibration_of(recordings: list[Recording]) -> xr.Dataset:
     """These cameras as a calibration that does not tell how exact it is."""
     found = Found([own.camera for own in recordings], placed=True)
-    return exactness.stated(as_calibrated(found), found.covariance)
+    return uncertainty.stated(as_calibrated(found), found.covariance)

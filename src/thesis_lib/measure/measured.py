@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.reprojection import LENS
 from thesis_lib.measure.calibration.reused import as_calibrated, reused
 from thesis_lib.measure.exchange import history
@@ -80,7 +80,7 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result(manifest, sound, of.recordings, exactness.covariance_of(of.calibration))
+        data = result(manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration))
         still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
@@ -104,14 +104,14 @@ def _calibration(
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
     if given is None:
-        return exactness.exact(calibrated(manifest, folder, steps, say), board, steps)
+        return uncertainty.exact(calibrated(manifest, folder, steps, say), board, steps)
     assert manifest.calibration is not None
     if manifest.calibration.poses == "kept":
-        return exactness.stated(as_calibrated(given), given.covariance)
+        return uncertainty.stated(as_calibrated(given), given.covariance)
     n = LENS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
     placed = calibrated(manifest, folder, steps, say, given.cameras)
-    return exactness.exact(placed, board, steps, held)
+    return uncertainty.exact(placed, board, steps, held)
 
 
 def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
@@ -128,7 +128,7 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """Return the variables of calibration and sound that belong to the result."""
-    of_cameras = CALIBRATION | exactness.VARIABLES
+    of_cameras = CALIBRATION | uncertainty.VARIABLES
     values = {
         name: (calibration if name in of_cameras else sound)[name].values
         for name in (*of_cameras, *SOUND)

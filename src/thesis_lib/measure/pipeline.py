@@ -12,7 +12,7 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.files import staging
-from thesis_lib.measure.calibration import exactness
+from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
 from thesis_lib.measure.exchange.reading import OWN
 from thesis_lib.measure.exchange.tables import write_csv
@@ -105,7 +105,7 @@ def measure_shape(
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
     with staging(out) as part:
         storage.write(data, part / "measured.nc")
-        storage.write(exactness.to_keep(inputs.calibration), part / OWN)
+        storage.write(uncertainty.to_keep(inputs.calibration), part / OWN)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write(part, data, moved, inputs.recordings)
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
@@ -174,7 +174,7 @@ def measure_modes(
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
     recordings, calibration = inputs.recordings, inputs.calibration
-    covariance = exactness.covariance_of(calibration)
+    covariance = uncertainty.covariance_of(calibration)
     data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE)
     kind = manifest.excitation.behaviour.title
     data.attrs.update(
@@ -198,7 +198,7 @@ def measure_modes(
             vtk.write(part / "vtk" / name, one)
             animation.write_shape(part / name, one)
         cameras.write(part, [own.camera for own in recordings], data)
-        storage.write(exactness.to_keep(calibration), part / OWN)
+        storage.write(uncertainty.to_keep(calibration), part / OWN)
         if moved is not None:
             storage.write(moved, part / "motion.nc")
             history.write_csv(part / "motion.csv", moved)

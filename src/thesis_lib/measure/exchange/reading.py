@@ -65,7 +65,7 @@ class Found:
 
     cameras: list[Camera]  #: In one frame, m
     placed: bool  #: Whether the file says where they are
-    #: Of their poses, then lenses, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`
+    #: Of their poses, then lenses: :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`
     covariance: Array | None = None
 
 

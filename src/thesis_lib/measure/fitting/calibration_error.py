@@ -45,7 +45,7 @@ def common_errors(
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`.
 
     Returns
     -------

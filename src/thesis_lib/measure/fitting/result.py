@@ -130,7 +130,7 @@ def result(
     recordings : sequence of tracks.Recording
         Cameras, clocks and tracks.
     covariance : ndarray, optional
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.jackknife.jackknife`; then the
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`; then the
         result has :data:`SHARED`, too, and standard errors hold it.
 
     Returns

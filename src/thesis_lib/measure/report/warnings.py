@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.calibration.jackknife import FEWEST
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
+from thesis_lib.measure.calibration.uncertainty import FEWEST
 from thesis_lib.measure.fitting.models import rms
 from thesis_lib.measure.fitting.result import SCALE
 from thesis_lib.measure.messages import Note, make_note
