@@ -17,15 +17,19 @@ from thesis_lib.measure.modes.outliers import without_outliers, without_strays
 from thesis_lib.measure.modes.poles import (
     Block,
     Poles,
+    Spectrum,
+    beside,
     block_of,
     columns,
     fitted,
+    reach,
     scatter,
+    search,
     seen_fit,
+    span_of,
+    spectrum,
 )
-from thesis_lib.measure.modes.search import beside, reach, search, span_of
 from thesis_lib.measure.modes.shapes import Rest, shapes, straightened
-from thesis_lib.measure.modes.spectra import Spectrum, spectrum
 from thesis_lib.measure.modes.tracks import Track
 
 MOST = 8  # modes that are sought if their number is not given

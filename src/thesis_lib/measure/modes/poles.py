@@ -10,6 +10,13 @@ shutter or an exposure changes amplitudes, not poles.
 The derivative of a column bᵢ by its pole is t times a mix of columns. A step therefore needs of a
 track its residual, and the moments Σ bᵢbⱼ, Σ t bᵢbⱼ, Σ t² bᵢbⱼ over the frames in which its marker
 is seen. Nothing stands in for a centre that is missing.
+
+Modes are found one after the other: the strongest line of what is left, until only noise is left.
+
+A tone of f shows in a camera's frames at its alias. Taken at the times of the frames, e^{−2πjft}
+finds it there whatever f is; so all cameras, even of unlike rates, have a line at the true
+frequency, and there alone: the geometric mean of their powers over noise tells. Times are put on a
+grid so fine that an ordinary Fourier transform serves.
 """
 
 from __future__ import annotations
@@ -19,6 +26,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from thesis_lib.arrays import Array, IntArray, Mask
 
@@ -215,3 +223,147 @@ def _least(
         else:
             damping *= 10
     return x, parts
+
+
+FINE = 8  # grid points between frames; and in a period of the highest frequency
+TINY = 1e-12
+SERIES = 16  # principal motions of a camera's markers whose powers are summed
+PAD = 4  # points of the spectrum in one over the length of the recording
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Power over frequency of what is left."""
+
+    frequency: Array  #: Hz
+    power: Array  #: Over the noise, each camera's median; the geometric mean of all cameras
+
+    @property
+    def peak(self) -> tuple[float, float]:
+        """Frequency of the strongest line in Hz, the lowest of equals, and its power over noise."""
+        top = float(self.power.max())
+        first = int(np.flatnonzero(self.power >= 0.98 * top)[0])
+        last = first
+        while last + 1 < len(self.power) and self.power[last + 1] >= self.power[last]:
+            last += 1
+        return float(self.frequency[last]), top
+
+
+def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
+    """The spectrum in a band in Hz of what the poles leave of the tracks."""
+    span = max(float(np.ptp(block.times)) for block in blocks)
+    even = np.arange(band[0], band[1], 1 / (PAD * span))
+    logs = np.zeros_like(even)
+    for block in blocks:
+        left = left_of(block, rates)
+        left = left @ np.linalg.eigh(left.T @ left)[1][:, -SERIES:]  # the strongest motions
+        step = float(np.median(np.diff(block.times))) / FINE
+        step /= max(1, int(np.ceil(band[1] * FINE * step)))
+        place = np.rint((block.times - block.times[0]) / step).astype(int)
+        length = next_fast_len(max(int(PAD * span / step), place[-1] + 1))
+        lines = np.zeros(length // 2 + 1)
+        for series in left.T:
+            grid = np.bincount(place, series, length).astype(np.float32)
+            lines += np.abs(rfft(grid)) ** 2 / len(block.times)
+        own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
+        logs += np.log(np.maximum(own / max(float(np.median(own)), TINY), TINY))
+    return Spectrum(even, np.exp(logs / len(blocks)))
+
+
+STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
+DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
+WITHIN = 0.01  # of a given frequency, within which its line is sought
+NEAR = 1.0  # of one over that length, within which two modes are not told apart
+
+
+def search(
+    blocks: Sequence[Block],
+    band: tuple[float, float],
+    most: int,
+    damped: bool,
+    given: Sequence[float] = (),
+) -> list[Poles]:
+    """Fits with one mode, two modes, … in a band in Hz, each started from the one before.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        The tracks.
+    band : tuple of float
+        Where modes are sought, Hz.
+    most : int
+        Modes at most.
+    damped : bool
+        Whether they decay.
+    given : sequence of float
+        Frequencies in Hz near which modes are sought first; one that is not there is passed over.
+
+    Returns
+    -------
+    list of Poles
+        Empty if no line stands out of the noise.
+    """
+    found: list[Poles] = []
+    rates = np.empty((0, 2))
+    for near in (*given[:most], *[None] * most):
+        line = strongest(blocks, rates, band, near)
+        if len(found) < most and line is not None:
+            rates = np.vstack([rates, _start(blocks, rates, 2 * np.pi * line, damped)])
+            found.append(fitted(blocks, rates, damped))
+            rates = found[-1].rates
+        elif near is None:
+            break
+    return found
+
+
+def reach(frequency: float, seconds: float) -> float:
+    """How far in Hz from a given frequency its line is sought in a recording of some seconds."""
+    return max(2 * NEAR / seconds, WITHIN * frequency)
+
+
+def strongest(
+    blocks: Sequence[Block], rates: Array, band: tuple[float, float], near: float | None = None
+) -> float | None:
+    """Frequency in Hz of the strongest line beside the poles, of those near a frequency if given.
+
+    None if none stands out.
+    """
+    seen = spectrum(blocks, rates, band)
+    apart = NEAR / span_of(blocks)
+    clear = np.all(np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi)) > apart, axis=1)
+    if near is not None:
+        clear &= np.abs(seen.frequency - near) <= reach(near, span_of(blocks))
+    power = np.where(clear, seen.power, 0.0)
+    if not power.size or not power.max() > STANDS_OUT:
+        return None
+    return Spectrum(seen.frequency, power).peak[0]
+
+
+def beside(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
+    """Power over the noise of what is left within reach of each mode: the most, and the mean.
+
+    Much of it tells of another mode that the recording is too short to tell apart, or of a tone
+    that is not steady. What is left there disturbs a mode, not the noise at other frequencies.
+    Both have the shape (modes,); of noise alone the mean is about one.
+    """
+    near = np.abs(after.frequency[:, None] - poles.frequency) <= 2 * NEAR / seconds
+    power = after.power[:, None]
+    mean = np.sum(np.where(near, power, 0.0), axis=0) / np.maximum(near.sum(axis=0), 1)
+    return np.max(np.where(near, power, 0.0), axis=0), mean
+
+
+def span_of(blocks: Sequence[Block]) -> float:
+    """Length of the part that is fitted, s."""
+    return max(float(np.ptp(block.times)) for block in blocks)
+
+
+def _start(blocks: Sequence[Block], rates: Array, omega: float, damped: bool) -> Array:
+    """A pole to start from: of some decays the one that leaves least."""
+    if not damped:
+        return np.array([0.0, omega])
+    trials = [np.array([decay / span_of(blocks), omega]) for decay in DECAYS]
+    left = [
+        sum(float(np.sum(left_of(block, np.vstack([rates, trial])) ** 2)) for block in blocks)
+        for trial in trials
+    ]
+    return trials[int(np.argmin(left))]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
 from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
-from thesis_lib.measure.modes.search import STANDS_OUT
+from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
