@@ -13,7 +13,6 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias, candidates
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.modes.clocks import lags, paces
-from thesis_lib.measure.modes.outliers import without_outliers, without_strays
 from thesis_lib.measure.modes.poles import (
     Block,
     Poles,
@@ -30,7 +29,7 @@ from thesis_lib.measure.modes.poles import (
     spectrum,
 )
 from thesis_lib.measure.modes.shapes import Rest, shapes, straightened
-from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.modes.tracks import Track, without_outliers, without_strays
 
 MOST = 8  # modes that are sought if their number is not given
 FURTHER = 2  # further modes that are tried, to see which hold
