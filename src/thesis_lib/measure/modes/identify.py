@@ -12,7 +12,6 @@ from scipy.stats import chi2
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import alias, candidates
 from thesis_lib.measure.fitting.harmonics import Fitted
-from thesis_lib.measure.modes.clocks import lags, paces
 from thesis_lib.measure.modes.poles import (
     Block,
     Poles,
@@ -28,7 +27,7 @@ from thesis_lib.measure.modes.poles import (
     span_of,
     spectrum,
 )
-from thesis_lib.measure.modes.shapes import Rest, shapes, straightened
+from thesis_lib.measure.modes.shapes import Rest, lags, paces, shapes, straightened
 from thesis_lib.measure.modes.tracks import Track, without_outliers, without_strays
 
 MOST = 8  # modes that are sought if their number is not given
