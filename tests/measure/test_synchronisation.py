@@ -8,10 +8,10 @@ import pytest
 from scipy.signal import resample_poly
 
 from thesis_lib.measure.synchronisation.checks import checked, find_tone
-from thesis_lib.measure.synchronisation.correlation import normalised_correlation
 from thesis_lib.measure.synchronisation.decimation import EDGE, decimate, decimated
 from thesis_lib.measure.synchronisation.delays import (
     delay_deviation,
+    normalised_correlation,
     phase_delays,
 )
 from thesis_lib.measure.synchronisation.synchronise import coupling_delay, synchronise, whole_frames

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.correlation import normalised_correlation, summit
-from thesis_lib.measure.synchronisation.delays import Match
+from thesis_lib.measure.synchronisation.delays import Match, normalised_correlation, summit
 from thesis_lib.measure.synchronisation.transients import BINS, LATE, whitening
 
 WINDOW = 1.0  # s
