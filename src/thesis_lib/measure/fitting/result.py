@@ -9,8 +9,6 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting.aliasing import alias
-from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
 from thesis_lib.measure.fitting.consistency import (
@@ -20,7 +18,8 @@ from thesis_lib.measure.fitting.consistency import (
     in_plane,
     without_each,
 )
-from thesis_lib.measure.fitting.frequency import advance, look_for, surer
+from thesis_lib.measure.fitting.frequency import advance, alias, look_for, surer
+from thesis_lib.measure.fitting.frequency import candidates as aliases_of
 from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
 from thesis_lib.measure.fitting.leftover import bump, check_explained, share
 from thesis_lib.measure.fitting.models import candidates, compared
