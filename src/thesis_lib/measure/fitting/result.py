@@ -11,20 +11,22 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
-from thesis_lib.measure.fitting.consistency import (
+from thesis_lib.measure.fitting.frequency import advance, alias, look_for, surer
+from thesis_lib.measure.fitting.frequency import candidates as aliases_of
+from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
+from thesis_lib.measure.fitting.models import candidates, compared
+from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
+from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
+from thesis_lib.measure.fitting.residuals import (
+    bump,
+    check_explained,
     excess,
     frozen,
     held_back,
     in_plane,
+    share,
     without_each,
 )
-from thesis_lib.measure.fitting.frequency import advance, alias, look_for, surer
-from thesis_lib.measure.fitting.frequency import candidates as aliases_of
-from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
-from thesis_lib.measure.fitting.leftover import bump, check_explained, share
-from thesis_lib.measure.fitting.models import candidates, compared
-from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
-from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks

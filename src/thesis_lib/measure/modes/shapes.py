@@ -17,9 +17,9 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.clocks import CERTAIN, LEAST_TURN, late
-from thesis_lib.measure.fitting.consistency import excess, held_back, in_plane
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import Frame
+from thesis_lib.measure.fitting.residuals import excess, held_back, in_plane
 from thesis_lib.measure.modes.poles import Block, Poles, columns, scatter, seen_fit
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vision.lens import projection_matrices
