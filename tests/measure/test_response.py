@@ -35,8 +35,7 @@ from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
-from thesis_lib.measure.response.band import at_times
-from thesis_lib.measure.response.motion import deflections, noise_of
+from thesis_lib.measure.response.displacement import at_times, deflections, noise_of
 from thesis_lib.measure.response.recorded import recorded_force
 from thesis_lib.measure.response.result import REPEATED_AFTER, responded
 from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments

@@ -15,9 +15,14 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.response.band import TOLD, at_times
-from thesis_lib.measure.response.clocks import in_step
-from thesis_lib.measure.response.motion import deflections, noise_of, span_of
+from thesis_lib.measure.response.displacement import (
+    TOLD,
+    at_times,
+    deflections,
+    in_step,
+    noise_of,
+    span_of,
+)
 from thesis_lib.measure.response.recorded import Recorded, recorded_force
 from thesis_lib.measure.response.spectra import (
     ESTIMATORS,

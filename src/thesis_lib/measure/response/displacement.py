@@ -1,0 +1,307 @@
+"""Deflections of all markers at common times, whatever the cameras' own.
+
+Each camera's centres are brought there from its own time stamps, rows of a rolling shutter and
+exposure, then triangulated, instant by instant.
+
+Cameras take frames at times of their own, some of them unevenly, each as a mean over its exposure.
+Of a signal that holds all frequencies up to a limit with like power, the best linear estimate at a
+time t from samples y at tᵢ is sᵀ S⁻¹ y, where S is the covariance of the samples among each other
+and s that with the value at t (Wiener): the mean of cos 2πf(tᵢ − tⱼ) over the band, times
+sinc fT for every exposure of T that is in it. So the exposure's loss is undone, too.
+
+Along the normal every camera sees the same motion. Where one's times are wrong by δ, the
+cross-spectrum of what it and the first one see has the phase ωδ: it tells δ in each of some
+windows, and a line through these how much faster a clock runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import welch
+from scipy.spatial import KDTree
+
+from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.fitting.clocks import CERTAIN, LEAST_TURN
+from thesis_lib.measure.fitting.reconstruction import triangulate_seen
+from thesis_lib.measure.modes.shapes import Rest
+from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.vision.lens import distorted, projection_matrices, undistorted_tracks
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.triangulation import jacobian
+
+NEAR = 24  # samples that an estimate rests on
+SHARE = 0.45  # of the rate, up to which the signal is taken to reach
+TOLD = 0.4  # of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+FLOOR = 1e-6  # power beside the band over that in it
+NODES = 28  # of the quadrature over the band
+CHUNK = 512  # times at once
+
+
+def at_times(
+    times: Array,
+    values: Array,
+    rate: float,
+    wanted: Array,
+    late: Array | float = 0.0,
+    exposure: float = 0.0,
+) -> Array:
+    """Values of series of a limited band at wanted times.
+
+    Parameters
+    ----------
+    times : ndarray, shape (samples,)
+        When the samples were taken, s, in order.
+    values : ndarray, shape (samples, series)
+        The samples, about a mean of zero; NaN where one is missing.
+    rate : float
+        Samples per second, the mean.
+    wanted : ndarray, shape (times,)
+        When they are wanted, s.
+    late : ndarray, shape (series,), or float
+        By how much later than `times` each series was sampled, s.
+    exposure : float
+        Time over which a sample is the mean, s.
+
+    Returns
+    -------
+    ndarray, shape (times, series)
+        NaN where less than half of the samples around are there, or none on one side.
+    """
+    few, weights = np.polynomial.legendre.leggauss(NODES)
+    f, w = SHARE * rate * (few + 1) / 2, weights / 2
+    blur = np.sinc(f * exposure)
+    shift = np.broadcast_to(np.asarray(late, float), values.shape[1:])
+    found = np.full((len(wanted), values.shape[1]), np.nan)
+    near = min(NEAR, len(times))
+    for start in range(0, len(wanted), CHUNK):
+        t = wanted[start : start + CHUNK]
+        first = np.clip(np.searchsorted(times, t) - near // 2, 0, len(times) - near)
+        index = first[:, None] + np.arange(near)
+        turn = 2 * np.pi * f * (times[index] - t[:, None])[:, :, None]  # (times, near, nodes)
+        A = np.concatenate([np.cos(turn), np.sin(turn)], axis=2) * np.tile(blur, 2)
+        S = (A * np.tile(w, 2)) @ A.swapaxes(1, 2) + FLOOR * np.eye(near)
+        own = 2 * np.pi * f * -shift[:, None]
+        a = np.concatenate([np.cos(own), np.sin(own)], axis=1) * np.tile(w, 2)  # (series, nodes)
+        s = A @ a.T  # (times, near, series)
+        taken = values[index]
+        known = np.isfinite(taken)
+        part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
+        found[start : start + CHUNK] = _mended(part, S, s, taken, known)
+    inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
+    return np.where(inside, found, np.nan)
+
+
+def _mended(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
+    """The estimates, anew where samples are missing."""
+    near, found = known.shape[1], part.copy()
+    t, k = np.nonzero(~known.all(axis=1))
+    if not len(t):
+        return found
+    there = known[t, :, k]
+    both = there[:, :, None] & there[:, None]
+    matrix = np.where(both, S[t], np.eye(near))
+    right = np.where(there, s[t, :, k], 0.0)
+    weights = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+    value = np.sum(weights * np.where(there, taken[t, :, k], 0.0), axis=1)
+    half = near // 2
+    enough = (2 * there.sum(axis=1) >= near) & there[:, :half].any(1) & there[:, half:].any(1)
+    found[t, k] = np.where(enough, value, np.nan)
+    return found
+
+
+ASIDE = 0.25  # of the next marker's distance that a marker may seem to move along the surface
+
+
+def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """From when to when all cameras see all rows, s."""
+    pads = [1 / own.rate + abs(own.readout) / 2 for own in recordings]
+    ends = [
+        (own.times[0] + pad, own.times[-1] - pad) for own, pad in zip(recordings, pads, strict=True)
+    ]
+    return max(first for first, _ in ends), min(last for _, last in ends)
+
+
+def deflections(
+    recordings: Sequence[Recording], rest: Rest, times: Array, repeated: int = 0
+) -> Array:
+    """Deflections along the structure's normal at some times, m, shape (times, markers).
+
+    NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
+    camera has then taken it for its neighbour. `repeated` is that of :func:`images`.
+    """
+    P = projection_matrices([own.camera for own in recordings])
+    off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
+    still = rest.frame.to_beam(rest.points)
+    aside = ASIDE * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
+    found = []
+    for start in range(0, len(times), CHUNK):
+        at = times[start : start + CHUNK]
+        seen = [images(own, rest.images[k], at, repeated) for k, own in enumerate(recordings)]
+        points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
+        along, across, normal = rest.frame.to_beam(points) - still[:, None]
+        with np.errstate(invalid="ignore"):
+            found.append(np.where(np.hypot(along, across) > aside, np.nan, normal))
+    return np.concatenate(found)
+
+
+def images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
+    """Return a camera's images at some times without distortion, px, shape (2, times, markers).
+
+    If `repeated`, gaps are filled, and the same gaps are made so many frames later.
+    """
+    pad = (NEAR + 1) / own.rate + abs(own.readout)
+    first, last = own.between(at[0] - pad, at[-1] + pad)
+    seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
+    uv, times = undistorted_tracks(own.camera, seen) - still, own.times[first:last]
+    full = without_gaps(times, uv, own.rate)
+    if repeated:
+        lost = np.zeros(uv.shape, bool)
+        lost[repeated:] = np.isnan(uv)[:-repeated]
+        uv = np.where(lost, np.nan, full)
+    rows = distorted(own.camera, still)[1]
+    late = np.nan_to_num(own.readout * (rows / height - 0.5))
+    later = own.readout * full[:, 1] / height  # since the marker has moved across rows
+    uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
+    both = uv.reshape(len(uv), -1)
+    found = at_times(times, both, own.rate, at, np.tile(late, 2), own.exposure)
+    return np.asarray(still[:, None] + np.moveaxis(found.reshape(-1, *still.shape), 1, 0), float)
+
+
+def without_gaps(times: Array, values: Array, rate: float) -> Array:
+    """Fill short gaps of series (samples, 2, series) by band-limited interpolation."""
+    flat = values.reshape(len(values), -1)
+    found, gaps = flat.copy(), np.isnan(flat).any(axis=0)
+    if gaps.any():
+        filled = at_times(times, flat[:, gaps], rate, times)
+        found[:, gaps] = np.where(np.isnan(flat[:, gaps]), filled, flat[:, gaps])
+    return found.reshape(values.shape)
+
+
+def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
+    """Power of noise in a band in Hz, m²/Hz, (markers,), of deflections at rest (times, markers).
+
+    NaN where the rest is too short to tell.
+    """
+    f, power = welch(np.nan_to_num(still), rate, axis=0, nperseg=len(still))
+    inside = (f >= band[0]) & (f <= band[1])
+    if np.count_nonzero(inside) < 4:
+        return np.full(still.shape[1], np.nan)
+    found = power[inside].mean(axis=0)
+    return np.asarray(np.where(np.isfinite(still).all(axis=0), found, np.nan), float)
+
+
+WINDOWS = 8  # at most, over the recording
+SHORT, LONG = 2.0, 16.0  # s that a window has at least, and at most
+MOST = 0.1  # s that a camera's times may be off
+LIKE = 1.5  # lines of a Hann window that tell as much as one
+GRID = 8  # trial delays in a period of the highest frequency
+
+
+@dataclass(frozen=True)
+class Steps:
+    """By how much the cameras' clocks were off."""
+
+    lag: Array  #: How much later than was thought each camera started, s; 0 where not certain
+    pace: Array  #: How much faster than the first camera's each clock runs; 0 where not certain
+
+
+def in_step(
+    recordings: Sequence[Recording],
+    rest: Rest,
+    span: tuple[float, float],
+    band: tuple[float, float],
+) -> tuple[list[Recording], Steps]:
+    """The recordings with the first camera's clock, and what was corrected.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The cameras and their tracks.
+    rest : Rest
+        The markers at rest.
+    span : tuple of float
+        From when to when all of them recorded, s.
+    band : tuple of float
+        The frequencies that are looked at, Hz.
+    """
+    rate, seconds = max(own.rate for own in recordings), span[1] - span[0]
+    count = int(np.clip(seconds / SHORT, 1, WINDOWS))
+    length = min(seconds / count, LONG)
+    middles = span[0] + (np.arange(count) + 0.5) * seconds / count
+    late, error, when = np.zeros((3, len(recordings), count))
+    for k, middle in enumerate(middles):
+        at = middle + np.arange(-int(length * rate / 2), int(length * rate / 2)) / rate
+        seen = _heights(recordings, rest, at)
+        for c in range(1, len(seen)):
+            late[c, k], error[c, k], where = _late(seen[0], seen[c], rate, band)
+            when[c, k] = at[0] + where
+    centre, found = 0.5 * (span[0] + span[1]), [recordings[0]]
+    lag, pace = np.zeros((2, len(recordings)))
+    for c, own in enumerate(recordings[1:], 1):
+        lag[c], slope = _line(when[c] - centre, late[c], error[c], seconds, band[1])
+        moved = own.paced(1 + slope, centre)
+        found.append(replace(moved, delay=moved.delay + lag[c]))
+        pace[c] = 1 / (1 + slope) - 1
+    return found, Steps(lag, pace)
+
+
+def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
+    """Deflections along the normal by each camera alone, m, (times, markers)."""
+    P = projection_matrices([own.camera for own in recordings])
+    slopes = np.einsum("cikn,k->cin", jacobian(P, rest.points), rest.frame.R[2])
+    found = []
+    for own, still, slope in zip(recordings, rest.images, slopes, strict=True):
+        moved = images(own, still, at) - still[:, None]
+        found.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
+    return found
+
+
+def _late(
+    one: Array, other: Array, rate: float, band: tuple[float, float]
+) -> tuple[float, float, float]:
+    """By how much another camera's times are too early, the standard error, and when, s."""
+    known = np.isfinite(one).all(axis=0) & np.isfinite(other).all(axis=0)
+    window = np.hanning(len(one))[:, None]
+    parts = [window * (own - own.mean(axis=0))[:, known] for own in (one, other)]
+    spectra = [np.fft.rfft(part, axis=0) for part in parts]
+    omega = 2 * np.pi * np.fft.rfftfreq(len(one), 1 / rate)
+    inside = (omega >= 2 * np.pi * band[0]) & (omega <= 2 * np.pi * band[1])
+    cross = np.sum(spectra[0].conj() * spectra[1], axis=1)[inside]
+    omega = omega[inside]
+    if not known.any() or len(omega) < 2:
+        return 0.0, np.inf, 0.0
+    trials = np.arange(-MOST, MOST, 1 / (GRID * band[1]))
+    found = float(trials[np.argmax(np.real(np.exp(-1j * np.outer(trials, omega)) @ cross))])
+    for _ in range(3):
+        turned: ComplexArray = cross * np.exp(-1j * omega * found)
+        weight = float(np.sum(omega**2 * turned.real))
+        found += float(np.sum(omega * turned.imag)) / weight
+    left = cross * np.exp(-1j * omega * found)
+    error = np.sqrt(LIKE * np.sum(omega**2 * left.imag**2)) / weight
+    power = np.sum(parts[0] ** 2, axis=1)
+    when = float(np.sum(power * np.arange(len(one))) / np.sum(power)) / rate
+    return found, float(error) if weight > 0 else np.inf, when
+
+
+def _line(
+    times: Array, late: Array, error: Array, seconds: float, highest: float
+) -> tuple[float, float]:
+    """Where a line through some delays is at 0 s, and its slope; 0 where that is not certain."""
+    there = np.isfinite(error) & (error > 0)
+    fit, found = times[there], (0.0, 0.0)
+    for order in (0, 1):
+        if len(fit) < 2 * order + 1:
+            break
+        A = np.vander(fit, order + 1, increasing=True) / error[there][:, None]
+        values, squares, *_ = np.linalg.lstsq(A, late[there] / error[there], rcond=None)
+        spread = max(float(np.sum(squares)) / max(len(fit) - order - 1, 1), 1.0)
+        deviation = np.sqrt(spread * np.diag(np.linalg.inv(A.T @ A)))
+        least = LEAST_TURN / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
+        certain = np.abs(values) > np.maximum(CERTAIN * deviation, least)
+        if order == 0 or certain[1]:
+            sure = np.where(certain, values, 0.0)
+            found = float(sure[0]), float(sure[1]) if order else 0.0
+    return found
