@@ -36,10 +36,9 @@ from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.displacement import at_times, deflections, noise_of
-from thesis_lib.measure.response.recorded import recorded_force
+from thesis_lib.measure.response.force import dwell, found_sweep, recorded_force, settling
 from thesis_lib.measure.response.result import REPEATED_AFTER, responded
 from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments
-from thesis_lib.measure.response.sweep import dwell, found_sweep, settling
 from thesis_lib.measure.tracking.tracks import Recording
 
 SILENT = xr.Dataset(attrs={"synchronisation": "by no sound at all"})

@@ -16,7 +16,7 @@ from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.response.sweep import dwell, settling
+from thesis_lib.measure.response.force import dwell, settling
 
 MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
 MAX_STRAY_FRACTION = 0.01  # of the centres that are left out

@@ -23,7 +23,7 @@ from thesis_lib.measure.response.displacement import (
     noise_of,
     span_of,
 )
-from thesis_lib.measure.response.recorded import Recorded, recorded_force
+from thesis_lib.measure.response.force import Recorded, found_sweep, recorded_force
 from thesis_lib.measure.response.spectra import (
     ESTIMATORS,
     Cut,
@@ -32,7 +32,6 @@ from thesis_lib.measure.response.spectra import (
     response,
     segments,
 )
-from thesis_lib.measure.response.sweep import found_sweep
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import declared, labelled
 
