@@ -28,7 +28,7 @@ _PAPER = click.option(
 @contextlib.contextmanager
 def one_line(place: Path) -> Iterator[None]:
     """Report every failure as one line, also errors of the system or of another library."""
-    from thesis_lib.measure.paper.page import PaperError
+    from thesis_lib.measure.paper.pages import PaperError
     from thesis_lib.measure.recordings.manifest import ManifestError
     from thesis_lib.outputs import OutputError
 
@@ -112,7 +112,7 @@ def board(
     paper: str,
 ) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
-    from thesis_lib.measure.paper.board import write_board
+    from thesis_lib.measure.paper.pages import write_board
 
     with one_line(file):
         said = write_board(file, columns, rows, tile_mm, paper, charuco, two_sided)
@@ -142,7 +142,7 @@ def markers(
     paper: str,
 ) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
-    from thesis_lib.measure.paper.markers import write_markers
+    from thesis_lib.measure.paper.pages import write_markers
 
     with one_line(file):
         count = write_markers(
@@ -157,7 +157,7 @@ def markers(
 @_PAPER
 def stand(manifest: Path, file: Path, paper: str) -> None:
     """Draw where the cameras of MANIFEST.yaml stand into FILE, stand.pdf if not given."""
-    from thesis_lib.measure.paper.stand import write_stand
+    from thesis_lib.measure.paper.pages import write_stand
     from thesis_lib.measure.recordings.manifest import read_manifest
 
     with one_line(file):

@@ -1,0 +1,392 @@
+"""Pages of a PDF in true scale: the board, markers, and places of cameras, with a ruler."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from thesis_lib.arrays import Array
+from thesis_lib.files import whole_file
+from thesis_lib.measure.recordings.board import DICTIONARY, MARK, Board
+from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.outputs import check_file
+from thesis_lib.plotting.style import color, drawable
+
+SIZES = {  # mm, upright
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+    "letter": (215.9, 279.4),
+    "tabloid": (279.4, 431.8),
+}
+BORDER = 6.0  # mm along a page's edge that printers leave blank
+STRIP = 16.0  # mm at the foot of a page for ruler and words
+RULER = 100.0  # mm
+MM = 25.4  # of an inch
+
+Draw = Callable[[Axes], object]
+
+
+class PaperError(ValueError):
+    """A sheet that cannot be; the message is one line: the option, what was given, what allowed."""
+
+
+def area(paper: str, landscape: bool) -> tuple[float, float]:
+    """Width and height in mm that can be drawn on, above the strip with the ruler."""
+    width, height = sorted(SIZES[paper], reverse=landscape)
+    return width - 2 * BORDER, height - 2 * BORDER - STRIP
+
+
+def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, str]]) -> None:
+    """Write pages of a size as a PDF, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    paper : str
+        One of ``SIZES``.
+    landscape : bool
+        Whether pages lie.
+    pages : iterable of (callable, str)
+        What draws on axes in mm, whose origin is the lower left corner of the :func:`area`, and
+        words that stand beside the ruler.
+
+    Raises
+    ------
+    OutputError
+        If the file is there already, or does not end in .pdf.
+    """
+    check_file(path, ".pdf")
+    width, height = sorted(SIZES[paper], reverse=landscape)
+    made = io.BytesIO()
+    with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
+        for draw, words in pages:
+            figure = Figure(figsize=(width / MM, height / MM))
+            axes = figure.add_axes((0, 0, 1, 1))
+            axes.set(
+                xlim=(-BORDER, width - BORDER), ylim=(-BORDER - STRIP, height - BORDER - STRIP)
+            )
+            axes.set_axis_off()
+            draw(axes)
+            _ruler(axes, words, width - 2 * BORDER)
+            file.savefig(figure)
+    whole_file(path, lambda part: part.write_bytes(made.getvalue()))
+
+
+def polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
+    """Filled polygons without outline, (polygons, vertices, 2), mm."""
+    axes.add_collection(
+        PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
+        autolim=False,
+    )
+
+
+def discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black") -> None:
+    """Filled discs about centres (2, n), mm."""
+    around = np.linspace(0, 2 * np.pi, 97)[:-1]
+    ring = diameter / 2 * np.column_stack([np.cos(around), np.sin(around)])
+    polygons(axes, np.asarray(centres, float).T[:, None] + ring, colour)
+
+
+def rectangle(x: float, y: float, width: float, height: float) -> list[tuple[float, float]]:
+    """Vertices of a rectangle with its lower left corner at x, y."""
+    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+
+
+def _ruler(axes: Axes, words: str, width: float) -> None:
+    y = -STRIP + 4
+    polygons(axes, [rectangle(0, y, RULER, 0.25)])
+    for k in range(11):
+        tall = 4.0 if k in (0, 10) else 2.5
+        polygons(axes, [rectangle(RULER / 10 * k - 0.125, y, 0.25, tall)])
+    axes.text(
+        0,
+        y - 3.2,
+        "Print at 100 %, without scaling. This line is 100 mm long: measure it.",
+        size=6.5,
+    )
+    axes.text(RULER + 6, y, words, size=6.5, va="bottom", wrap=False)
+    if width < RULER + 6:
+        raise PaperError(f"--paper: narrower than the ruler of {RULER:g} mm")
+
+
+BITS = 7  # along a mark with its black frame
+MARKS = 1000  # that the dictionary has
+
+
+def write_board(
+    path: Path,
+    columns: int = 7,
+    rows: int = 5,
+    tile_mm: float = 25.0,
+    paper: str = "A4",
+    charuco: bool = False,
+    two_sided: bool = False,
+) -> str:
+    """Write a board as a PDF to true scale.
+
+    The tile at its lower left is dark, or with marks that at its upper left.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns, rows : int
+        Tiles.
+    tile_mm : float
+        Side of a tile.
+    paper : str
+        Size of the page.
+    charuco : bool
+        Whether white tiles carry ArUco marks, as OpenCV's ``CharucoBoard`` has them.
+    two_sided : bool
+        Whether a second page has the mirror image, for the back: tile behind tile when the sheet
+        is turned like a page of a book. Marks would be mirrored, too, so not of a board with them.
+
+    Returns
+    -------
+    str
+        What the manifest says of this board, and OpenCV of one with marks.
+
+    Raises
+    ------
+    PaperError
+        If the board with a white margin of half a tile does not fit the paper, or has more marks
+        than the dictionary, or marks on both sides.
+    """
+    if charuco and two_sided:
+        raise PaperError(
+            "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
+            "marks that are mirrored"
+        )
+    if charuco and columns * rows // 2 > MARKS:
+        raise PaperError(
+            f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
+            f"{2 * MARKS + 1}, {DICTIONARY} has no more marks"
+        )
+    landscape = columns >= rows
+    wide, high = area(paper, landscape)
+    need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
+    if need[0] > wide + 1e-9 or need[1] > high + 1e-9:
+        most = min(wide / (columns + 1), high / (rows + 1))
+        larger = [
+            name
+            for name in SIZES
+            if all(n <= a + 1e-9 for n, a in zip(need, area(name, landscape), strict=True))
+        ]
+        or_paper = f", or --paper {larger[0]}" if larger else ""
+        raise PaperError(
+            f"--tile-mm: given {tile_mm:g}, allowed: at most {most:.4g} for {columns} × {rows} "
+            f"tiles on {paper}{or_paper}"
+        )
+    margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
+    board = Board(columns, rows, tile_mm / 1000, margin / 1000)
+    left, low = (wide - columns * tile_mm) / 2, (high - rows * tile_mm) / 2
+    dark = 1000 * board.dark_tiles + [columns * tile_mm / 2, rows * tile_mm / 2]
+    kind = "kind: charuco, " if charuco else ""
+    said = (
+        f"in the manifest: board: {{{kind}columns: {columns}, rows: {rows}, tile_mm: {tile_mm:g}, "
+        f"margin_mm: {np.floor(margin):g}, two_sided: {str(two_sided).lower()}}}"
+    )
+    if charuco:
+        dark = dark * [1, -1] + [0, rows * tile_mm]  # OpenCV begins with a dark tile at the top
+        dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
+        said += (
+            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, {MARK * tile_mm:g}, "
+            f"{DICTIONARY})"
+        )
+    dark = dark + [left, low]
+    sides = [("", dark)]
+    if two_sided:
+        sides = [("front: ", dark), ("back: ", (dark * [-1, 1] + [wide, 0])[:, ::-1])]
+
+    write(path, paper, landscape, [(_drawing(tiles), side + said) for side, tiles in sides])
+    return said
+
+
+def _drawing(tiles: Array) -> Draw:
+    return lambda axes: polygons(axes, tiles)
+
+
+def _marks(columns: int, rows: int, tile: float) -> Array:
+    """Dark cells of the marks, (cells, 4, 2), mm from the board's lower left corner.
+
+    OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
+    """
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
+    side, cells, number = MARK * tile, [], 0
+    for row in range(rows):
+        for column in range(columns):
+            if (column + row) % 2 == 0:  # dark
+                continue
+            bits = dictionary.generateImageMarker(number, BITS) == 0
+            number += 1
+            x = column * tile + (tile - side) / 2
+            y = (rows - row) * tile - (tile - side) / 2
+            step = side / BITS
+            for i, j in np.argwhere(bits):
+                cells.append(rectangle(x + j * step, y - (i + 1) * step, step, step))
+    return np.array(cells)
+
+
+def write_markers(
+    path: Path,
+    columns: int = 10,
+    rows: int = 6,
+    spacing_mm: float = 25.0,
+    row_spacing_mm: float | None = None,
+    diameter_mm: float = 8.0,
+    paper: str = "A4",
+    bright: bool = False,
+) -> int:
+    """Write a grid of markers as a PDF to true scale.
+
+    Where the grid is larger than a page it goes on, on the next. Corner marks stand half a spacing
+    beyond the outermost markers: cut there, and the pages join edge to edge.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns, rows : int
+        Markers along and across.
+    spacing_mm, row_spacing_mm : float
+        Distance of their centres; across the same as along if not given.
+    diameter_mm : float
+        Diameter of a marker.
+    paper : str
+        Size of the page.
+    bright : bool
+        Whether markers are white on black.
+
+    Returns
+    -------
+    int
+        Pages written.
+
+    Raises
+    ------
+    PaperError
+        If markers overlap, or are further apart than a page is long.
+    """
+    across = row_spacing_mm or spacing_mm
+    least = min(spacing_mm if columns > 1 else np.inf, across if rows > 1 else np.inf)
+    if diameter_mm >= least:
+        raise PaperError(
+            f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing"
+        )
+    wide, high = area(paper, landscape=True)
+    per = int(wide // spacing_mm), int(high // across)
+    if not all(per):
+        raise PaperError(
+            f"--spacing-mm: given {spacing_mm:g} and {across:g}, allowed: at most {wide:g} and "
+            f"{high:g} on {paper}"
+        )
+    pages = []
+    for low in range(0, rows, per[1]):
+        for left in range(0, columns, per[0]):
+            nx, ny = min(per[0], columns - left), min(per[1], rows - low)
+            centres = np.stack(
+                np.meshgrid((np.arange(nx) + 0.5) * spacing_mm, (np.arange(ny) + 0.5) * across)
+            ).reshape(2, -1)
+            words = (
+                f"columns {left + 1} to {left + nx}, rows {low + 1} to {low + ny}: diameter "
+                f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
+            )
+            size = nx * spacing_mm, ny * across
+            pages.append((_sheet(centres, size, diameter_mm, bright), words))
+    write(path, paper, True, pages)
+    return len(pages)
+
+
+def _sheet(centres: Array, size: tuple[float, float], diameter: float, bright: bool) -> Draw:
+    def draw(axes: Axes) -> None:
+        width, height = size
+        if bright:
+            polygons(axes, [rectangle(0, 0, width, height)])
+        discs(axes, centres, diameter, "white" if bright else "black")
+        for x in (0.0, width):  # corner marks, outside of what is used
+            for y in (0.0, height):
+                side, up = (-1 if x == 0 else 1), (-1 if y == 0 else 1)
+                axes.plot([x, x + 4 * side], [y, y], "k-", linewidth=0.3, clip_on=False)
+                axes.plot([x, x], [y, y + 4 * up], "k-", linewidth=0.3, clip_on=False)
+
+    return draw
+
+
+PLACE = ("azimuth_deg", "elevation_deg", "distance_mm")
+MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
+
+
+def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -> None:
+    """Write a protractor with a ray to each camera, and how far and how high it stands.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    cameras : sequence of CameraFiles
+        With ``azimuth_deg``, ``elevation_deg`` and ``distance_mm``.
+    paper : str
+        Size of the page.
+
+    Raises
+    ------
+    PaperError
+        If a camera has no place.
+    """
+    for camera in cameras:
+        for name in PLACE:
+            if getattr(camera, name) is None:
+                raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
+    wide, high = area(paper, landscape=False)
+    radius = min(wide, high) / 2 - 12
+
+    def draw(axes: Axes) -> None:
+        centre = np.array([wide / 2, high - radius - 10])
+
+        def to(azimuth: float, length: float) -> tuple[float, float]:
+            angle = np.radians(azimuth)  # from +Y, upward on the sheet, towards +X
+            x, y = centre + length * np.array([np.sin(angle), np.cos(angle)])
+            return float(x), float(y)
+
+        for azimuth in map(float, range(-180, 180, 5)):
+            ends = to(azimuth, radius - (6 if azimuth % 10 == 0 else 3)), to(azimuth, radius)
+            axes.plot(*np.transpose(ends), "k-", lw=0.4)
+            if azimuth % 30 == 0:
+                axes.text(*to(azimuth, radius + 5), f"{azimuth:g}°", size=7, **MIDDLE)
+        for name, azimuth in (("X", 90.0), ("Y", 0.0)):
+            axes.annotate("", to(azimuth, 26), to(0, 0), arrowprops={"arrowstyle": "->", "lw": 0.8})
+            axes.text(*to(azimuth, 30), name, size=9, **MIDDLE)
+        lines = [
+            "Lay the sheet under the structure's centre, X along its length.",
+            "Each camera stands on its ray, so far and so high with the middle of its lens:",
+        ]
+        names = drawable([camera.name for camera in cameras], "camera")
+        for k, camera in enumerate(cameras):
+            azimuth, elevation, distance = (float(getattr(camera, name) or 0.0) for name in PLACE)
+            axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=color(k), lw=1.2)
+            axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=color(k))
+            away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
+            lines.append(
+                f"{names[k]}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "
+                f"along its ray, {above:.0f} mm above the structure; {distance:g} mm from its "
+                "centre"
+            )
+        for k, line in enumerate(lines):
+            axes.text(4, high - 2 * radius - 24 - 6 * k, line, size=8)
+
+    write(path, paper, False, [(draw, "")])
