@@ -11,8 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.alignment import align, alignment, camera_deviations, moved
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.bundle_adjustment import (
+    adjust,
+    align,
+    alignment,
+    camera_deviations,
+    moved,
+)
 from thesis_lib.measure.calibration.symmetry import unify
 from thesis_lib.measure.calibration.uncertainty import jackknife
 from thesis_lib.measure.calibration.zhang import CalibrationError, zhang

@@ -22,8 +22,12 @@ from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.figure_sets.experiment import methods as shapes
-from thesis_lib.measure.calibration.alignment import align, camera_deviations
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.bundle_adjustment import (
+    Adjustment,
+    adjust,
+    align,
+    camera_deviations,
+)
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.calibration.symmetry import unify

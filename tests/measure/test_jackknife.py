@@ -9,8 +9,7 @@ from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration.alignment import moved
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.bundle_adjustment import adjust, moved
 from thesis_lib.measure.calibration.uncertainty import FEWEST, jackknife
 
 POINTS = BOARD.corners

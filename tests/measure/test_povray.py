@@ -9,7 +9,7 @@ import pytest
 from scenes import own
 from scenes.foreign import povray
 
-from thesis_lib.measure.calibration.alignment import align, camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import align, camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.lens import Camera

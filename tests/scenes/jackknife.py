@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from thesis_lib.measure.calibration.alignment import align, camera_deviations
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.bundle_adjustment import adjust, align, camera_deviations
 
 
 def differences(cameras, others):

@@ -11,7 +11,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.calibration.alignment import camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest

@@ -33,8 +33,7 @@ from scipy.stats import norm, t
 from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.alignment import camera_deviations
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust, camera_deviations
 from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction
 from thesis_lib.measure.recordings.board import Board
