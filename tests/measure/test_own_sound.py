@@ -21,9 +21,8 @@ from thesis_lib.measure.radiation import (
     radiated,
     without_wall,
 )
-from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.of_measurement import sound_of
-from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.radiation.radiated import complex_of, octaves
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.build import build_sound, summarise_sound

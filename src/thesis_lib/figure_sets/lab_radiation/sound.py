@@ -33,10 +33,9 @@ from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify
 from thesis_lib.measure.radiation import files
-from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
-from thesis_lib.measure.radiation.radiated import NODES, count_nodes, radiated
+from thesis_lib.measure.radiation.radiated import ALL, NODES, count_nodes, radiated
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies.schema import declared

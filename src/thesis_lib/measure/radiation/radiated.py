@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
@@ -26,9 +26,29 @@ from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
-from thesis_lib.measure.radiation.bands import octaves
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.studies.schema import declared, labelled
+
+OCTAVE = 10**0.3  # base ten, as the standard has it
+NOMINAL = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
+ALL = "all"
+
+
+def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
+    """Which tones fall into which octave, by its nominal centre in Hz; before them all together.
+
+    Tones below the lowest or above the highest band are in none.
+
+    Examples
+    --------
+    >>> {name: own.tolist() for name, own in octaves([110.0, 5.0, 130.0, 300.0]).items()}
+    {'all': [0, 1, 2, 3], '125': [0, 2], '250': [3]}
+    """
+    f = np.asarray(hertz, float)
+    number = np.rint(np.log(f / 1000) / np.log(OCTAVE)).astype(int) + 6
+    found = {f"{centre:g}": np.flatnonzero(number == k) for k, centre in enumerate(NOMINAL)}
+    return {ALL: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}
+
 
 NODES = 1600  # of the surface
 PER_WAVE = 8  # nodes to the length of a sound wave, at least

@@ -15,9 +15,8 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.feasibility.assess import Assessment, describe
 from thesis_lib.measure.fitting.models import rms
 from thesis_lib.measure.messages import MESSAGES, Note
-from thesis_lib.measure.radiation.bands import ALL
 from thesis_lib.measure.radiation.files import absolute, place
-from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.radiation.radiated import ALL, complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report.viewer import view_shape, view_sound
