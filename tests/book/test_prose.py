@@ -16,6 +16,7 @@ from thesis_lib.book import conformance, sample
 from thesis_lib.book.pieces import assumptions, findings, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
+from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
@@ -104,9 +105,13 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
 
 @pytest.mark.book
 def test_the_pieces_of_the_ledger_are_those_that_read_its_cube():
-    folder = files.project_root() / "book" / "executed" / ".made"
-    used = {name: pieces_write.used(folder / f"{name}.json") for name in pieces_write.PIECES}
-    assert {name for name, cubes in used.items() if "claims" in cubes} == {*pieces_write.OF_LEDGER}
+    made = sorted((files.project_root() / "data" / "results").glob("*.nc"))
+    opened, found = Opened(made, []), set()
+    for name, piece in pieces_write.PIECES.items():
+        opened.forget()
+        piece(opened)
+        found |= {name} if "claims" in opened.used else set()
+    assert found == {*pieces_write.OF_LEDGER}
 
 
 RESULTS = {*findings.RESULTS} - {"conclusions-result"}  # sentences; that one is a table
