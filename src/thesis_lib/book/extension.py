@@ -21,7 +21,6 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.files import project_root
 
 MAX_DESCRIPTION_LENGTH = 200
 _BINDER = "https://mybinder.org/v2"
@@ -54,7 +53,7 @@ class ComputedBy(SphinxDirective):
             function = getattr(import_module(module), name)
         except (ImportError, AttributeError):
             raise self.error(f"computed-by: the library has no {full}") from None
-        self.env.note_dependency(str(Path(inspect.getfile(function)).relative_to(project_root())))
+        self.env.note_dependency(str(Path(inspect.getfile(function)).resolve()))
         return self.parse_text_to_nodes(
             f"::::{{dropdown}} In code: `{name}`\n:class-container: tl-code\n\n"
             f"{{py:func}}`{full}`, without its description:\n\n"
