@@ -415,7 +415,7 @@ BOTH = ["experiment-resolution", "experiment-cameras"]
         ({"exposure_ms": 17}, ["exposure_ms: given 17", "time between frames", "ms"]),
         ({"exposure_ms": 0}, ["exposure_ms: given 0", "above 0"]),
         ({"distance_mm": 312}, ["distance_mm: given 312", "reach"]),
-        ({"distance_mm": -5}, ["distance_mm: given -5", "reach"]),
+        ({"distance_mm": -5}, ["distance_mm: given -5", "above 0"]),
         ({"amplitude_mm": 7}, ["amplitude_mm: given 7", "at most 6"]),
         ({"azimuth_deg": 90}, ["azimuth_deg: given 90", "below 90"]),
         ({"azimuth_deg": 0}, ["azimuth_deg: given 0", "above 0"]),

@@ -27,7 +27,7 @@ from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import replicates as lab_films
 from thesis_lib.laboratory import tracking
-from thesis_lib.measure.fitting.frequency import alias, candidates, detuning_loss
+from thesis_lib.measure.fitting import aliasing
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import viewer_data
@@ -87,7 +87,7 @@ def of(cube, case, label=None):
 
 @given(st.floats(0.1, 2000), st.floats(10, 500), st.integers(8, 40))
 def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate, frames):
-    shown = float(alias(frequency, rate))
+    shown = float(aliasing.alias(frequency, rate))
     assert 0 <= shown <= rate / 2 * (1 + 1e-12)
     times = np.arange(frames) / rate
     conforms.invariance(
@@ -97,19 +97,19 @@ def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate
 
 @given(st.floats(1, 900), st.floats(10, 500))
 def test_a_frequency_is_among_those_that_show_where_it_does(conforms, frequency, rate):
-    every = candidates(float(alias(frequency, rate)), rate, 1000.0)
+    every = aliasing.candidates(float(aliasing.alias(frequency, rate)), rate, 1000.0)
     conforms.closed_form(np.abs(every - frequency).min(), below=1e-9 * rate + 1e-9)
-    conforms.invariance(alias(every, rate), alias(frequency, rate), atol=1e-8)
+    conforms.invariance(aliasing.alias(every, rate), aliasing.alias(frequency, rate), atol=1e-8)
     assert np.all(np.diff(every) > 0)
 
 
 def test_detuning_costs_what_the_sinc_says(conforms):
     cycles = np.array([0.0, 0.2, 0.5, 1.0])
-    conforms.closed_form(detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
+    conforms.closed_form(aliasing.detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
     n = 12
-    conforms.closed_form(detuning_loss([1.0], n)[0], 1, rtol=1e-6)
+    conforms.closed_form(aliasing.detuning_loss([1.0], n)[0], 1, rtol=1e-6)
     conforms.closed_form(
-        detuning_loss([0.3], n)[0],
+        aliasing.detuning_loss([0.3], n)[0],
         1 - np.sin(np.pi * 0.3) / (n * np.sin(np.pi * 0.3 / n)),
         rtol=1e-6,
     )

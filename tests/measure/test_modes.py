@@ -349,7 +349,7 @@ def test_too_few_markers_and_frames_are_refused():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"kind": "decay", "frequency_hz": 5.0}, "frequency_hz: given 5.0, allowed: .* null where"),
+        ({"kind": "decay", "frequency_hz": 5.0}, "given 5.0, allowed where kind is decay: null"),
         ({"kind": "tones", "sound": "none"}, "sound: given .* allowed for several modes"),
         ({"kind": "chirp"}, "kind"),
         ({"kind": "decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),

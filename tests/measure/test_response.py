@@ -335,7 +335,7 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
     assert abs(np.max(np.abs(complex_of(data, "receptance")[0, k])) / true.max() - 1) > 0.1
     told = [one for one in check_response(data, manifest) if one.code == "sweep-fast"]
     assert len(told) == 1
-    assert "more slowly, or take force.segment_s: whole" in told[0].text
+    assert "more slowly, or use force.segment_s: whole" in told[0].text
 
 
 def test_a_sweep_that_still_rings_at_the_end_is_told(swept):

@@ -183,7 +183,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
             patch.setattr(law, "PARTS", ("distance",))
             patch.setattr(law.dither, "estimated", lambda _: {})
             patch.setattr(law.dither, "dithered", lambda _: {})
-            patch.setattr(law.noisy, "noisy_shares", lambda _: {})
+            patch.setattr(law, "noisy_shares", lambda _: {})
             return law.run(asked)
     if asked.name == "planner":
         names = (*planned.THESIS.values(), planned.READABLE)

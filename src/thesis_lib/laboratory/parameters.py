@@ -20,7 +20,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.files import shipped
-from thesis_lib.measure.fitting.frequency import clearance
+from thesis_lib.measure.fitting.aliasing import clearance
 from thesis_lib.studies.fields import (
     BeamDistance,
     BriefExposure,

@@ -142,6 +142,10 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
 
 def validated(model: type[Study], values: Mapping[str, Any]) -> Study:
     """Return a model's parameters from plain values, refused in one line."""
+    if not isinstance(values, Mapping):  # of a file that is not ours
+        raise ParameterError(
+            f"{model.name}: given {shown(values)}, allowed: an object of parameters by name"
+        )
     check_names(model, values)
     try:
         return model.model_validate(values)

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.measure.fitting.frequency import detuning_loss
+from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
 from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, slices, subplots

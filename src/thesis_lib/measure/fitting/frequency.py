@@ -2,9 +2,6 @@
 
 It is looked for in a periodogram where nobody has given it, and in any case measured by how the
 phase of the motion advances from part to part of the recording.
-
-Frames at a rate r cannot tell a frequency f from |f − kr|, k = 1, 2 …, and mirror it where it lies
-above half of the rate.
 """
 
 from __future__ import annotations
@@ -15,7 +12,6 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from thesis_lib.arrays import Array
@@ -28,7 +24,6 @@ MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
 SHARE = 0.5  # of their variance that one frequency must explain
 BLOCKS = 12  # parts whose phases are compared
 SHORTEST = 16  # frames of such a part
-FINE = 8  # trial frequencies in one over the length of the recording
 
 
 class FrequencyError(ValueError):
@@ -195,49 +190,3 @@ def surer(start: float, motion: Advance, sound: xr.Dataset) -> float:
     known = [(error, value) for error, value in found if np.isfinite([error, value]).all()]
     error, value = min(known, default=(np.nan, start))
     return value if abs(value - start) > 3 * error else start
-
-
-def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
-    """Where a frequency in Hz shows between 0 and half of the frame rate, Hz.
-
-    Examples
-    --------
-    >>> float(alias(110.0, 60.0)), float(alias(40.0, 60.0)), float(alias(25.0, 60.0))
-    (10.0, 20.0, 25.0)
-    """
-    f, rate = np.asarray(frequency, float), np.asarray(rate, float)
-    return np.asarray(np.abs(f - rate * np.rint(f / rate)), float)
-
-
-def candidates(alias_hz: float, rate: float, highest_hz: float) -> Array:
-    """All frequencies in Hz, up to a highest one, that frames at a rate cannot tell apart."""
-    k = np.arange(int(np.ceil(highest_hz / rate)) + 1)
-    every = np.unique(np.abs(np.concatenate([alias_hz + k * rate, alias_hz - k * rate])))
-    kept: Array = every[every <= highest_hz]
-    return kept
-
-
-def clearance(frequency: float, rate: float, frames: int) -> float:
-    """Periods by which an alias stays away from 0 and from half of the rate in so many frames.
-
-    Below a half, frames hardly tell the vibration's two parts, in phase and in quadrature, from
-    each other or from rest.
-    """
-    shown = float(alias(frequency, rate))
-    return min(shown, rate / 2 - shown) * frames / rate
-
-
-def scan(rate: float, frames: int) -> Array:
-    """Frequencies to look at between 0 and half of the rate, half a period away from both, Hz."""
-    least = 0.5 * rate / frames
-    return np.linspace(least, rate / 2 - least, FINE * frames // 2)
-
-
-def detuning_loss(cycles: ArrayLike, frames: int) -> Array:
-    """Share of an amplitude that is lost if its frequency is wrong by so many cycles per recording.
-
-    The mean of e^{2πjcn/N} over N frames, one less its modulus; near 1 − sinc(c).
-    """
-    c = np.asarray(cycles, float)
-    n = np.arange(frames) - (frames - 1) / 2
-    return np.asarray(1 - np.abs(np.mean(np.exp(2j * np.pi * c[..., None] * n / frames), -1)))

@@ -9,10 +9,11 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting.aliasing import alias
+from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
-from thesis_lib.measure.fitting.frequency import advance, alias, look_for, surer
-from thesis_lib.measure.fitting.frequency import candidates as aliases_of
+from thesis_lib.measure.fitting.frequency import advance, look_for, surer
 from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
 from thesis_lib.measure.fitting.models import candidates, compared
 from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near

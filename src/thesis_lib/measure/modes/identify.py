@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.frequency import alias, candidates
+from thesis_lib.measure.fitting.aliasing import alias, candidates
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.modes.poles import (
     Block,
