@@ -105,7 +105,7 @@ def matching(pattern: str) -> Callable[[str], str]:
 
 
 def listed(pattern: str) -> Callable[[str], tuple[str, ...]]:
-    """Return a reader of texts with ``; `` between them that all match a regular expression."""
+    """Return a reader of texts with "; " between them that all match a regular expression."""
     one = matching(pattern)
     return lambda text: tuple(map(one, text.split("; "))) if text else ()
 

@@ -26,6 +26,7 @@ from thesis_lib.studies.fields import (
     first_problem,
     permitted,
     refuse,
+    shown,
     suggestion,
     unit,
 )

@@ -19,7 +19,7 @@ from thesis_lib.measure.recordings.audio import SILENCE
 from thesis_lib.measure.recordings.excitation import Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.synchronisation.audio import Recording
+from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.checks import FULL_SCALE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
 from thesis_lib.measure.synchronisation.pairs import RATE, beside_first
@@ -135,7 +135,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
             full.append(int(np.count_nonzero(np.abs(block) >= FULL_SCALE)))
             yield block
 
-    with Recording("the force", path, given.channel).opened() as file:
+    with AudioSource("the force", path, given.channel).opened() as file:
         step = step_to(file.rate, wanted)
         rate = file.rate / step
         values = np.concatenate([np.empty(0), *decimate(noted(file.blocks), step)])
@@ -165,7 +165,7 @@ def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[floa
         if (folder / camera.video).resolve() == path.resolve():
             return Clock(float(delay), 0.0, pace)
     channel = given.sound_channel or given.channel
-    both = Recording(first.name, folder / first.video), Recording("the force", path, channel)
+    both = AudioSource(first.name, folder / first.video), AudioSource("the force", path, channel)
     try:
         found = beside_first(both, {1: None})[1]
     except SynchronisationError:

@@ -15,7 +15,7 @@ from thesis_lib.files import staging
 from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.recordings.audio import opened_audio
 from thesis_lib.measure.recordings.media_info import MediaError, probe
-from thesis_lib.measure.synchronisation.audio import Recording, hear
+from thesis_lib.measure.synchronisation.audio import AudioSource, hear
 from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.outputs import check_outputs, put_files
@@ -36,7 +36,7 @@ def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     names = [video.stem for video in videos]
     if len(set(names)) < len(names):
         names = [str(video) for video in videos]
-    recordings = [Recording(*one) for one in zip(names, videos, strict=True)]
+    recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
     hear(recordings, None, 0.0)  # it refuses
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
@@ -107,7 +107,7 @@ def format_seconds(std: float) -> str:
 def _sources(videos: Sequence[Path], names: Sequence[str]) -> Iterator[str]:
     """Say which track, channels and pace a sound has, where that is not all or as stated."""
     for video, name in zip(videos, names, strict=True):
-        with Recording(name, video).opened() as audio:
+        with AudioSource(name, video).opened() as audio:
             if audio.source:
                 yield f"{name}'s sound: {audio.source}"
 

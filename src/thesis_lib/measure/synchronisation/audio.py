@@ -33,7 +33,7 @@ BUTTONS = 0.5  # s at either end of a room's recording, in which buttons are pre
 
 
 @dataclass(frozen=True)
-class Recording:
+class AudioSource:
     """A file with sound, mostly a camera's."""
 
     name: str  #: Of the camera, for errors
@@ -61,7 +61,7 @@ class Heard:
     sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
 
 
-def rates_of(recordings: Sequence[Recording]) -> list[float]:
+def rates_of(recordings: Sequence[AudioSource]) -> list[float]:
     """Return the sample rates of the recordings by their videos' clocks, Hz."""
     rates = []
     for recording in recordings:
@@ -103,12 +103,12 @@ def held(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
     return kept[:size].copy(), begin
 
 
-def hear(recordings: Sequence[Recording], frequency: float | None, skip: float) -> Heard:
+def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float) -> Heard:
     """Read and check all tracks, and hold a tone of theirs.
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of AudioSource
         The files.
     frequency : float or None
         Frequency of the tone in Hz; None if there is none to hold, as in a room.
@@ -160,12 +160,12 @@ def _noted(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
         yield block
 
 
-def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, float, float]:
+def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track, float, float]:
     """A track that is checked and held, for looking for a tone.
 
     Parameters
     ----------
-    recording : Recording
+    recording : AudioSource
         The file.
     least : float
         Rate in Hz that the track must keep at least.
@@ -189,14 +189,14 @@ def low_track(recording: Recording, least: float, skip: float) -> tuple[Track, f
         return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
 
 
-def low_part(recording: Recording, low: LowRate, first: int, last: int) -> Iterator[Array]:
+def low_part(recording: AudioSource, low: LowRate, first: int, last: int) -> Iterator[Array]:
     """Yield samples `first` to `last` of a track at a lower rate, in blocks."""
     with recording.opened() as audio:
         yield from part_of(low.reduce(audio.blocks, audio.rate), first, last)
 
 
 def matches(
-    recordings: Sequence[Recording], frequency: float | None, room: bool
+    recordings: Sequence[AudioSource], frequency: float | None, room: bool
 ) -> dict[int, Match]:
     """How each recording but the first matches the first.
 
@@ -207,7 +207,7 @@ def matches(
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of AudioSource
         The files, which :func:`hear` has checked.
     frequency : float or None
         Frequency of the force's tone in Hz.

@@ -24,8 +24,8 @@ from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation.audio import (
+    AudioSource,
     Heard,
-    Recording,
     hear,
     low_part,
     low_track,
@@ -82,7 +82,7 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
         raise ManifestError(problem)
     if manifest.excitation.sound == "none":
         return _unheard(manifest, folder)
-    recordings = [Recording(camera.name, folder / camera.video) for camera in manifest.cameras]
+    recordings = [AudioSource(camera.name, folder / camera.video) for camera in manifest.cameras]
     one_tone = manifest.excitation.behaviour.has_one_frequency
     if manifest.excitation.sound == "room" or not one_tone:
         return _in_a_room(manifest, recordings)
@@ -112,7 +112,7 @@ def _unheard(manifest: Manifest, folder: Path) -> Sound:
     return Sound(nothing, excitation.frequency_hz, None, steady)
 
 
-def _in_a_room(manifest: Manifest, recordings: list[Recording]) -> Sound:
+def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     """What microphones tell: the starts, and what all cameras recorded after the rest."""
     excitation = manifest.excitation
     heard = hear(recordings, None, 0.0)
@@ -157,7 +157,7 @@ def _after_rest(rest: float, begin: float, end: float) -> Interval:
     return begin + rest, end
 
 
-def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
+def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     """What the force's signal tells."""
     excitation = manifest.excitation
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
@@ -203,7 +203,7 @@ def _of_the_force(manifest: Manifest, recordings: list[Recording]) -> Sound:
     )
 
 
-def _tone_of_all(manifest: Manifest, recordings: list[Recording]) -> float:
+def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
     """Frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.arrays import Signal
-from thesis_lib.measure.synchronisation.audio import SPAN, Recording, part_of
+from thesis_lib.measure.synchronisation.audio import SPAN, AudioSource, part_of
 from thesis_lib.measure.synchronisation.decimation import common_rate
 from thesis_lib.measure.synchronisation.drift import (
     FEWEST,
@@ -30,7 +30,7 @@ ENOUGH = 6  # windows that decide alone; unlike sounds had four at most
 
 
 def beside_first(
-    recordings: Sequence[Recording], others: Mapping[int, float | None]
+    recordings: Sequence[AudioSource], others: Mapping[int, float | None]
 ) -> dict[int, Drift]:
     """Find start and clock of each of the `others` beside the first recording.
 
@@ -39,7 +39,7 @@ def beside_first(
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : sequence of AudioSource
         The files.
     others : mapping
         Delay of the sound of each in s where it is known, else it is sought.
@@ -64,7 +64,7 @@ def beside_first(
     return found
 
 
-def _surest(recordings: Sequence[Recording], stamped: _Tracks, stated: _Tracks, k: int) -> Drift:
+def _surest(recordings: Sequence[AudioSource], stamped: _Tracks, stated: _Tracks, k: int) -> Drift:
     """Find start and clock of a sound at either pace.
 
     Raises
@@ -88,7 +88,7 @@ def _surest(recordings: Sequence[Recording], stamped: _Tracks, stated: _Tracks, 
 class _Tracks:
     """Sounds of recordings at one rate, the first of which and one other are held at a time."""
 
-    def __init__(self, recordings: Sequence[Recording], *, stated: bool) -> None:
+    def __init__(self, recordings: Sequence[AudioSource], *, stated: bool) -> None:
         """Take time by the rates that the files state, from the first sample on, or by stamps."""
         self.recordings = recordings
         self.paces, self.rates, starts = [], [], []
