@@ -6,10 +6,13 @@ import json
 import os
 from pathlib import Path
 
+import psutil
 import pytest
 import xarray as xr
 
 from conftest import until_study
+from thesis_lib.figure_sets.registry import validate
+from thesis_lib.runs.execute import execute
 from thesis_lib.runs.kernel import kernel_environment
 from thesis_lib.studies.schema import RUN_DEPENDENT
 
@@ -127,6 +130,13 @@ def test_no_home_is_no_matter(plain, tmp_path, extra):
     assert done.returncode == 0, done.stderr
     assert progress_alone(done.stderr)
     assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
+
+
+@pytest.mark.slow
+def test_a_kernel_ends_with_its_notebook(tmp_path):
+    """A book executes 26 notebooks in one process; each idle kernel would keep 0.3 GB."""
+    execute(validate(NAME, {"trials": 2, "modes": [1]}), tmp_path)
+    assert not psutil.Process().children(recursive=True)
 
 
 def test_a_plan_takes_no_module_from_elsewhere(checkout, tmp_path):

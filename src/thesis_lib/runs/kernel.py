@@ -59,11 +59,23 @@ def choose_transport(connection: Path) -> str:
     return "ipc" if os.name == "posix" and len(socket) <= MAX_SOCKET_LENGTH else "tcp"
 
 
-def kernel_manager(home: Path) -> AsyncKernelManager:
-    """Return what starts and ends one kernel in the folder `home`, which it makes."""
+def build_manager_class(home: Path) -> type[AsyncKernelManager]:
+    """Return a class whose managers start a kernel in the folder `home`, which this makes.
+
+    nbclient is given the class, not a manager: it ends only kernels of managers that it made.
+    """
     home.mkdir()
 
     class Manager(AsyncKernelManager):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(
+                transport=choose_transport(home / "connection"),
+                # Without folders of kernels the one of this Python's ipykernel is left.
+                kernel_spec_manager=KernelSpecManager(kernel_dirs=[]),
+                connection_file=str(home / "connection.json"),
+                **options,
+            )
+
         async def _async_start_kernel(self, **options: Any) -> None:
             environment = kernel_environment(os.environ, home)
             nowhere = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -71,10 +83,4 @@ def kernel_manager(home: Path) -> AsyncKernelManager:
 
         start_kernel = _async_start_kernel
 
-    # Without folders of kernels the one of this Python's ipykernel is left.
-    return Manager(
-        transport=choose_transport(home / "connection"),
-        kernel_name="python3",
-        kernel_spec_manager=KernelSpecManager(kernel_dirs=[]),
-        connection_file=str(home / "connection.json"),
-    )
+    return Manager
