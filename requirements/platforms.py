@@ -33,7 +33,7 @@ PLATFORMS = {  # uv's name, and the oldest macOS
 
 
 def missing(lock: str, platform: str, python: str) -> list[str]:
-    """Packages of a lock that have no wheel there.
+    """Return packages of a lock that have no wheel there.
 
     Raises
     ------

@@ -30,7 +30,7 @@ def echo(*lines: str, err: bool = False) -> None:
 
 
 def live() -> bool:
-    """Whether standard error is a screen, on which a line can be written over."""
+    """Return whether standard error is a screen, on which a line can be written over."""
     return not sys.stderr.closed and sys.stderr.isatty()
 
 

@@ -30,7 +30,7 @@ class NoCloneError(RuntimeError):
 
 
 def shipped() -> Path:
-    """Where notebooks, facts, published values, recordings and the lock are, to be read.
+    """Return the folder of notebooks, facts, published values, recordings and the lock.
 
     The checkout; of a library that was installed without one, a folder in its package.
     """
@@ -39,7 +39,7 @@ def shipped() -> Path:
 
 
 def project_root() -> Path:
-    """The checkout that the library is installed from.
+    """Return the checkout that the library is installed from.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def project_root() -> Path:
 
 
 def workplace() -> Path:
-    """Where runs, caches and logs are written: the checkout, else the working directory."""
+    """Return the folder of runs, caches and logs: the checkout, else the working directory."""
     try:
         return project_root()
     except NoCloneError:
@@ -63,7 +63,7 @@ def workplace() -> Path:
 
 @cache
 def _began_in() -> Path:
-    """The working directory when this was first asked: a kernel has a home of its own later."""
+    """Return the first working directory: a kernel has a home of its own later."""
     return Path.cwd()
 
 

@@ -394,7 +394,9 @@ def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fa
     told = [one.text for one in check_response(data, manifest) if one.code == "clock-drift"]
     assert len(told) == 3
     assert [one.code for one in check_response(data, manifest)].count("start-by-pictures") == 1
-    assert re.match(r"Camera C's clock runs \d+ ppm (fast|slow) against that of A", told[1])
+    assert re.match(
+        r"The clock of camera C runs \d+ ppm (fast|slow) compared with that of A", told[1]
+    )
 
 
 def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp_path):

@@ -144,7 +144,7 @@ def test_equations_make_no_links(chromium, tmp_path):
     body = "".join(pages._math(one, {}) for one in [*tex, r"\frac{a}{b}"])
     text = pages.mathjax_path().read_text(encoding="utf-8").replace("</script", "<\\/script")
     path = tmp_path / "p.html"
-    path.write_text(pages.shell("x", body, text), encoding="utf-8")
+    path.write_text(pages._frame("x", body, text), encoding="utf-8")
     page = chromium.new_page()
     page.goto(f"file://{quote(str(path))}")
     page.wait_for_function("document.querySelectorAll('mjx-container').length == 6")

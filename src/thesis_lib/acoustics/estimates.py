@@ -48,7 +48,7 @@ class Amplitudes:
         return np.concatenate([self.value.real, self.value.imag])
 
     def part(self, places: IntArray) -> Amplitudes:
-        """Those at some places."""
+        """Return the amplitudes at some places."""
         both = np.concatenate([places, len(self.value) + places])
         return Amplitudes(self.value[places], self.covariance[np.ix_(both, both)])
 

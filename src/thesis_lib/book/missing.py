@@ -22,13 +22,13 @@ _WORDS = "This picture is missing: its run failed."
 
 
 def sentence(names: Iterable[str]) -> str:
-    """The words in place of numbers that some figure sets should have given."""
+    """Return the words in place of numbers that some figure sets should have given."""
     sets = ", ".join(f"`{name}`" for name in sorted(names))
     return f"*Missing here, since it did not run: {sets}. `thesis book` adds it once it does.*\n"
 
 
 def page(source: Path, name: str, reason: str) -> Any:
-    """A notebook for the page of a figure set that failed, from the parameterised one.
+    """Return a notebook for the page of a figure set that failed, from the parameterised one.
 
     The prose stands, and so does every figure's place with its name and caption, so that what
     points at them leads somewhere. Of the reason it tells the first line, without the place of the

@@ -52,12 +52,12 @@ class StatedNumber:
 
     @property
     def is_bookkeeping(self) -> bool:
-        """Whether it is arithmetic on printed numbers or a count of printed rows, no physics."""
+        """Return whether the number only adds up or counts printed numbers."""
         return self.value_of in ARITHMETIC or self.value_of in COUNTS
 
     @property
     def value(self) -> float:
-        """What it should be, in its unit."""
+        """Compute the correct value, in its unit."""
         return float(VALUES[self.value_of]())
 
 

@@ -40,12 +40,12 @@ def read(path: Path) -> xr.Dataset:
 
 
 def built(study: Study) -> xr.Dataset | str:
-    """The cube of the last ``thesis book``, or in one line why there is none to judge by."""
+    """Return the cube of the last ``thesis book``, or in one line why there is none to judge by."""
     return usable(workplace() / "data" / "results" / f"{study.name}.nc", study)
 
 
 def usable(path: Path, study: Study) -> xr.Dataset | str:
-    """A cube of exactly this study by this library, or in one line why the file is not that."""
+    """Return a cube of this study by this library, or in one line why the file is not that."""
     try:
         cube = read(path)
     except CubeError:
@@ -99,7 +99,7 @@ def _refusal(path: Path, problem: str) -> CubeError:
 
 
 def _request(cube: xr.Dataset, path: Path) -> Study:
-    """What a cube says it was made for."""
+    """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not outside.is_known(name):
         trusted = f"if you trust its code, name its folder: {outside.ENVIRONMENT}=FOLDER thesis …"
@@ -119,7 +119,7 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
 def _problems(
     cube: xr.Dataset, request: Study, needed: set[str], errors: set[str]
 ) -> Iterator[str]:
-    """What is wrong with it, one after another."""
+    """Yield the faults of a cube, one after another."""
     if not errors:
         yield from _list_problems(cube, needed)
         return
@@ -152,7 +152,7 @@ def _problems(
 
 
 def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
-    """What a cube has twice, or has though nobody asked for it."""
+    """Yield variables and coordinates of a cube that are doubled or not part of its request."""
     if len(set(found)) < len(found):
         yield f"it has a {what} twice"
     other = [one for one in found if one not in asked]

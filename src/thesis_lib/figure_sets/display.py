@@ -27,18 +27,18 @@ _PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
-    """The figure of one case, or layout, and mode that a cube holds, as its figure set draws it."""
+    """Draw the figure of one case, or layout, and mode of a cube."""
     with in_style():
         return FIGURE_SETS[cube.attrs["figure_set"]].draw(cube, case, mode)
 
 
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
-    """The figure of one case and mode as SVG; the same cube gives the same text."""
+    """Return the figure of one case and mode as SVG; the same cube gives the same text."""
     return svg(figure(cube, case, mode))
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
-    """What a function of the module `figures` of a cube's figure set draws of it.
+    """Draw a cube by a function of the module `figures` of its figure set.
 
     `which` is what else it is given, such as a mode; it draws nothing of a mode that was not run.
     """

@@ -81,5 +81,5 @@ def is_known(name: str, here: bool = False) -> bool:
 
 
 def notebook(name: str) -> Path | None:
-    """Where the notebook of a set is that was loaded from a folder; None of the book's own."""
+    """Return the notebook of a set that was loaded from a folder; None of the book's own."""
     return _PLACES[name] / f"{name}.ipynb" if name in _PLACES else None

@@ -23,7 +23,7 @@ TITLES = {
 
 
 def found() -> dict[str, FigureSet]:
-    """The figure sets of all folders by name, in the order of the chapters."""
+    """Return the figure sets of all folders by name, in the order of the chapters."""
     folders = sorted(path.parent.name for path in Path(__file__).parent.glob("*/figure_set.py"))
     every = [
         one

@@ -112,7 +112,7 @@ class RenderedStudy(Study):
 
     @property
     def stored_path(self) -> Path:
-        """Where replicates of the default request are data."""
+        """Return the path of the stored replicates of the default request."""
         return shipped() / "data" / "recordings" / f"{self.rendered_as}.nc"
 
     @property

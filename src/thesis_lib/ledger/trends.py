@@ -215,7 +215,7 @@ def _close(first: Array, second: Array) -> Mask:
 
 
 def _each(test: Callable[[Array], Mask]) -> Test:
-    """Whether all that the trend speaks of passes a test."""
+    """Return whether everything that the trend refers to passes a test."""
     return lambda evidence, _: _all(map(test, evidence.series))
 
 

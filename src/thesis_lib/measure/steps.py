@@ -67,7 +67,7 @@ def calibrated(
     say: Callable[[str], object] = _silent,
     lenses: Sequence[Camera] = (),
 ) -> xr.Dataset:
-    """The cameras, adjusted together from all pictures of the board; with `lenses` their places."""
+    """Calibrate the cameras together from all board images; with `lenses` their positions."""
     rows = [shot_paths(camera, folder) for camera in manifest.cameras]
     shots = [shot for row in rows for shot in row if shot]
     what = [manifest.board.model_dump(mode="json")] + [
@@ -190,7 +190,7 @@ def tracked(
     clocks: Sequence[Array],
     shares: Sequence[float] = (),
 ) -> list[Recording]:
-    """The markers followed through all videos with frames at these times, two cameras at a time.
+    """Track the markers through all videos with frames at these times, two cameras at a time.
 
     With `shares` in frames reduced to these shares of their width, see
     :func:`thesis_lib.measure.tracking.tracks.record`.

@@ -52,7 +52,7 @@ class Controls:
 
     @property
     def values(self) -> dict[str, Any]:
-        """What the inputs say, as plain values."""
+        """Return the values of the inputs."""
         return {name: _value(widget) for name, widget in self.inputs.items()}
 
 

@@ -33,7 +33,7 @@ _MIME = "image/svg+xml"
 
 
 def checked(name: str, namespace: Mapping[str, Any]) -> Any:
-    """The request that a notebook's variables, its ``globals()``, make, checked.
+    """Check the request that a notebook's variables, its ``globals()``, make.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
 
 
 def cube_of(asked: Study) -> xr.Dataset:
-    """The cube of a request; also written to the file that its parameter `cube` names, if any."""
+    """Return the cube of a request, and write it to the file of its parameter `cube`."""
     result = run.cube_of(asked, _scheduler(asked))
     if asked.cube:  # an absolute path stands
         storage.write(result, files.workplace() / asked.cube, compact=True)
@@ -55,7 +55,7 @@ def cube_of(asked: Study) -> xr.Dataset:
 
 
 def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
-    """The cube for a notebook's variables: :func:`checked`, then :func:`cube_of`."""
+    """Compute the cube for a notebook's variables: :func:`checked`, then :func:`cube_of`."""
     return cube_of(checked(name, namespace))
 
 
@@ -73,7 +73,7 @@ def _injected(inputs: Iterable[str]) -> list[str]:
 
 
 def _scheduler(request: Study) -> str:
-    """What ``THESIS_SCHEDULER`` asks for, if the study can be cut into pieces."""
+    """Return the scheduler of ``THESIS_SCHEDULER``, if the study can be cut into pieces."""
     try:
         scheduler = schedulers.from_environment()
     except ValueError as error:
@@ -85,7 +85,7 @@ def _scheduler(request: Study) -> str:
 
 
 def viewer(cube: xr.Dataset) -> Viewer:
-    """The interactive viewer, in a live notebook and in the static page alike."""
+    """Return the interactive viewer, in a live notebook and in the static page alike."""
     data = viewer_data(cube)
     first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
     return Viewer(data=data, form=_form(cube), **first)
@@ -137,13 +137,13 @@ def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
 
 
 def _drawn(drawing: Figure, style: Any = None) -> str:
-    """A figure's SVG, to stand in a page."""
+    """Return a figure's SVG, to stand in a page."""
     text = svg(drawing, style)
     return text[text.index("<svg") :]
 
 
 def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
-    """The words of a drawing, which tell if it is the thesis's only in kind."""
+    """Return the words of a drawing, which say whether it is the thesis's only in kind."""
     ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or panels.describe_panels(drawing)

@@ -203,19 +203,19 @@ def together(known: Array, objective: str) -> float:
 
 
 def allowed(scene: Scene, places: Array) -> bool:
-    """Whether a layout keeps all rules."""
+    """Return whether a layout keeps all rules."""
     return bool(np.all(permitted(scene, places))) and spaced(scene, places)
 
 
 def spaced(scene: Scene, places: Array) -> bool:
-    """Whether the cameras of a layout are far enough from each other."""
+    """Return whether the cameras of a layout are far enough from each other."""
     where = centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
     return bool(np.all(gap >= scene.rules.separation * (1 - SLACK)))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
-    """Which candidates may not stand in one layout; each of them with itself."""
+    """Return which candidates may not stand in one layout; each of them with itself."""
     where = centres(scene, grid)
     return np.asarray(
         scipy.spatial.distance.cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9)

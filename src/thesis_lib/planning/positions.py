@@ -127,7 +127,7 @@ def _rounded(values: Array) -> Array:
 
 
 def full_turn(limits: Limits) -> bool:
-    """Whether azimuths have no limits."""
+    """Return whether azimuths have no limits."""
     return limits[1] - limits[0] >= 2 * np.pi * (1 - 1e-9)
 
 
@@ -143,7 +143,7 @@ def length_at(index: NDArray[np.int_], limits: Limits) -> Array:
 
 
 def count_lengths(limits: Limits) -> int:
-    """How many lengths :func:`length_at` tells apart, at most."""
+    """Return the largest number of lengths that :func:`length_at` distinguishes."""
     low, high = np.round(np.array(limits) * PER_METRE, _DIGITS)
     return int(np.ceil(high) - np.floor(low)) + 1
 
@@ -154,7 +154,7 @@ def first_least(costs: Array) -> int:
 
 
 def first_most(values: Array) -> NDArray[np.int_]:
-    """Where along the last axis the first of the largest values is, but for what may be noise."""
+    """Return the first index of the largest values along the last axis, up to noise."""
     return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - TIE), axis=-1)
 
 
@@ -254,7 +254,7 @@ def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
 
 
 def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
-    """How far inside the limits each place has each marker, shape (2, places, markers).
+    """Return each marker's distance inside the limits, shape (2, places, markers).
 
     How much farther the place is than it must be for the marker's whole motion to be in the
     picture, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
@@ -268,7 +268,7 @@ def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
 
 
 def clearances(scene: Scene, places: Array) -> Array:
-    """How far each place is outside every forbidden region, shape (regions, places).
+    """Return each position's distance outside every forbidden region, shape (regions, places).
 
     In m for boxes and spheres, in rad for sectors: below 0 inside.
     """
@@ -287,7 +287,7 @@ def clearances(scene: Scene, places: Array) -> Array:
 
 
 def visible(scene: Scene, places: Array) -> Mask:
-    """Which markers each place sees and can read, shape (places, markers)."""
+    """Return which markers each position sees and can read, shape (places, markers)."""
     seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
     for part in _parts(scene, len(places)):
         grid, distance, focal = np.split(places[part], [2, 3], axis=1)
@@ -303,17 +303,17 @@ def _parts(scene: Scene, count: int) -> list[slice]:
 
 
 def sees_enough(scene: Scene, places: Array) -> Mask:
-    """Whether places see the share of the markers that they must, shape (places,)."""
+    """Return which positions see the required share of the markers, shape (places,)."""
     return enough(scene, visible(scene, places))
 
 
 def enough(scene: Scene, seen: Mask) -> Mask:
-    """Whether what places see (places, markers) is the share that they must, shape (places,)."""
+    """Return which positions' views (places, markers) hold the required share, shape (places,)."""
     return seen.mean(axis=1) >= scene.rules.in_view - SLACK
 
 
 def free(scene: Scene, places: Array) -> Mask:
-    """Whether places are inside the bounds and outside the forbidden regions, shape (places,)."""
+    """Return which positions are in bounds and outside forbidden regions, shape (places,)."""
     azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
     low, high = scene.rules.azimuths
     turned = np.mod(azimuth - low + SLACK, 2 * np.pi) <= high - low + 2 * SLACK
@@ -326,7 +326,7 @@ def free(scene: Scene, places: Array) -> Mask:
 
 
 def apart(scene: Scene, places: Array, others: Array) -> Mask:
-    """Whether places are far enough from all others, shape (places,)."""
+    """Return which positions are far enough from all others, shape (places,)."""
     from scipy.spatial.distance import cdist
 
     gap = cdist(centres(scene, places), centres(scene, others))
@@ -371,7 +371,7 @@ def candidates(scene: Scene, step: float) -> Array:
 
 
 def permitted(scene: Scene, places: Array) -> Mask:
-    """Whether places keep all rules that do not speak of other cameras, shape (places,)."""
+    """Return which positions keep all rules that do not involve other cameras, shape (places,)."""
     allowed = free(scene, places)
     allowed[allowed] = sees_enough(scene, places[allowed])
     return allowed

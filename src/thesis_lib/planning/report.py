@@ -18,15 +18,10 @@ from markupsafe import Markup
 from thesis_lib.files import staging
 from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.planning import errors
+from thesis_lib.planning.figures import front_figure, layout_figure, layout_view
 from thesis_lib.planning.planner import Plan, plan
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.planning.results import (
-    as_cube,
-    camera_table,
-    front_figure,
-    layout_figure,
-    layout_view,
-)
+from thesis_lib.planning.results import as_cube, camera_table
 from thesis_lib.planning.structure_file import read_body
 from thesis_lib.plotting.style import svg
 from thesis_lib.studies import storage

@@ -182,12 +182,12 @@ class PlanRequest(Study):
 
     @property
     def measured(self) -> Body:
-        """The same as a body with the modes asked for."""
+        """Return the body with the requested modes."""
         return body_of(self.structure, self.body, self.modes)
 
     @property
     def sounds(self) -> tuple[PlateSound, ...]:
-        """What the plate makes of these modes."""
+        """Return the sound that the plate radiates in these modes."""
         from thesis_lib.planning.sound import sounds_of
 
         goal: Any = self.goal

@@ -46,7 +46,7 @@ def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
 
 
 def is_folder(name: str) -> bool:
-    """Whether what is asked for is a folder of figure sets, there or not."""
+    """Return whether what is asked for is a folder of figure sets, there or not."""
     return os.sep in name or name in (".", "..")
 
 
@@ -114,7 +114,7 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
 
 
 def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:
-    """Where a run is written: what was asked for, or a folder named by the requests."""
+    """Return the folder of a run: the given one, or one named by the requests."""
     import hashlib
 
     from thesis_lib.files import workplace

@@ -27,7 +27,7 @@ class Block:
 
     @property
     def place(self) -> tuple[int, slice, slice]:
-        """Where its results go in a variable (setting, mode, trial, ...)."""
+        """Return the index of the block's results in a variable (setting, mode, trial, ...)."""
         return self.setting, slice(None), self.trials
 
 

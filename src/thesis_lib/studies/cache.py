@@ -35,7 +35,7 @@ def _digest(path: Path) -> Path:
 
 
 def read(path: Path) -> xr.Dataset | None:
-    """What was kept in a file; None if nothing was, or if it is damaged, which is told."""
+    """Return the dataset cached in a file; None if there is none, or it is damaged (a warning)."""
     if not path.exists():
         return None
     try:
@@ -74,7 +74,7 @@ def cached(
     key: str = "",
     library: str = "",
 ) -> xr.Dataset:
-    """A study's cube, computed once for its parameters and the code that it rests on.
+    """Return a study's cube, computed once for its parameters and the code that it rests on.
 
     Notebooks that need the same cube share it through ``build/cache``.
 

@@ -45,7 +45,7 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
 
 
 def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
-    """The comparison as text: one line per setting and mode, in % of the largest deflection."""
+    """Return a line per setting and mode, in % of the largest deflection."""
     if "verdict" in table:
         changed = table[table["verdict"] != table["verdict_old"]]
         lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
@@ -86,7 +86,7 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
 def difference_lines(
     cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
 ) -> list[str]:
-    """How a cube's errors differ from those of another, or from the published run."""
+    """Describe how a cube's errors differ from those of another, or from the published run."""
     if other is not None:
         return comparison_lines(compare(summary(cube), summary(other)), name)
     published = read_published(cube.attrs["figure_set"])
@@ -98,7 +98,7 @@ def difference_lines(
 def all_difference_lines(
     cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
 ) -> list[str]:
-    """How a cube differs in everything: errors, every variable and coordinate, parameters.
+    """Describe all differences of a cube: errors, every variable and coordinate, parameters.
 
     Without another one from the published run, which holds errors alone; `name` is what to call it.
     """
@@ -154,7 +154,7 @@ class _Found:
 
 
 def _shared(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """The part of a cube that another has, too: settings, modes, and the first trials."""
+    """Return the part of a cube that another has, too: settings, modes, and the first trials."""
     keys = [name for name in KEYS if name != "mode"]
     if all(name in one.variables for one in (cube, other) for name in keys):
         here, there = (
@@ -173,7 +173,7 @@ def _shared(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
 
 
 def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """Which values differ by more than machines and rounded files do."""
+    """Return which values differ by more than machines and rounded files do."""
     kinds = {new.dtype.kind, old.dtype.kind}
     if kinds <= {"f", "i", "u"} and "f" in kinds:
         size = min(one.dtype.itemsize for one in (new, old) if one.dtype.kind == "f")

@@ -30,7 +30,7 @@ class Effort:
 
     @property
     def kind(self) -> str:
-        """How long one waits: ``seconds`` or ``minutes``."""
+        """Return the scale of the waiting time: ``seconds`` or ``minutes``."""
         return "minutes" if self.seconds >= MINUTE else "seconds"
 
     @property
@@ -51,7 +51,7 @@ class Effort:
 
 
 def together(efforts: Iterable[Effort]) -> Effort:
-    """The effort of figure sets that are run one after another.
+    """Return the effort of figure sets that are run one after another.
 
     Examples
     --------
@@ -88,12 +88,12 @@ def of(notebook: Path) -> Effort:
 
 
 def published_path() -> Path:
-    """Where the measured efforts of the published run are kept."""
+    """Return the path of the published run's measured efforts."""
     return shipped() / "data" / "published" / "effort.csv"
 
 
 def read(path: Path | None = None) -> dict[str, Effort]:
-    """The published efforts by figure set; empty if there are none.
+    """Return the published efforts by figure set; empty if there are none.
 
     Raises
     ------

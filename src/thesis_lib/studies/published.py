@@ -42,7 +42,7 @@ KEYS = (*cubes.KEYS, "error"), ("quantity",), ("claim",)
 
 
 def published_path(name: str) -> Path:
-    """Where the published figures of a figure set are kept."""
+    """Return the path of a figure set's published figures."""
     return shipped() / "data" / "published" / f"{name}.csv"
 
 
@@ -57,7 +57,7 @@ def publish(cube: xr.Dataset) -> Path:
 
 
 def read_published(name: str) -> pd.DataFrame | None:
-    """The published summary of a figure set, if there is one.
+    """Return the published summary of a figure set, if there is one.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def _first_column(path: Path) -> str:
 
 
 def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
-    """The columns of a published CSV file, by name.
+    """Return the columns of a published CSV file, by name.
 
     Raises
     ------
@@ -111,5 +111,5 @@ def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
 
 
 def damaged(path: Path, line: int, problem: str) -> CubeError:
-    """The refusal of a published file."""
+    """Return the refusal of a published file."""
     return CubeError(text.damaged(path, line, problem))

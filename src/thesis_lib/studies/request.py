@@ -84,17 +84,17 @@ class Study(Fields):
 
     @property
     def structure(self) -> Structure:
-        """What is measured."""
+        """Return the structure that is measured."""
         return setups.beam()
 
     @property
     def predicted_by(self) -> str:
-        """What `predicted_error` stands for, as legends say it."""
+        """Return the meaning of `predicted_error`, for legends."""
         return self.predicts
 
     @property
     def is_of_the_thesis(self) -> bool:
-        """Whether the parameters are the thesis's, apart from what only chooses or draws."""
+        """Return whether all parameters that matter to numbers are the thesis's."""
         model = type(self)
         if model.folder or any(info.is_required() for info in model.model_fields.values()):
             return False
@@ -234,7 +234,7 @@ class PlateMarkers(Fields):
 
     @property
     def structure(self) -> Structure:
-        """What is measured."""
+        """Return the structure that is measured."""
         return setups.plate(self.grid)
 
 

@@ -114,7 +114,7 @@ def structure_outline(structure: Structure) -> tuple[tuple[str, str], Array, dic
 
 
 def structure_kind(cube: xr.Dataset) -> str:
-    """Whether a cube is of a beam, a plate or a panel."""
+    """Return whether a cube is of a beam, a plate or a panel."""
     return str(cube["outline"].attrs["structure"])
 
 

@@ -75,26 +75,26 @@ def write(
 
 
 def _image(cube: xr.Dataset, encoding: Mapping[Any, Any] | None = None) -> bytes:
-    """The bytes of a file, from memory: where HDF5 cannot write a disk it ends the process."""
+    """Write a file in memory: where HDF5 cannot write a disk it ends the process."""
     image = io.BytesIO()
     cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
     return image.getvalue()
 
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
-    """How a variable is stored in a compact cube; level 9 takes 15 times as long as 4 for 5 %."""
+    """Return a variable's storage in a compact cube; level 9 takes 15 × as long as 4 for 5 %."""
     if values.dtype.kind not in "fu" or values.nbytes <= _SMALL_BYTES:
         return {}
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
 def _is_rounded(values: xr.Variable | xr.DataArray) -> bool:
-    """Whether a compact cube holds a variable rounded."""
+    """Return whether a compact cube holds a variable rounded."""
     return values.dtype in BITS and bool(_compression(values))
 
 
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
-    """What the values of a large field are stored as multiples of: a power of two.
+    """Return the power of two whose multiples a large field is stored as.
 
     Trials are left out, since the ledger reckons with them.
     """
@@ -107,17 +107,17 @@ def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
 
 
 def _in_steps(step: np.float32) -> dict[str, Any]:
-    """How multiples of a step are stored, in the words of CF's packed data."""
+    """Return the CF attributes of packed data for multiples of a step."""
     return {"dtype": "int16", "scale_factor": step, "_FillValue": np.int16(-(2**15))}
 
 
 def _rounded(values: xr.Variable) -> xr.Variable:
-    """A variable of which ``BITS`` bits of mantissa are left, and which says so."""
+    """Round a variable to ``BITS`` bits of mantissa, and mark it so."""
     return xr.Variable(values.dims, _nearest(values.values), values.attrs | _said(values))
 
 
 def _said(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
-    """How a rounded variable says so, in the words of the netCDF library."""
+    """Return the netCDF library's attributes of a rounded variable."""
     return {_ROUNDED: np.int32(BITS[values.dtype])}
 
 
@@ -154,7 +154,7 @@ def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
 
 
 def attributes(path: Path) -> dict[str, Any]:
-    """What a netCDF file says of itself as a whole, without its variables."""
+    """Return the attributes of a netCDF file as a whole, without its variables."""
     with _HDF5, h5netcdf.File(path) as file:
         return dict(file.attrs)
 

@@ -163,7 +163,7 @@ def _points(
 
 
 def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
-    """Those of points (2, n) in the region that are at least `gap` from its boundaries."""
+    """Return those of points (2, n) in the region that are at least `gap` from its boundaries."""
     kept = contains(outline, points) & np.all(distances(outline, points) > gap, axis=0)
     for hole in holes:
         if isinstance(hole, Circle):

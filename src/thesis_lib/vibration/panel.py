@@ -124,7 +124,7 @@ class Panel(Sheet):
         ]
 
     def covers(self, points: ArrayLike) -> Mask:
-        """Whether points (2, n) in m are on the panel; its edges are part of it."""
+        """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
         inside = contains(self.outline, points)
         for hole in self.holes:
@@ -132,7 +132,7 @@ class Panel(Sheet):
         return inside | self._on_edge(points)
 
     def _on_edge(self, points: Array) -> Mask:
-        """Which of the points (2, n) are on the outline or on the straight edge of a hole."""
+        """Return which points (2, n) are on the outline or on the straight edge of a hole."""
         straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
         nearest = np.min([distances(edges, points).min(axis=0) for edges in straight], axis=0)
         on: Mask = nearest <= ON_EDGE * max(self.extent)

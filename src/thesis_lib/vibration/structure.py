@@ -34,7 +34,7 @@ class Structure(Protocol):
 
     @property
     def force_point(self) -> Array:
-        """Where the force acts, shape (2, 1), in m."""
+        """Return the force's point, shape (2, 1), in m."""
 
     @property
     def markers(self) -> Array:

@@ -105,7 +105,7 @@ def estimated_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
         low, high = float(grid[max(at - 1, 0)]), float(grid[min(at + 1, 8)])
 
     def end(inside: float, outside: float) -> float:
-        """Where from the best towards an end the evidence has fallen so far."""
+        """Return the position towards an end at which the evidence has fallen so far."""
         if top - evidence(outside) < _LIKELY:
             return outside
         while abs(outside - inside) > LEAST_PX / 2:

@@ -123,7 +123,7 @@ def _legend() -> list[Line2D]:
 
 
 def used(made: Iterable[Path]) -> list[Path]:
-    """Those of some cubes that the figure shows."""
+    """Return the result files that the figure shows."""
     names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
     return [path for path in made if path.stem in names]
 

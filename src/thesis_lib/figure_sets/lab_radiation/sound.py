@@ -81,7 +81,7 @@ class MarkerSound:
 
     @cached_property
     def between(self) -> Between:
-        """How the surface moves by its markers: by the first modes of its model."""
+        """Return the surface's motion between markers: by the first modes of its model."""
         markers = self.own.markers
         return by_model(
             self.own.structure, markers.centres, markers.diameter / 2, self._surface.places

@@ -202,7 +202,7 @@ class BeamMarkers(Fields):
 
     @property
     def structure(self) -> Structure:
-        """What is measured."""
+        """Return the structure that is measured."""
         return setups.beam(self.first_marker_mm / 1000)
 
 

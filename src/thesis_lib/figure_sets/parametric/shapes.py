@@ -63,7 +63,7 @@ class ShapeMarkers(PlateMarkers):
 
     @property
     def structure(self) -> Panel:
-        """What is measured."""
+        """Return the structure that is measured."""
         plate, count = setups.plate(self.grid), len(self.outline_mm)
         if any(int(edge) > count for edge in self.edge_supports):
             refuse("edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.figure_sets.planner.tables import FRONT, SHOWN_CAMERAS, asked, coarse, near
-from thesis_lib.planning.results import VIEWS, front_panel, layout_panel
+from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
 from thesis_lib.plotting.panel_boxes import BELOW
 from thesis_lib.plotting.style import REFERENCE, color, log_axes, subplots
 

@@ -97,7 +97,7 @@ class Planner(Study):
 
     @property
     def questions(self) -> dict[str, PlanRequest]:
-        """What the planner is asked, by name."""
+        """Return the requests to the planner, by name."""
         near = {body: float(setups.table(body, "arrays")["distance_mm"]) for body in THESIS}
         asked: dict[str, tuple[str, dict[str, Any]]] = {}
         for body, name in THESIS.items():

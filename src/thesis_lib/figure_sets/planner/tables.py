@@ -13,8 +13,8 @@ from IPython.display import HTML, Markdown
 from thesis_lib.figure_sets.planner.compute import cheapest
 from thesis_lib.figure_sets.planner.parameters import THESIS
 from thesis_lib.planning.errors import AMPLITUDES
+from thesis_lib.planning.figures import layout_view
 from thesis_lib.planning.positions import TIE
-from thesis_lib.planning.results import layout_view
 from thesis_lib.templates import render
 
 FRONT = "beam: nearer or farther, too"  # of which the front is drawn

@@ -104,7 +104,7 @@ def adjust(
 
 
 def _free(network: Network, intrinsics: bool, distortion: bool) -> Mask:
-    """Which unknowns are adjusted."""
+    """Return which unknowns are adjusted."""
     poses = POSE * (len(network.cameras) + len(network.rotations))
     lens = [intrinsics] * 4 + [distortion] * 4
     return np.array([True] * poses + lens * len(network.cameras))
@@ -118,7 +118,7 @@ def _minimised(
     free: Mask,
     steps: int,
 ) -> tuple[Network, int]:
-    """The network of least squares and the steps it took, by Levenberg–Marquardt's method."""
+    """Minimise by Levenberg–Marquardt; return the network and the number of steps."""
     normal, right, residuals = reprojection.normal_equations(observations, seen, points, network)
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
@@ -188,7 +188,7 @@ def _result(
 
 
 def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:
-    """The adjustment in another frame, X' = rotation X + translation, covariance included."""
+    """Transform the adjustment and its covariance to X' = rotation X + translation."""
     network = reprojection.transformed(adjustment, rotation, translation)
     T = np.eye(len(adjustment.covariance))
     n = len(network.cameras)
@@ -257,7 +257,7 @@ def align(
 
 
 def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[Array, Array]:
-    """Standard deviations of the cameras' poses with respect to a datum.
+    """Compute standard deviations of the cameras' poses with respect to a datum.
 
     Parameters
     ----------

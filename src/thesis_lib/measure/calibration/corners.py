@@ -120,7 +120,7 @@ def _spacing(grid: Array) -> Array:
 
 
 def _smooth(grid: Array, seen: Mask, board: Board) -> Array:
-    """The grid (2, ny, nx) nearest to corners that are seen that a plane shows under a lens.
+    """Return the grid (2, ny, nx) nearest to the visible corners that a plane shows under a lens.
 
     The plane is a homography; the lens moves its images by a cubic of their coordinates.
     """

@@ -96,7 +96,7 @@ def _ordered(found: bool, raw: Any, image: Image, board: Board) -> Array:
 
 
 def _continues(image: Image, corners: Array) -> bool:
-    """Whether dark and light alternate beyond the tiles about corners (2, ny, nx), on any side."""
+    """Return whether tiles alternate beyond those about corners (2, ny, nx), on any side."""
     _, ny, nx = corners.shape
     y, x = np.mgrid[:ny, :nx].astype(float)
     found, _ = cv2.findHomography(np.stack([x.ravel(), y.ravel()], 1), corners.reshape(2, -1).T)
@@ -132,7 +132,7 @@ def _grey(image: Image, H: Array, places: Array) -> Array:
 
 
 def _marked(image: Image, board: Board) -> Array:
-    """The corners between marks that are seen; which corner is which the marks tell."""
+    """Return the visible corners between marks; the marks identify the corners."""
     count = board.columns * board.rows // 2
     bits = board.dictionary.rpartition("_")[0]
     size = next(size for size in _SIZES if size >= count)  # of fewer marks more errors are mended
@@ -164,7 +164,7 @@ def _marked(image: Image, board: Board) -> Array:
 
 
 def _off_plane(corners: Array, board: Board) -> Mask:
-    """Which corners (2, ny, nx) are not where most are on a plane; all, if most are not."""
+    """Return which corners (2, ny, nx) are off the plane of most corners; all, if most are."""
     off = np.isfinite(corners[0])
     if np.count_nonzero(off) > 4:
         plane = board.corners[:2].reshape(corners.shape)[:, off]
@@ -175,7 +175,7 @@ def _off_plane(corners: Array, board: Board) -> Mask:
 
 
 def _read(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
-    """A dictionary, the corners of the marks of it that are seen, and their numbers."""
+    """Return a dictionary, the corners of its visible marks, and their numbers."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     parameters = cv2.aruco.DetectorParameters()
     parameters.errorCorrectionRate = 1.0  # of what tells marks apart; a false one fits no board

@@ -86,7 +86,7 @@ def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Came
 
 
 def of_pictures(points: Array, which: Any) -> Array:
-    """The points (3, n) of all pictures, or of (cameras, shots, 3, n) those of some pictures."""
+    """Return the points (3, n) of all images, or of (cameras, shots, 3, n) those of some images."""
     return points if points.ndim == 2 else points[which]
 
 
@@ -202,7 +202,7 @@ def normal_equations(
 
 
 def gauge(network: Network) -> Array:
-    """How the unknowns change when the world turns and shifts, shape (unknowns, 6)."""
+    """Return the change of the unknowns when the world turns and shifts, shape (unknowns, 6)."""
     boards = range(len(network.rotations))
     poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
     poses += [(np.eye(3), network.translations[s]) for s in boards]
@@ -216,7 +216,7 @@ def gauge(network: Network) -> Array:
 
 
 def stepped(network: Network, step: Array) -> Network:
-    """The network after changes of its unknowns."""
+    """Return the network after changes of its unknowns."""
     n, m = len(network.cameras), len(network.rotations)
     poses = step[: (n + m) * POSE].reshape(-1, 2, 3)
     turns = Rotation.from_rotvec(poses[:, 0]).as_matrix()
@@ -238,7 +238,7 @@ def stepped(network: Network, step: Array) -> Network:
 
 
 def transformed(network: Network, rotation: Array, translation: Array) -> Network:
-    """The network in another frame, X' = rotation X + translation."""
+    """Return the network in another frame, X' = rotation X + translation."""
     cameras = tuple(
         replace(
             camera,

@@ -18,7 +18,7 @@ from thesis_lib.studies.schema import labelled
 
 
 def reused(manifest: Manifest, folder: Path) -> Found | None:
-    """The manifest's cameras of the calibration that it reuses; None if it reuses none.
+    """Return the manifest's cameras of the calibration that it reuses; None if it reuses none.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def reused(manifest: Manifest, folder: Path) -> Found | None:
 
 
 def _chosen(found: Found, manifest: Manifest, path: Path) -> Found:
-    """Those that the manifest has, in its order."""
+    """Return the cameras that the manifest has, in its order."""
     names = [one.name for one in found.cameras]
     there = ", ".join(names)
     order = []

@@ -144,7 +144,7 @@ def _commonest(refused: Mapping[str, str], manifest: Manifest) -> str:
 
 
 def posed(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
-    """A camera with a known lens, and the board's pose in each of its shots."""
+    """Return a camera with a known lens, and the board's pose in each of its calibration images."""
     poses = [(None, None) if uv is None else planar_pose(lens, board.corners, uv) for uv in shots]
     rotations, translations = zip(*poses, strict=True)
     size, unknown = lens.size, np.full(4, np.nan)
@@ -154,7 +154,7 @@ def posed(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibrat
 
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:
-    """The cameras of one calibration."""
+    """Return the cameras of one calibration."""
     return [
         Camera(
             str(name),

@@ -103,14 +103,14 @@ def _symmetries(board: Board, two_sided: bool) -> Array:
 
 
 def _order(board: Board, symmetry: Array) -> IntArray:
-    """Which corner is where each of the board's corners goes under a symmetry."""
+    """Return the index to which each of the board's corners goes under a symmetry."""
     X = board.corners
     apart = np.linalg.norm((symmetry @ X)[:, :, None] - X[:, None], axis=0)
     return np.argmin(apart, axis=1)
 
 
 def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
-    """The board's corners in the camera, (symmetries, 3, corners) in m, per shot.
+    """Return the board's corners in the camera, (symmetries, 3, corners) in m, per shot.
 
     The side that the camera sees is half a thickness before the middle, about which a board that
     is turned over turns.

@@ -47,7 +47,7 @@ _DETERMINED = 1e-11  # least eigenvalue of scaled normal equations, as of a bund
 
 
 def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
-    """The cameras of an adjustment, with deviations that hold for the shots as they are.
+    """Return the cameras of an adjustment, with deviations that hold for the images as they are.
 
     With fewer than :data:`FEWEST` shots, or one that nothing can do without, the adjustment's own
     covariance is widened by as much as shots differ more than independent corners would: how errors
@@ -97,7 +97,7 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
 
 
 def of_cameras(adjustment: Adjustment) -> Array:
-    """An adjustment's own covariance of the cameras: their poses, then their lenses, (14 n, 14 n).
+    """Return an adjustment's own covariance of the cameras: poses, then lenses, (14 n, 14 n).
 
     It takes every corner for an independent witness.
     """
@@ -138,7 +138,7 @@ def with_lenses(
 
 
 def _contributions(observations: Array, points: Array, network: Network) -> tuple[Array, Array]:
-    """What each shot says of the cameras: Nₛ, shape (shots, 14 n, 14 n), and gₛ, (shots, 14 n)."""
+    """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, shots = seen.shape
     sides = np.zeros((shots, (POSE + LENS) * n))
@@ -163,7 +163,7 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
 
 
 def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
-    """How the cameras change without each shot, (shots, unknowns); None if one is needed.
+    """Return the cameras' change without each image, (shots, unknowns); None if one is needed.
 
     The gauge's directions, orthonormal here, are kept still.
     """
@@ -216,7 +216,7 @@ VARIABLES = declared("""
 def exact(
     calibration: xr.Dataset, board: Board, steps: Path, held: Array | None = None
 ) -> xr.Dataset:
-    """The calibration, its deviations by a jackknife over shots, and its ``covariance``.
+    """Return the calibration, its deviations by a jackknife over shots, and its ``covariance``.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def exact(
 
 
 def contradict(calibration: xr.Dataset) -> bool:
-    """Whether the lenses are those of each camera alone, as the cameras contradict each other."""
+    """Return whether cameras contradict each other, so that lenses are of each camera alone."""
     together, alone = calibration["reprojection_rms"], calibration["single_rms"].values
     return contradiction(float(together), alone) > MAX_CONTRADICTION
 
@@ -280,7 +280,7 @@ def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
 
 
 def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
-    """A calibration that is reused, with the deviations of its covariance; NaN without one."""
+    """Return a reused calibration with the deviations of its covariance; NaN without one."""
     cameras = cameras_in(calibration)
     n = len(cameras)
     known = np.full([(POSE + LENS) * n] * 2, np.nan) if covariance is None else covariance
@@ -296,13 +296,13 @@ def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
 
 
 def covariance_of(calibration: xr.Dataset) -> Array | None:
-    """The covariance of the cameras; None if it is not known."""
+    """Return the covariance of the cameras; None if it is not known."""
     covariance = calibration["covariance"].values
     return covariance if np.isfinite(covariance).all() else None
 
 
 def to_keep(calibration: xr.Dataset) -> xr.Dataset:
-    """What of a calibration another measurement can reuse, as a dataset of its own."""
+    """Return the part of a calibration that another measurement can reuse, as its own dataset."""
     names = ["K", "distortion", "size", "R_camera_world", "centre", *VARIABLES]
     own = calibration[names].drop_attrs(deep=False).assign_attrs(title="Calibrated cameras")
     return with_origin(own, f"measurement by thesis_lib {__version__}")

@@ -45,7 +45,7 @@ class Calibration:
     deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
 
     def camera(self, shot: int = 0) -> Camera:
-        """The camera in the frame of the board of one shot; at the origin if that is absent."""
+        """Return the camera in the board's frame of one image; at the origin without it."""
         R, t = self.rotations[shot], self.translations[shot]
         if R is None or t is None:
             R, t = np.eye(3), np.zeros(3)
@@ -130,7 +130,7 @@ def zhang(
 
 
 def central(board: Board) -> IntArray:
-    """Indices of the corners of the central 5 × 7 squares, the part the thesis used.
+    """Return indices of the corners of the central 5 × 7 squares, the part the thesis used.
 
     Raises
     ------

@@ -119,7 +119,7 @@ def _numbers(count: int) -> tuple[str, IntArray, dict[str, str]]:
 
 
 def _span(own: Recording) -> tuple[float, float]:
-    """Times of a camera's first and last frame."""
+    """Return the times of a camera's first and last frame."""
     ends = [times[[0, -1]] for times, _ in own.parts(-ALWAYS, ALWAYS)]
     return float(ends[0][0]), float(ends[-1][1])
 
@@ -198,7 +198,7 @@ def _part(
     uv: Array,
     steady: Mask,
 ) -> xr.Dataset:
-    """Some instants: triangulated, in the structure's axes."""
+    """Triangulate some instants, in the structure's axes."""
     points, seen = triangulate_seen(P, uv - off[:, :, None])
     away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
     counts = np.isfinite(away).sum(axis=2)
@@ -217,7 +217,7 @@ def _part(
 
 
 def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
-    """Standard errors along the structure's axes, (3, times, markers), by which cameras see."""
+    """Return standard errors along the structure's axes, (3, times, markers)."""
     visible = np.isfinite(uv).all(axis=1)
     errors = np.full((3,) + visible.shape[1:], np.nan)
     for pattern in np.unique(visible.reshape(len(P), -1), axis=1).T:
@@ -232,7 +232,7 @@ def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
 
 
 def _flagged(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
-    """The same with flags explained, and without what cannot be interpolated."""
+    """Return the history with flags explained, and without values that cannot be interpolated."""
     flag = whole["flag"].values
     if float(data["frequency"]) > SLOW * rate:
         flag[flag == UNSTEADY] = FAST

@@ -133,7 +133,7 @@ def _own(path: Path) -> Found:
 
 
 def _values(path: Path) -> dict[str, Any]:
-    """What a text file holds, by names."""
+    """Read the values of a text file, by names."""
     try:
         text = read_text(path)
         match path.suffix.lower():

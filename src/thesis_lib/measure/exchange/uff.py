@@ -83,7 +83,7 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
 
 
 def _shape(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
-    """A dataset 55 of deflections along Z of the markers that have one."""
+    """Return a dataset 55 of deflections along Z of the markers that have one."""
     known = np.isfinite(amplitude)
     shape = amplitude[known]
     return pyuff.prepare_55(
@@ -162,7 +162,7 @@ def write_response(path: Path, data: xr.Dataset) -> None:
 
 
 def _with_force(data: xr.Dataset) -> xr.Dataset:
-    """The markers with the force's point after them."""
+    """Return the markers with the force's point after them."""
     x, y = data["force_place"].values
     middle = np.array([data["x"].values.mean(), data["y"].values.mean()])
     shift = np.nanmean(data["rest_position"].values[:2], axis=1) - middle
@@ -212,7 +212,7 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
-    """A time response along Z of every node, in m; uneven times are written one by one."""
+    """Yield a time response along Z of every node, in m; uneven times are written one by one."""
     step = float(times[-1] - times[0]) / (len(times) - 1)
     even = bool(np.all(np.abs(np.diff(times) - step) < EVEN * step))
     for node, row in zip(nodes, rows, strict=True):

@@ -54,7 +54,7 @@ def write(folder: Path, data: xr.Dataset) -> None:
 
 
 def _grid(points: Array, cells: IntArray, values: dict[str, Array]) -> str:
-    """An unstructured grid as text."""
+    """Return an unstructured grid as text."""
     count, corners = cells.shape
     arrays = [_array("connectivity", cells), _array("offsets", corners * np.arange(1, count + 1))]
     arrays.append(_array("types", np.full(count, CELLS[corners])))

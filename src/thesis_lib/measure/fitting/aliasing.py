@@ -15,7 +15,7 @@ FINE = 8  # trial frequencies in one over the length of the recording
 
 
 def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
-    """Where a frequency in Hz shows between 0 and half of the frame rate, Hz.
+    """Return the frequency in Hz at which another appears below half of the frame rate.
 
     Examples
     --------

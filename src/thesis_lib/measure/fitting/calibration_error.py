@@ -84,7 +84,7 @@ def _fewer(rows: ComplexArray) -> ComplexArray:
 
 
 def _refitted(fit: Fitted, markers: Markers, step: Array) -> Fitted:
-    """What the same images mean to cameras that are off by a step."""
+    """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
     cameras = reprojection.stepped(network, step).cameras
     pairs = list(zip(fit.cameras, cameras, strict=True))

@@ -35,7 +35,7 @@ class Pace:
 def paces(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> list[Pace]:
-    """How fast the cameras' clocks run, from the frequency that each sees."""
+    """Estimate the cameras' clock rates from the frequency that each sees."""
     seen = [advance([own], begin, end, frequency, order) for own in recordings]
     first, found = seen[0], [Pace(0.0, 0.0, False)]
     for own in seen[1:]:
@@ -47,7 +47,7 @@ def paces(
 
 
 def paced(recordings: Sequence[Recording], found: Sequence[Pace], at: float) -> list[Recording]:
-    """The recordings with the first camera's pace, their times unchanged near the time `at`."""
+    """Return the recordings with the first camera's pace, unchanged near the time `at`."""
     return [
         own.paced(1 / (1 + pace.rate), at) if pace.corrected else own
         for own, pace in zip(recordings, found, strict=True)
@@ -55,7 +55,7 @@ def paced(recordings: Sequence[Recording], found: Sequence[Pace], at: float) -> 
 
 
 def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording]:
-    """The recordings with clocks corrected as those of a result were."""
+    """Return the recordings with clocks corrected as those of a result were."""
     at = float(data["steady"].mean())
     paces = np.where(data["corrected"], data["pace"], 0.0)
     return [
@@ -101,6 +101,6 @@ def _amplitudes(fit: Fitted, omega: float, exposures: Array) -> ComplexArray:
 
 
 def shifted(fit: Fitted, omega: float, seconds: Array) -> Fitted:
-    """The fit with cameras that started so much later than was thought."""
+    """Return the fit with cameras that started this much later than assumed."""
     moved = [own.earlier(omega, float(s)) for own, s in zip(fit.harmonics, seconds, strict=True)]
     return replace(fit, harmonics=moved)

@@ -41,7 +41,7 @@ class Advance:
 
 
 def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float:
-    """The frequency in Hz that explains most of the motion, below half of every frame rate.
+    """Estimate the frequency in Hz, below half of every frame rate, that explains most motion.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
 def liveliest(
     recording: Recording, begin: float, end: float, most: int = MOST_FRAMES
 ) -> tuple[Array, Array]:
-    """Times (n,) and the image coordinates (n, series) that move most, less their means.
+    """Return times (n,) and the image coordinates (n, series) that move most, less their means.
 
     Of `most` frames, those that are known in more than half; NaN where they are not.
     """
@@ -114,7 +114,7 @@ def liveliest(
 def advance(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> Advance:
-    """How phase and amplitude change from part to part, against a frequency near the true one.
+    """Return the change of phase and amplitude between parts, for a frequency near the true one.
 
     Every camera's image coordinates are fitted part by part. Against their mean over the parts the
     fitted amplitudes have turned by 2π (f − f₀) t: the slope of that turn is the error of f₀.
@@ -179,7 +179,7 @@ def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
 
 
 def surer(start: float, motion: Advance, sound: xr.Dataset) -> float:
-    """The frequency in Hz of the fit: what was given or looked for, unless tracks or sound differ.
+    """Return the frequency in Hz of the fit: the given or found one, unless tracks or sound differ.
 
     The more certain of the two decides, if it is three standard errors away.
     """

@@ -37,7 +37,7 @@ class Harmonics:
     sigma: Array
 
     def unblurred(self, turn: float) -> Harmonics:
-        """The same without the loss by exposures that last `turn` = ωT rad of the vibration.
+        """Return the harmonics without the loss by exposures of `turn` = ωT rad.
 
         The mean over an exposure of T shrinks harmonic n by sin(nωT/2) / (nωT/2).
         """
@@ -50,7 +50,7 @@ class Harmonics:
         )
 
     def earlier(self, omega: float, seconds: ArrayLike) -> Harmonics:
-        """The same of values that were taken later than was thought, by seconds (...)."""
+        """Return the harmonics of values that were taken later than assumed, by seconds (...)."""
         late = np.asarray(seconds, float)
         coefficients = self.coefficients.copy()
         for n in range(1, (len(coefficients) - 1) // 2 + 1):
@@ -60,7 +60,7 @@ class Harmonics:
         return replace(self, coefficients=coefficients)
 
     def raised(self, constant: ArrayLike) -> Harmonics:
-        """The same of values that are larger by a constant (...)."""
+        """Return the harmonics of values that are larger by a constant (...)."""
         coefficients = self.coefficients.copy()
         coefficients[0] += constant
         return replace(self, coefficients=coefficients)
@@ -101,7 +101,7 @@ class Sums:
         )
 
     def solve(self) -> Harmonics:
-        """The harmonics; NaN for a series with fewer values than coefficients plus two.
+        """Solve for the harmonics; NaN for a series with fewer values than coefficients plus two.
 
         The scatter is found to about 1e-8 of the values: they should be those about a mean.
         """
@@ -122,7 +122,7 @@ class Sums:
 
 
 def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Sums:
-    """What values (times, ...) add to a fit of harmonics; NaN is left out."""
+    """Compute the sums that values (times, ...) add to a fit of harmonics; NaN is left out."""
     values = np.asarray(values, float)
     A = basis(omega, times, order)
     flat = values.reshape(len(A), -1)
@@ -184,7 +184,7 @@ def harmonic_motion(
 def harmonic_deflection(
     P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
 ) -> ComplexArray:
-    """The part of :func:`harmonic_motion` along the beam's normal, shape (markers,), m."""
+    """Return the part of :func:`harmonic_motion` along the beam's normal, shape (markers,), m."""
     return np.asarray(harmonic_motion(P, frame, omega, cameras, instants)[2], complex)
 
 
@@ -232,7 +232,7 @@ def fitted(
 
 
 def unblurred(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics]:
-    """The harmonics without the loss by each camera's exposure in s."""
+    """Return the harmonics without the loss by each camera's exposure in s."""
     times = np.broadcast_to(np.asarray(exposures, float), len(fit.cameras))
     return [own.unblurred(omega * float(t)) for own, t in zip(fit.harmonics, times, strict=True)]
 
@@ -248,7 +248,7 @@ def motion(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
 
 
 def deviation(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
-    """Standard deviation of the amplitude's part in phase, by the centres' scatter, (markers,), m.
+    """Compute the amplitude's standard deviation in phase, by the centres' scatter, (markers,), m.
 
     White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude. Along
     the structure's normal, or along another of its axes.

@@ -29,7 +29,7 @@ class Candidate:
 
 
 def model_of(structure: Structure) -> Beam | Plate | None:
-    """The clamped beam or simply supported plate that a structure is; None if it has no model."""
+    """Return the clamped beam or simply supported plate of a structure; None without a model."""
     own = {
         "length": structure.length_mm / 1000,
         "width": structure.width_mm / 1000,
@@ -54,7 +54,7 @@ def model_of(structure: Structure) -> Beam | Plate | None:
 
 
 def candidates(structure: Structure) -> list[Candidate]:
-    """The modes that a measured shape is compared with; none for a structure without model."""
+    """Return the modes to compare a measured shape with; none without a model."""
     points, model = structure.marker_points, model_of(structure)
     found = []
     if isinstance(model, Beam):
@@ -82,14 +82,14 @@ def candidates(structure: Structure) -> list[Candidate]:
 
 
 def scaled(measured: Array, shape: Array) -> Array:
-    """The model's shape in the size that fits the measured one best, shape (markers,), m."""
+    """Scale the model's shape to fit the measured one best, shape (markers,), m."""
     known = np.isfinite(measured)
     w, phi = measured[known], shape[known]
     return np.asarray(shape * float(np.sum(w * phi) / np.sum(phi * phi)), float)
 
 
 def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
-    """A measured shape (markers,) in m against the model's modes.
+    """Compare a measured shape (markers,) in m with the model's modes.
 
     Returns
     -------

@@ -97,7 +97,7 @@ def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
 
 
 def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
-    """The deflection at the instant of its maximum, from complex amplitudes (markers,), in m.
+    """Return the deflection in m at its maximum, from complex amplitudes (markers,).
 
     The common phase is the one that leaves least of the amplitudes imaginary; of its two values,
     half a period apart, the one nearer to `expected_phase` in rad is taken.
@@ -198,7 +198,7 @@ def normal_gain(
 def height_deviation(
     P: ArrayLike, frame: Frame, points: ArrayLike, sigma: ArrayLike, axis: int = 2
 ) -> Array:
-    """Standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
+    """Return the standard deviation of heights (n,) in m for centre noise (cameras, 2, n) in px.
 
     Or of places along another `axis` of the beam. Where the noise is NaN a camera does not see it.
     """
@@ -217,7 +217,7 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
 
 
 def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
-    """The structure's frame from its markers at rest, (cameras, 2, markers) without distortion.
+    """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
     Raises
     ------

@@ -36,7 +36,7 @@ NEAR = 9  # markers that tell the slope of the surface at one of them
 
 
 def frozen(scatter: Array) -> Mask:
-    """Which markers a video's compression keeps still, by their scatter (..., markers)."""
+    """Return which markers a video's compression freezes, by their scatter (..., markers)."""
     with np.errstate(invalid="ignore"):
         still: Mask = scatter < FROZEN * np.nanmedian(scatter, axis=-1, keepdims=True)
     return still
@@ -176,7 +176,7 @@ class Share:
 def share(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> Share:
-    """What a frequency and its harmonics explain of the motion in the steady part."""
+    """Return the share of the steady motion that a frequency and its harmonics explain."""
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers

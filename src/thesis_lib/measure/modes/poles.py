@@ -250,7 +250,7 @@ class Spectrum:
 
 
 def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
-    """The spectrum in a band in Hz of what the poles leave of the tracks."""
+    """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
     span = max(float(np.ptp(block.times)) for block in blocks)
     even = np.arange(band[0], band[1], 1 / (PAD * span))
     logs = np.zeros_like(even)
@@ -317,7 +317,7 @@ def search(
 
 
 def reach(frequency: float, seconds: float) -> float:
-    """How far in Hz from a given frequency its line is sought in a recording of some seconds."""
+    """Return the search range in Hz about a given frequency in a recording of some seconds."""
     return max(2 * NEAR / seconds, WITHIN * frequency)
 
 
@@ -358,7 +358,7 @@ def span_of(blocks: Sequence[Block]) -> float:
 
 
 def _start(blocks: Sequence[Block], rates: Array, omega: float, damped: bool) -> Array:
-    """A pole to start from: of some decays the one that leaves least."""
+    """Return the pole to start from: of some decays the one with the least residual."""
     if not damped:
         return np.array([0.0, omega])
     trials = [np.array([decay / span_of(blocks), omega]) for decay in DECAYS]

@@ -87,7 +87,7 @@ def result(
     recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
-    """The modes in some recordings.
+    """Return the modes in some recordings.
 
     Parameters are those of :func:`thesis_lib.measure.fitting.result.result`.
 
@@ -175,7 +175,7 @@ SAME = (
 
 
 def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple[Rest, float]:
-    """The markers at rest, and the relative error of sizes that their grid tells."""
+    """Return the markers at rest, and the relative error of sizes that their grid tells."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, manifest.excitation.rest_s) for own in recordings])
     frame = checked_frame(cameras, still, markers)
@@ -203,7 +203,7 @@ def window(
 
 
 def asked_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Asked:
-    """What the manifest asks for."""
+    """Return the manifest's request for modes."""
     sought = manifest.excitation.modes
     highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)
     return Asked(

@@ -53,7 +53,7 @@ class Shape:
 
 
 def blurred(rate: Array, exposure: float) -> complex:
-    """What an exposure in s leaves of the amplitude at a pole (α, ω)."""
+    """Return the factor by which an exposure in s reduces the amplitude at a pole (α, ω)."""
     half = complex(-rate[0], rate[1]) * exposure / 2
     return complex(np.sinh(half) / half) if half else 1.0 + 0j
 
@@ -85,7 +85,7 @@ def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
 def shapes(
     tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest
 ) -> list[Shape]:
-    """The shape of every mode."""
+    """Estimate the shape of every mode."""
     cameras = [track.camera for track in tracks]
     seen = [images(track, block, poles) for track, block in zip(tracks, blocks, strict=True)]
     still = np.zeros(len(cameras))
@@ -108,7 +108,7 @@ def shapes(
 def straightened(
     track: Track, found: Sequence[Shape], poles: Poles, rest: Rest, zero: float
 ) -> Track:
-    """The track without what is not linear in the deflection; `zero` is when e^{λt} is one, s.
+    """Return the track without its non-linear part; `zero` is when e^{λt} is one, s.
 
     An image is no linear function of a deflection, and a marker that moves across rows of a rolling
     shutter is seen at times that depend on it. Both add sums and differences of frequencies, which
@@ -161,7 +161,7 @@ def lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
 
 
 def paces(poles: Poles, span: float) -> Array:
-    """How much faster than the first camera's the clocks run, where that is certain; relative.
+    """Return the clocks' rates relative to the first camera's, where they are certain.
 
     All modes are higher by the same share to a camera whose clock runs slow.
     """

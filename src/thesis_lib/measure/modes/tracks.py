@@ -49,12 +49,12 @@ class Track:
         return np.asarray(late.mean(axis=0).filled(0.0), float)
 
     def shifted(self, seconds: float, pace: float = 1.0, at: float = 0.0) -> Track:
-        """The same with a clock that starts later, and is slower about a time."""
+        """Return the track with a clock that starts later, and is slower about a time."""
         return replace(self, times=at + (self.times - at) * pace + seconds)
 
 
 def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list[Track]:
-    """What all cameras saw from one time to another on the first camera's clock, s."""
+    """Return the tracks of all cameras from one time to another on the first camera's clock, s."""
     found = []
     for own in recordings:
         first, last = own.between(begin, end)
@@ -73,7 +73,7 @@ LOOKS = 6
 
 
 def without_strays(track: Track, places: Array) -> Track:
-    """The track without centres that move unlike their neighbours' at places (2, markers)."""
+    """Return the track without centres that move unlike neighbours at (2, markers)."""
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         moved = track.uv - np.nanmedian(track.uv, axis=0)
@@ -81,7 +81,7 @@ def without_strays(track: Track, places: Array) -> Track:
 
 
 def without_outliers(track: Track, block: Block, rates: Array, places: Array) -> Track:
-    """The track without centres that leave the modes of its block as their neighbours do not."""
+    """Return the track without centres whose residuals differ from their neighbours'."""
     B, known = columns(block.times, rates), block.known
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
@@ -102,7 +102,7 @@ def without_outliers(track: Track, block: Block, rates: Array, places: Array) ->
 
 
 def strays(moved: Array, places: Array) -> Mask:
-    """Which of some motions (frames, 2, markers) are far from those of their neighbours."""
+    """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
     count = min(BESIDE + 1, places.shape[1])
     _, near = KDTree(places.T).query(places.T, k=count)
     with warnings.catch_warnings():

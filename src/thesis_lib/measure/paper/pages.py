@@ -87,7 +87,7 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
 
 
 def polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
-    """Filled polygons without outline, (polygons, vertices, 2), mm."""
+    """Draw filled polygons without outline, (polygons, vertices, 2), mm."""
     axes.add_collection(
         PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
         autolim=False,
@@ -95,7 +95,7 @@ def polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
 
 
 def discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black") -> None:
-    """Filled discs about centres (2, n), mm."""
+    """Draw filled discs about centres (2, n), mm."""
     around = np.linspace(0, 2 * np.pi, 97)[:-1]
     ring = diameter / 2 * np.column_stack([np.cos(around), np.sin(around)])
     polygons(axes, np.asarray(centres, float).T[:, None] + ring, colour)

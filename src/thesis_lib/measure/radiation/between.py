@@ -40,7 +40,7 @@ class Between:
     modes: int = 0  #: That are fitted, of a model
 
     def residual(self, amplitudes: ComplexArray) -> ComplexArray:
-        """What the fit leaves of amplitudes (markers,), or a marker of what the others say."""
+        """Return the residual of amplitudes (markers,), or of a marker against the others."""
         return np.asarray(amplitudes - self.fitted @ amplitudes, complex)
 
     def left(self, of: Amplitudes) -> tuple[float, float]:

@@ -85,10 +85,10 @@ def error_of(one: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def place(one: xr.Dataset) -> str:
-    """Where a point is, in mm."""
+    """Format the position of a point, in mm."""
     return " ".join(f"{1000 * x:g}" for x in one["place"].values)
 
 
 def absolute(one: xr.Dataset) -> xr.DataArray:
-    """The absolute value of a pressure."""
+    """Return the absolute value of a pressure."""
     return abs(one["pressure_real"] + 1j * one["pressure_imag"]).assign_attrs(units="Pa")

@@ -27,7 +27,7 @@ SHAPE = (61, 41)  # points of a plane
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
-    """What the measured structure radiates.
+    """Compute the sound that the measured structure radiates.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
 
 
 def _one_mode(data: xr.Dataset) -> xr.Dataset:
-    """The shape of one tone as several modes have theirs, of which there is one."""
+    """Return the shape of one tone in the form of several modes, of which there is one."""
     wide = max(float(np.nan_to_num(data["in_plane_excess"])), 1.0)
     return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
@@ -179,7 +179,7 @@ def _chosen(
     markers: Array,
     shapes: estimates.Amplitudes,
 ) -> Between:
-    """How places (2, n) move between markers: by the model if that fits all, else by a spline."""
+    """Choose the motion at (2, n) between markers: by a fitting model, else by a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000

@@ -35,7 +35,7 @@ ALL = "all"
 
 
 def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
-    """Which tones fall into which octave, by its nominal centre in Hz; before them all together.
+    """Return the tones in each octave, by its nominal centre in Hz; before them all together.
 
     Tones below the lowest or above the highest band are in none.
 
@@ -125,7 +125,7 @@ def radiated(
     planes: Sequence[Plane],
     medium: Medium,
 ) -> xr.Dataset:
-    """What a surface radiates at some frequencies.
+    """Compute the sound that a surface radiates at some frequencies.
 
     Parameters
     ----------

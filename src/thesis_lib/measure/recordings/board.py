@@ -141,7 +141,7 @@ class Markers:
 
     @property
     def middle_row(self) -> slice:
-        """Where the row on the structure's axis stands among the markers."""
+        """Return the position of the row on the structure's axis among the markers."""
         return self.rows[len(self.rows) // 2]
 
     @property

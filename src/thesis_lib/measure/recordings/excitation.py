@@ -153,11 +153,11 @@ class Force(Fields):
 
     @property
     def is_table(self) -> bool:
-        """Whether it is in N already."""
+        """Return whether the force is given in N already."""
         return PurePath(self.file).suffix.lower() in TABLES
 
     def place(self, usual: Array) -> Array:
-        """Where it acts in m, shape (2,); `usual` if it is not given."""
+        """Return the force's point in m, shape (2,); `usual` if it is not given."""
         return usual if self.at_mm is None else np.array(self.at_mm) / 1000
 
     def check(self, size: tuple[float, float]) -> None:
@@ -224,7 +224,7 @@ class Excitation(Fields):
 
     @property
     def behaviour(self) -> Behaviour:
-        """What follows from the kind."""
+        """Return the behaviour that follows from the kind."""
         return KINDS[self.kind]
 
     @model_validator(mode="after")

@@ -158,7 +158,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:
-    """Which files of a camera's folder of pictures are none that can be read."""
+    """List the files of a camera's folder of images that cannot be read."""
     if not isinstance(camera.shots, str) or not (place := folder / camera.shots).is_dir():
         return ""
     endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())

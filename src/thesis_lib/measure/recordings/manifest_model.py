@@ -188,7 +188,7 @@ class Radiation(Fields):
 
     @property
     def points(self) -> Array:
-        """Where the pressure is wanted, shape (3, n), m."""
+        """Return the points at which the pressure is computed, shape (3, n), m."""
         return np.array(self.points_mm, float).T / 1000
 
     def corners(self, size: tuple[float, float], markers: Array, diameter: float) -> Array:
@@ -264,7 +264,7 @@ def _default(name: str, scale: float = 1.0) -> Any:
 
 
 def _thesis_layout(given: dict[str, Any]) -> bool:
-    """Whether markers are those of the thesis, which alone have a hole unless it is given."""
+    """Return whether markers are the thesis's, which alone have a hole unless it is given."""
     return all(
         given.get(name) == Markers.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
@@ -369,7 +369,7 @@ class Structure(Fields):
 
     @property
     def force_place(self) -> Array:
-        """Where the force acts, shape (2,), in m, from the clamped corner."""
+        """Return the force's point, shape (2,), in m, from the clamped corner."""
         across = self.force_across_mm or self.width_mm / 2
         return np.array([self.force_position_mm, across]) / 1000
 

@@ -67,7 +67,7 @@ class VideoInfo:
 
     @property
     def has_audio(self) -> bool:
-        """Whether there is an audio track."""
+        """Return whether there is an audio track."""
         return self.channels > 0
 
 

@@ -177,7 +177,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 
 
 def _shots(folder: Path, name: str) -> str | None:
-    """Where a camera's pictures of the board are: a folder or a pattern; None if nowhere."""
+    """Return the folder or pattern of a camera's calibration images; None if there are none."""
     inside = [place for place in folder.rglob("*") if place.is_dir() and not _is_hidden(place)]
     for place in sorted(inside):
         if place.name.lower() == name.lower() and _pictures(place.iterdir()):
@@ -267,7 +267,7 @@ def assumed(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) 
 
 
 def _is_given(name: str, given: Mapping[str, Any]) -> bool:
-    """Whether a field is given, or an object that it is in."""
+    """Return whether a field is given, or an object that it is in."""
     return any(name == one or name.startswith(f"{one}.") for one in given)
 
 
@@ -376,7 +376,7 @@ def name_cameras(videos: Sequence[Path]) -> list[str]:
 
 
 def _is_film(file: Path) -> bool:
-    """Whether a file is a video of two frames or more."""
+    """Return whether a file is a video of two frames or more."""
     try:
         return len(frame_times(file)) > 1
     except MediaError:

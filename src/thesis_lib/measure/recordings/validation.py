@@ -236,7 +236,7 @@ def _check_slow_motion(
 
 
 def on_one_line(points: ArrayLike, diameter: float) -> bool:
-    """Whether markers at points (2, n) do not tell how the structure is turned about their line.
+    """Return whether markers at points (2, n) leave the rotation about their line undetermined.
 
     Nor which way is up then. Across the line their scatter must be more than a part of the
     diameter, so that it is more than what they are off their places.
@@ -248,7 +248,7 @@ def on_one_line(points: ArrayLike, diameter: float) -> bool:
 
 
 def _check_plane(structure: Structure) -> list[str]:
-    """Whether the markers tell the structure's plane, one line if not."""
+    """Check that the markers determine the structure's plane; return one line if not."""
     markers = structure.markers
     if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
         return []

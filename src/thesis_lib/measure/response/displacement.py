@@ -95,7 +95,7 @@ def at_times(
 
 
 def _mended(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
-    """The estimates, anew where samples are missing."""
+    """Return the estimates, repeated where samples are missing."""
     near, found = known.shape[1], part.copy()
     t, k = np.nonzero(~known.all(axis=1))
     if not len(t):
@@ -214,7 +214,7 @@ def in_step(
     span: tuple[float, float],
     band: tuple[float, float],
 ) -> tuple[list[Recording], Steps]:
-    """The recordings with the first camera's clock, and what was corrected.
+    """Return the recordings with the first camera's clock, and what was corrected.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def _late(
 def _line(
     times: Array, late: Array, error: Array, seconds: float, highest: float
 ) -> tuple[float, float]:
-    """Where a line through some delays is at 0 s, and its slope; 0 where that is not certain."""
+    """Fit a line through delays; return its value at 0 s and slope, 0 where that is not certain."""
     there = np.isfinite(error) & (error > 0)
     fit, found = times[there], (0.0, 0.0)
     for order in (0, 1):

@@ -31,7 +31,7 @@ PARTS = 100  # segments of a recording in which the frequency is sought
 
 
 def found_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
-    """A sweep, with what is not given found in the force's strongest line over time."""
+    """Return a sweep, with missing fields estimated from the force's strongest line over time."""
     length = max(len(newtons) // PARTS * 2, 16)
     made = ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
     power = np.abs(made.stft_detrend(newtons, "constant")) ** 2
@@ -46,13 +46,13 @@ def found_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
 
 
 def dwell(sweep: Sweep, frequency: float, damping: float) -> float:
-    """How long a sweep of even speed is in a resonance's half-power band, s."""
+    """Return the time that a sweep of even speed spends in a resonance's half-power band, s."""
     begin, end, seconds = (float(x or np.nan) for x in sweep.model_dump().values())
     return 2 * damping * frequency * seconds / abs(end - begin)
 
 
 def settling(frequency: float, damping: float) -> float:
-    """How long a resonance takes to settle, s."""
+    """Return the time that a resonance takes to settle, s."""
     return SETTLED / (2 * math.pi * damping * frequency)
 
 
@@ -87,7 +87,7 @@ class Recorded:
 def recorded_force(
     manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
 ) -> Recorded:
-    """The force of a manifest.
+    """Return the force of a manifest.
 
     Parameters
     ----------

@@ -202,7 +202,7 @@ def _gap_noise(off: Array, cut: Cut) -> Array:
 
 
 def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, float]:
-    """The frequencies that are told, Hz; refused where frames or force do not resolve them."""
+    """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
     most = TOLD * slowest
@@ -252,7 +252,7 @@ def _segment(manifest: Manifest, seconds: float) -> float | None:
 
 
 def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str, Array]:
-    """What is told line by line."""
+    """Return the reported curves, line by line."""
     inside = (found.frequency >= band[0]) & (found.frequency <= band[1])
     omega = 2 * np.pi * found.frequency[inside]
     receptance = found.receptance[:, :, inside]

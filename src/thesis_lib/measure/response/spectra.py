@@ -51,7 +51,7 @@ class Cut:
 
     @property
     def averages(self) -> float:
-        """How many independent segments tell as much (Welch 1967)."""
+        """Return the number of independent segments with the same information (Welch 1967)."""
         w = get_window(self.window, self.length)
         like = float(np.sum(w[self.length // 2 :] * w[: self.length // 2]) / np.sum(w**2)) ** 2
         return self.count / (1 + 2 * (1 - 1 / self.count) * like)

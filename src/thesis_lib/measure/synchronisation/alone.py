@@ -26,7 +26,7 @@ AGREED = 0.9  # share of the windows below which it is said that they do not agr
 
 
 def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
-    """Starts and clocks of all videos but the first, beside that one's, and the names of all.
+    """Return starts and clocks of all videos but the first, relative to it, and the names of all.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def frame_rate_of(videos: Sequence[Path]) -> float:
 
 
 def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
-    """A row for each video: start after the first, in s and its frames, and drift in 10⁻⁶."""
+    """Return a row a video: start after the first, in s and frames, and drift in 10⁻⁶."""
     nothing = np.array([])
     rows = [Drift(0.0, 0.0, 0.0, 0.0, nothing, nothing), *drifts]
     return pd.DataFrame(
@@ -156,7 +156,7 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
 
 
 def _envelope(video: Path) -> tuple[Array, Array]:
-    """Times in s and largest sound about them, from 0 to 1."""
+    """Return times in s and the largest sound about them, from 0 to 1."""
     with opened_audio(video) as audio:
         sound, rate, start = np.concatenate(list(audio.blocks)), audio.rate, audio.start
     step = max(len(sound) // SHOWN, 1)

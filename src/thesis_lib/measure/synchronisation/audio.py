@@ -71,7 +71,7 @@ def rates_of(recordings: Sequence[AudioSource]) -> list[float]:
 
 
 def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
-    """Samples `first` to `last` of a signal in blocks; what comes after is not read."""
+    """Yield samples `first` to `last` of a signal in blocks; later samples are not read."""
     count = 0
     for block in blocks:
         yield block[max(first - count, 0) : max(last - count, 0)]
@@ -81,7 +81,7 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
 
 
 def held(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
-    """The whole signal, or, if it is longer than `most` samples, so many from `skip` on.
+    """Return the whole signal, or, if it is longer than `most` samples, so many from `skip` on.
 
     All blocks are taken.
 
@@ -154,14 +154,14 @@ def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float
 
 
 def _noted(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
-    """The blocks, whose lengths are noted."""
+    """Yield the blocks, and note their lengths."""
     for block in blocks:
         lengths.append(len(block))
         yield block
 
 
 def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track, float, float]:
-    """A track that is checked and held, for looking for a tone.
+    """Return a track that is checked and held, for looking for a tone.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def low_part(recording: AudioSource, low: LowRate, first: int, last: int) -> Ite
 def matches(
     recordings: Sequence[AudioSource], frequency: float | None, room: bool
 ) -> dict[int, Match]:
-    """How each recording but the first matches the first.
+    """Match each recording but the first to the first.
 
     Correlation sees a span of `SPAN` samples at a time, the same of all recordings: the first in
     which a recording matches without doubt counts, or else the one in which it matches best. Spans
@@ -239,7 +239,7 @@ def matches(
 
 
 def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
-    """A signal in blocks without its first and its last `n` samples."""
+    """Yield a signal in blocks without its first and its last `n` samples."""
     last, drop = np.empty(0), n
     for block in blocks:
         last = np.concatenate([last, block[drop:]])
@@ -249,7 +249,7 @@ def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
 
 
 def spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track]]:
-    """The same spans of some signals in blocks, each half a `length` after the one before.
+    """Yield the same spans of some signals in blocks, each half a `length` after the one before.
 
     The first is given in any case; others while the first signal and another one last.
     """
@@ -269,7 +269,7 @@ def spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track
 
 
 def pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
-    """A signal in blocks as pieces of `length` samples, the last of which may be shorter."""
+    """Yield a signal in blocks as pieces of `length` samples, the last of which may be shorter."""
     piece, size = np.empty(length, np.float32), 0
     for block in blocks:
         start = 0

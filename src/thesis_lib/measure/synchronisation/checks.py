@@ -46,7 +46,7 @@ def shortest_of(frequency: float | None) -> float:
 def checked(
     blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
 ) -> Iterator[Array]:
-    """The blocks of a recording as they come; refused at its end if it cannot be used.
+    """Yield the blocks of a recording as they come; refuse at its end one that cannot be used.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def check_tone(
 def find_tone(
     signal: ArrayLike, rate: float, name: str, steady: tuple[float, float] | None = None
 ) -> tuple[float, float]:
-    """The steady tone that a recording holds.
+    """Estimate the steady tone of a recording.
 
     That of the highest line of the spectrum, up to an eighth of the rate; its frequency is that
     which explains most of the part in which the tone has settled.

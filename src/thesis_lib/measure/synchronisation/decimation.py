@@ -32,7 +32,7 @@ def low_pass(step: int) -> Array:
 
 
 def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
-    """A signal in blocks, low-passed, of which every `step`-th sample is kept.
+    """Low-pass a signal in blocks, and yield every `step`-th sample.
 
     The same as doing it to the whole signal: an FIR low-pass without delay, whose result is kept
     where it does not reach beyond the signal's ends.
@@ -69,7 +69,7 @@ def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
 
 
 def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, float]:
-    """The signal low-passed at the lowest rate above `wanted`, and that rate in Hz.
+    """Low-pass a signal to the lowest rate above `wanted`; return it and that rate in Hz.
 
     Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
     recordings alike, which leaves their delays.
@@ -82,7 +82,7 @@ def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, fl
 
 
 def cut_off(rate: float, low_rate: float) -> float:
-    """How much later in s a signal starts that was :func:`decimated` from one rate to another."""
+    """Return the delay in s that :func:`decimated` adds from one rate to another."""
     return EDGE / low_rate if low_rate < rate else 0.0
 
 

@@ -76,14 +76,14 @@ def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntAr
 
 
 def _centred(v: ArrayLike) -> Array:
-    """A copy less its mean."""
+    """Return a copy less its mean."""
     x = np.array(v, float)
     x -= x.mean()
     return x
 
 
 def _running(v: Array) -> tuple[Array, Array]:
-    """Sums of the values and of their squares up to each sample."""
+    """Return sums of the values and of their squares up to each sample."""
     first, second = np.zeros((2, len(v) + 1))
     np.cumsum(v, out=first[1:])
     np.cumsum(np.square(v, out=second[1:]), out=second[1:])
@@ -142,7 +142,7 @@ class Match:
 
     @property
     def certain(self) -> bool:
-        """Whether the recordings are alike, and in one place only."""
+        """Return whether the recordings are alike, and in one place only."""
         return not self.ambiguous and self.peak >= self.least
 
 

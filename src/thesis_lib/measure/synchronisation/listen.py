@@ -90,7 +90,7 @@ def listen(manifest: Manifest, folder: Path) -> Sound:
 
 
 def _unheard(manifest: Manifest, folder: Path) -> Sound:
-    """Starts of 0 without sound; what all cameras recorded after the rest counts as steady."""
+    """Return starts of 0 without sound, and all cameras' common time after the rest."""
     excitation, count = manifest.excitation, len(manifest.cameras)
     zeros = np.zeros(count)
     nothing = Synchronisation(
@@ -113,7 +113,7 @@ def _unheard(manifest: Manifest, folder: Path) -> Sound:
 
 
 def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
-    """What microphones tell: the starts, and what all cameras recorded after the rest."""
+    """Return starts from microphones, and all cameras' common time after the rest."""
     excitation = manifest.excitation
     heard = hear(recordings, None, 0.0)
     matched = matches(recordings, None, room=True)
@@ -148,7 +148,7 @@ def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
 
 
 def _after_rest(rest: float, begin: float, end: float) -> Interval:
-    """What is left of a recording that all cameras share, s."""
+    """Return the time after the rest that all cameras share, s."""
     if begin + rest >= end:
         raise ManifestError(
             f"excitation.rest_s: given {rest:.6g}, allowed: less than the {end - begin:.3f} s that "
@@ -158,7 +158,7 @@ def _after_rest(rest: float, begin: float, end: float) -> Interval:
 
 
 def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
-    """What the force's signal tells."""
+    """Return starts and steady interval from the force's signal."""
     excitation = manifest.excitation
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
     frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)

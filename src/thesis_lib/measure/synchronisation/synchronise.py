@@ -118,7 +118,7 @@ class Synchronisation:
         return [*lines, *BLIND_SPOTS, *more]
 
     def _coupling(self) -> str:
-        """What AC-coupled inputs may do."""
+        """Return a hint about AC-coupled inputs."""
         what = "tones are shifted"
         if self.period is not None:
             shift = self.frame_rate * coupling_delay(1 / self.period)
@@ -154,7 +154,7 @@ def synchronise(
     max_delay: float | None = None,
     names: Sequence[str] | None = None,
 ) -> Synchronisation:
-    """Starts of all cameras from their sound.
+    """Estimate the starts of all cameras from their sound.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def combined(
     reference: int = 0,
     steady: tuple[float, float] | None = None,
 ) -> Synchronisation:
-    """Starts of all cameras from how each matches the reference, and from the phase of a tone.
+    """Combine each camera's match with the reference and the phase of a tone into starts.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
 
 
 def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> float:
-    """Standard error in Hz of :func:`tone_frequency`, by the noise near the tone.
+    """Return the standard error in Hz of :func:`tone_frequency`, by the noise near the tone.
 
     The Cramér–Rao bound of a frequency, √(3 / (SNR · N)) / (π T) (Rife and Boorstyn 1974), with the
     noise that the signal without the tone has from half to twice its frequency. That the sample
@@ -169,7 +169,7 @@ def steady_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]
 
 
 def settled_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]:
-    """The steady part without what is left in it of a tone that grows before or fades after it.
+    """Return the steady part without residuals of a tone that grows before or fades after it.
 
     That is its first period, and its last unless the recording ends with it.
     """

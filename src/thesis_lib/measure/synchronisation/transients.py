@@ -41,7 +41,7 @@ DEEPEST = 1e-6  # of the highest power; what is below is left as weak as it is
 
 
 def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
-    """A signal less itself one period before, which leaves nothing of a steady tone.
+    """Return a signal less itself one period before, which cancels a steady tone.
 
     Unlike a fitted sinusoid, it needs no stretch over which the tone is steady and leaves no step
     at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. Of an
@@ -105,7 +105,7 @@ def whitened(x: Signal, rate: float) -> Signal:
 
 
 def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
-    """What of a signal is louder than its background ever gets by chance, and nothing else.
+    """Return the part of a signal that is louder than its background ever gets by chance.
 
     Energies over `SPAN` s scatter; what counts as background is the median and, from the quartile,
     eight standard deviations. Each sample is weighed by how much of the energy around it is above.
@@ -127,7 +127,7 @@ def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
 
 
 def _largest(a: Signal, b: Signal, rate: float, max_delay: float | None) -> float:
-    """The largest delay, s, as the whole recordings allow it."""
+    """Return the largest delay, s, as the whole recordings allow it."""
     half = min(len(a), len(b)) / 2 / rate
     return half if max_delay is None else min(max_delay, 2 * half)
 

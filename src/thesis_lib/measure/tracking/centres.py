@@ -206,11 +206,11 @@ def _gauss_legendre(n: int) -> tuple[Array, Array]:
 
 
 def _bell(x: Array) -> Array:
-    """The normal density."""
+    """Return the normal density."""
     return np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
 
 
 def _ramp_and_normal(x: Array) -> Array:
-    """The integral of the normal distribution, and itself, shape (2, ...)."""
+    """Return the integral of the normal distribution, and itself, shape (2, ...)."""
     normal = ndtr(x)
     return np.stack([x * normal + _bell(x), normal])

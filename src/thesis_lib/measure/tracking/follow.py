@@ -30,7 +30,7 @@ def trackers_of(
     turn: float,
     shares: Sequence[float] = (),
 ) -> tuple[list[Tracker | Follower], list[str]]:
-    """What follows the markers of a video, from its first frame.
+    """Return the trackers of a video's markers, from its first frame.
 
     Parameters
     ----------
@@ -76,12 +76,12 @@ def trackers_of(
 
 
 def pictures_of(image: Image, shares: Sequence[float]) -> list[Image]:
-    """A frame as each tracker takes it: reduced to shares of its width, or as it is."""
+    """Return a frame as each tracker takes it: reduced to shares of its width, or as it is."""
     return [reduced(image, round(share * image.shape[1])) for share in shares] or [image]
 
 
 def reduced(image: Image, width: int) -> Image:
-    """A frame at a smaller width (section 5.2.1), by the mean over areas.
+    """Reduce a frame to a smaller width (section 5.2.1), by the mean over areas.
 
     By a factor such as 3 : 2 that mean moves every other pixel by 0.06 px; the frame is then
     enlarged to twice its size first, by linear interpolation.
@@ -101,7 +101,7 @@ def first_view(
     markers: Markers,
     corners_px: Sequence[tuple[float, float]] | None,
 ) -> View:
-    """How the camera sees the structure in its first frame, from its corners and its markers.
+    """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def first_view(
 
 
 def _found_view(image: Image, camera: Camera, markers: Markers) -> View:
-    """The view by corners that are found in the frame, or where its light has been even_light."""
+    """Return the view by corners found in the frame, as it is or with even light."""
     failures: list[TrackingError] = []
     for even in even_light(image):
         try:

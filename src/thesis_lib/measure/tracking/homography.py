@@ -18,7 +18,7 @@ from thesis_lib.vision.lens import HALF, Camera, distorted, undistorted
 
 
 def as_dark(image: Image, markers: Markers) -> Image:
-    """The picture in which markers are dark: itself, or its negative."""
+    """Return the image in which markers are dark: itself, or its negative."""
     return 255 - image if markers.bright else image
 
 
@@ -45,7 +45,7 @@ class View:
         return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
 
     def stretch(self, plane: ArrayLike) -> Array:
-        """Derivative of :meth:`to_image`, shape (2, 2, n), in px/m, for points (2, n)."""
+        """Return the derivative of :meth:`to_image` at (2, n), shape (2, 2, n), in px/m."""
         step, (x, y) = 1e-4, np.asarray(plane, float)
         along = self.to_image([x + step, y]) - self.to_image([x - step, y])
         across = self.to_image([x, y + step]) - self.to_image([x, y - step])
@@ -58,7 +58,7 @@ class View:
 
 
 def apply(H: ArrayLike, points: ArrayLike) -> Array:
-    """A homography (3, 3) applied to points (2, ...)."""
+    """Apply a homography (3, 3) to points (2, ...)."""
     H, p = np.asarray(H, float), np.asarray(points, float)
     x, y, w = np.tensordot(H[:, :2], p, axes=1) + H[:, 2].reshape((3,) + (1,) * (p.ndim - 1))
     return np.stack([x / w, y / w])
@@ -113,7 +113,7 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
 
 
 def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
-    """The view for the four corners in undistorted px, shape (2, 4).
+    """Return the view for the four corners in undistorted px, shape (2, 4).
 
     In the order of the beam's frame: (0, 0), (L, 0), (L, W), (0, W).
 
@@ -188,7 +188,7 @@ def _distance(points: Array, a: Array, b: Array) -> Array:
 
 
 def _hole_score(image: Image, view: View) -> float:
-    """How dark the place is where the hole should be: 0 as the beam, 1 as the nearest marker."""
+    """Return the darkness where the hole should be: 0 as the beam, 1 as the nearest marker."""
     markers = view.markers
     hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
     marker = grid[:, [np.argmin(np.hypot(*(grid - hole)))]]

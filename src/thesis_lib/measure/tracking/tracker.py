@@ -33,7 +33,7 @@ LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be consider
 
 
 def sharpen(image: Image, view: View) -> View:
-    """The view with the homography of all markers at rest, and the blur that fits them best.
+    """Return the view with the homography of all markers at rest, and the blur that fits them best.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _rms(off: Array) -> float:
 
 
 def _best_blur(image: Image, view: View, found: Array) -> float:
-    """The blur in px that fits best; the one the view has if nothing fits."""
+    """Return the blur in px that fits best; the one the view has if nothing fits."""
 
     def misfit(blur: float) -> float:
         value = refine(image, replace(view, blur=blur), found)[1]
@@ -93,7 +93,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
 
 
 def gate_of(markers: Markers) -> float:
-    """How far a match may be from where a marker is expected, m."""
+    """Return the largest distance of a match from where a marker is expected, m."""
     return 0.45 * float(markers.nearest.min())
 
 
@@ -159,7 +159,7 @@ class Tracker:
         return uv[:, : self.view.markers.count]
 
     def _assigned(self, matches: Array) -> Array:
-        """The match of each marker, as that of some predictions has it which misses fewest."""
+        """Assign a match to each marker, by the predictions that miss fewest."""
         # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
         ahead = [2 * np.cos(self.turn) * self.moved - self.before]
         if self.turn == 0:  # it may be anything: what was taken for its neighbour must not stay so
@@ -173,7 +173,7 @@ class Tracker:
         return min(found, key=lambda places: np.count_nonzero(np.isnan(places)))
 
     def resampled(self, image: Image) -> Image:
-        """The frame on the beam's plane, cropped (figure F.4)."""
+        """Return the frame on the beam's plane, cropped (figure F.4)."""
         return np.asarray(cv2.remap(image, *self.maps, cv2.INTER_LINEAR), np.uint8)
 
     def matches(self, image: Image) -> Array:
@@ -207,7 +207,7 @@ def filled(seen: Array, grid: Array, last: Array) -> Array:
 
 
 def _disc(diameter: float) -> Image:
-    """A dark disc on white, for matching."""
+    """Draw a dark disc on white, for matching."""
     half = int(np.ceil(diameter / 2)) + 2
     x = np.arange(-half, half + 1)
     covered = np.clip(diameter / 2 - np.hypot(x, x[:, None]) + 0.5, 0, 1)

@@ -57,7 +57,7 @@ class Recording:
         return times
 
     def paced(self, pace: float, at: float) -> Recording:
-        """The same with a clock that runs so much slower, and is right at a time."""
+        """Return the recording with a clock that runs this much slower, and is right at a time."""
         return replace(self, pace=self.pace * pace, delay=at + (self.delay - at) * pace)
 
     @property
@@ -74,7 +74,7 @@ class Recording:
         return int(first), int(last)
 
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
-        """Times (n,) in s and centres without distortion (n, 2, markers), some frames at once."""
+        """Yield times (n,) in s and undistorted centres (n, 2, markers), some frames at once."""
         first, last = self.between(begin, end)
         for start in range(first, last, CHUNK):
             stop = min(start + CHUNK, last)
@@ -198,7 +198,7 @@ def lost_share(recording: Recording) -> Array:
 
 
 def _state(note: Path, path: Path, key: str, count: int, frame: int) -> dict[str, Any] | None:
-    """What an earlier run has left, if it is of the same key and as it was written."""
+    """Return the state of an earlier run, if it is of the same key and undamaged."""
     try:
         state = json.loads(note.read_text(encoding="utf-8"))
         fits = state["key"] == key and len(np.load(path, mmap_mode="r")) == count
