@@ -9,7 +9,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from thesis_lib.book import build, conformance, demos, downloads, rendering, sample
-from thesis_lib.book.build import EXECUTED, HTML, ROOT, code, cubes, result_files, step
+from thesis_lib.book.build import (
+    EXECUTED_FOLDER,
+    HTML_FOLDER,
+    PROJECT_ROOT,
+    code,
+    cubes,
+    result_files,
+    step,
+)
 from thesis_lib.book.pieces import (
     assumptions,
     illustrations,
@@ -24,10 +32,10 @@ from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import folder_files, library_files
-from thesis_lib.web.page import PACKAGES
+from thesis_lib.web.page import NPM_PACKAGES
 
 DOIT_CONFIG = {
-    "dep_file": str(ROOT / "build" / ".doit.sqlite"),
+    "dep_file": str(PROJECT_ROOT / "build" / ".doit.sqlite"),
     "backend": "sqlite3",  # whose file is whole after a kill
     "num_process": 2,
     "par_type": "thread",  # notebooks and Sphinx compute in processes of their own
@@ -35,9 +43,11 @@ DOIT_CONFIG = {
     "reporter": build.StepReporter,
     "default_tasks": ["inputs", "notebook", "assets", "piece", "figures", "pages"],
 }
-PAGES = [path for path in folder_files([ROOT / "book"]) if EXECUTED not in path.parents]
+PAGES = [
+    path for path in folder_files([PROJECT_ROOT / "book"]) if EXECUTED_FOLDER not in path.parents
+]
 NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
-PUBLISHED = sorted((ROOT / "data" / "published").glob("*.*"))
+PUBLISHED = sorted((PROJECT_ROOT / "data" / "published").glob("*.*"))
 TEXT_CODE = code(
     "book", "facts", "figure_sets", "ledger", "planning", "plotting", "templates.py", "web"
 )
@@ -70,9 +80,11 @@ def task_notebook() -> Iterator[dict[str, Any]]:
 
 def task_assets() -> Iterator[dict[str, Any]]:
     """Install MathJax and MiniSearch from the lock of npm."""
-    needs = [ROOT / "package-lock.json", ROOT / "package.json"]
-    made = [ROOT / "build" / "assets" / name for name in PACKAGES]
-    yield step("MathJax and MiniSearch", lambda: rendering.install_assets(ROOT), needs, made)
+    needs = [PROJECT_ROOT / "package-lock.json", PROJECT_ROOT / "package.json"]
+    made = [PROJECT_ROOT / "build" / "assets" / name for name in NPM_PACKAGES]
+    yield step(
+        "MathJax and MiniSearch", lambda: rendering.install_assets(PROJECT_ROOT), needs, made
+    )
 
 
 def task_piece() -> Iterator[dict[str, Any]]:
@@ -85,10 +97,10 @@ def task_piece() -> Iterator[dict[str, Any]]:
 
     def write(names: list[str], but: str = "") -> None:
         made = cubes(name for name in STUDIES if name != but)
-        texts.write(made, EXECUTED, build.without_cubes(), names)
+        texts.write(made, EXECUTED_FOLDER, build.without_cubes(), names)
 
     def included(*names: str) -> list[Any]:
-        return [EXECUTED / f"{name}.md" for name in names]
+        return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
     yield step(
         "numbers", lambda: write(numbers, "claims"), [*others, *PUBLISHED, *TEXT_CODE],
@@ -98,62 +110,70 @@ def task_piece() -> Iterator[dict[str, Any]]:
         "numbers of the ledger", lambda: write(ledger), [*NOTEBOOKS, *TEXT_CODE], included(*ledger)
     )
     yield step(
-        "figure of the conclusions", lambda: summary_figure.write(cubes(), EXECUTED),
-        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED / summary_figure.NAME],
+        "figure of the conclusions", lambda: summary_figure.write(cubes(), EXECUTED_FOLDER),
+        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / summary_figure.FIGURE_FILE],
     )  # fmt: skip
     yield step(
-        "figures of notebooks", lambda: shown.write(figures, NOTEBOOKS, EXECUTED),
+        "figures of notebooks", lambda: shown.write(figures, NOTEBOOKS, EXECUTED_FOLDER),
         [*NOTEBOOKS, *PAGES, *code("book/pieces", "templates.py")],
-        [EXECUTED / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
+        [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
     yield step(
-        "walk through chapter 5", lambda: walk.write_all(EXECUTED),
+        "walk through chapter 5", lambda: walk.write_all(EXECUTED_FOLDER),
         [data, *code("figure_sets/experiment", "laboratory", "measure", "plotting")],
-        [*map(EXECUTED.joinpath, map(walk.file_name, walk.PICTURES)), *included(*walk.TEXT_VALUES)],
+        [
+            *map(EXECUTED_FOLDER.joinpath, map(walk.file_name, walk.WALK_FIGURES)),
+            *included(*walk.TEXT_VALUES),
+        ],
     )  # fmt: skip
     yield step(
-        "reference of own recordings", lambda: reference.write(EXECUTED),
+        "reference of own recordings", lambda: reference.write(EXECUTED_FOLDER),
         [*PUBLISHED, *code("book/pieces", "laboratory", "measure", "planning", "templates.py")],
         included(*reference.PIECES),
     )  # fmt: skip
     yield step(
-        "sample report", lambda: sample.write(EXECUTED),
+        "sample report", lambda: sample.write(EXECUTED_FOLDER),
         [
             measured_sample.path(),
             *code("book/sample.py", "laboratory", "measure", "plotting", "web"),
         ],
-        [EXECUTED / name for name in sample.NAMES],
+        [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
     writers = (thesis_index, assumptions, conformance)
     yield step(
-        "index, assumptions and conformance", lambda: [one.write(EXECUTED) for one in writers],
+        "index, assumptions and conformance",
+        lambda: [one.write(EXECUTED_FOLDER) for one in writers],
         [*PAGES, *PUBLISHED, *library_files()],
         included(*(piece for one in writers for piece in one.PIECES)),
     )  # fmt: skip
     yield step(
-        "explorer, form and demonstrations", lambda: demos.write(EXECUTED),
-        [*PUBLISHED, *TEXT_CODE], [EXECUTED / f"{name}.html" for name in demos.PAGES],
+        "explorer, form and demonstrations", lambda: demos.write(EXECUTED_FOLDER),
+        [*PUBLISHED, *TEXT_CODE], [EXECUTED_FOLDER / f"{name}.html" for name in demos.DEMO_PAGES],
     )  # fmt: skip
 
 
 def task_figures() -> Iterator[dict[str, Any]]:
     """Draw the figures of chapters, and write the numbers of each cube to download."""
     for name in (*STUDIES, "facts"):
-        drawn = [one for one in illustrations.NAMES if illustrations.cube_of(one) == name]
+        drawn = [one for one in illustrations.FIGURE_NAMES if illustrations.cube_of(one) == name]
 
         def act(name: str = name, drawn: list[str] = drawn) -> None:
-            illustrations.write(cubes([name]), EXECUTED, drawn)
-            downloads.write_tables(build.TABLES, cubes([name]))
+            illustrations.write(cubes([name]), EXECUTED_FOLDER, drawn)
+            downloads.write_tables(build.TABLES_FOLDER, cubes([name]))
 
         of = code("planning", "vision") if name == "facts" else [result_files(name)[0]]
         needs = [*of, *code("book/pieces", "facts", "figure_sets", "plotting")]
-        yield step(f"figures and numbers of {name}", act, needs, [EXECUTED / one for one in drawn])
+        yield step(
+            f"figures and numbers of {name}", act, needs, [EXECUTED_FOLDER / one for one in drawn]
+        )
 
 
 def task_pages() -> dict[str, Any]:
     """Render the pages, and pack them as one file."""
-    needs = [*PAGES, *NOTEBOOKS, *library_files(), ROOT / "_config.yml"]
-    task = step("pages", build.render_pages, needs, [HTML / "index.html", build.ARCHIVE])
+    needs = [*PAGES, *NOTEBOOKS, *library_files(), PROJECT_ROOT / "_config.yml"]
+    task = step(
+        "pages", build.render_pages, needs, [HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
+    )
     return {key: value for key, value in task.items() if key != "name"} | {
         "task_dep": DOIT_CONFIG["default_tasks"][:-1]
     }

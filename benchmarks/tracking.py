@@ -107,7 +107,7 @@ def follower(f: Filmed) -> Callable[[], Array]:
 def _pyramid(f: Filmed) -> Callable[[], Array]:
     """OpenCV's pyramidal Lucas–Kanade, from the first frame to each, begun where it was before."""
     first = f.first
-    start = (first.T - lens.HALF).astype(np.float32)[:, None]
+    start = (first.T - lens.HALF_PIXEL).astype(np.float32)[:, None]
 
     def follow() -> Array:
         found: list[Array] = []
@@ -117,7 +117,7 @@ def _pyramid(f: Filmed) -> Callable[[], Array]:
                 f.frames[0], frame, start, places.copy(), winSize=(21, 21),
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
-            found.append(np.where(seen.ravel() > 0, places[:, 0].T, np.nan) + lens.HALF)
+            found.append(np.where(seen.ravel() > 0, places[:, 0].T, np.nan) + lens.HALF_PIXEL)
         return np.array(found, float)
 
     return follow
@@ -131,7 +131,7 @@ def _pyidi(window: tuple[int, int]) -> Prepare:
         numba.set_num_threads(1)
         first = f.first
         method = LucasKanade(VideoReader(np.array(f.frames), root=tempfile.mkdtemp()))
-        method.set_points((first - lens.HALF)[::-1].T)
+        method.set_points((first - lens.HALF_PIXEL)[::-1].T)
         method.configure(roi_size=window, verbose=0, show_pbar=False)
 
         def follow() -> Array:

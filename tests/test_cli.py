@@ -20,7 +20,7 @@ import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe
 
@@ -74,7 +74,7 @@ def test_list_names_sets_and_chapters():
         number = len(model().settings())
         assert (f" {number} settings" in line) == (number > 0)
         assert line.endswith(model.title)
-    for chapter, names in CHAPTERS.items():
+    for chapter, names in CHAPTER_SETS.items():
         line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
 
@@ -92,7 +92,7 @@ def test_list_reads_nothing_that_computes_or_draws():
 def test_list_of_a_set_or_chapter_shows_every_parameter(name):
     done = thesis("list", name)
     assert (done.status, done.err) == (0, "")
-    for set_ in CHAPTERS.get(name, [name]):
+    for set_ in CHAPTER_SETS.get(name, [name]):
         shown = done.out.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
         for row in describe(STUDIES[set_]):
             first, second = (f"{row['name']} = {row['default']}", row["allowed"])
@@ -292,7 +292,7 @@ def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
     chapter = ["run", "ch3", "-p", "trials=2", "-p", "focal_length_mm=35", "--out", "out"]
     done = checkout.thesis(*chapter, cwd=tmp_path, timeout=280)
     assert done.returncode == 0, done.stderr
-    names = CHAPTERS["ch3"]
+    names = CHAPTER_SETS["ch3"]
     assert files(tmp_path / "out") == sorted(
         [*(f"{name}.{kind}" for name in names for kind in KINDS), "index.html"]
     )

@@ -10,7 +10,7 @@ from command import refusal, thesis
 
 from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.outputs import (
-    RECORD,
+    RECORD_NAME,
     OutputError,
     check_cache,
     check_outputs,
@@ -167,7 +167,7 @@ def test_what_stands_in_the_way_is_refused_and_nothing_is_moved(part, tmp_path, 
     elif mine == "a folder":
         (out / "b").mkdir()
     elif mine == "a record":
-        (out / RECORD).write_bytes(MINE)
+        (out / RECORD_NAME).write_bytes(MINE)
     else:
         (out / "b").symlink_to(elsewhere)
         if mine == "a link":

@@ -49,7 +49,7 @@ def test_a_key_twice_is_refused_at_any_depth(given_json):
 def test_a_message_is_one_short_line_that_acts_on_nothing(said):
     shown = text.message(said)
     assert shown.isprintable()
-    assert len(shown) <= text.LONGEST
+    assert len(shown) <= text.MAX_MESSAGE_LENGTH
     assert len(text.one_line(said)) <= 60
 
 

@@ -10,13 +10,13 @@ import click
 
 from thesis_lib.text import message, visible
 
-QUIET = "THESIS_QUIET"
+QUIET_VARIABLE = "THESIS_QUIET"
 """Set in the environment of kernels, whose standard error would be an output of the notebook."""
 
 
 def aside(text: str) -> None:
     """Write one line on standard error, but not in a notebook's kernel, where it is output."""
-    if QUIET not in os.environ:
+    if QUIET_VARIABLE not in os.environ:
         say(message(text))
 
 

@@ -14,11 +14,13 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-_SHIPPED = "_project"  # what of the project a wheel has beside the library
-STAGING = ".staging-"
-LOCK = ".lock"
+_SHIPPED_FOLDER = "_project"  # what of the project a wheel has beside the library
+STAGING_PREFIX = ".staging-"
+LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
-_CACHE = "THESIS_CACHE"  # in the environment: the cache of a command that cannot write its own
+_CACHE_VARIABLE = (
+    "THESIS_CACHE"  # in the environment: the cache of a command that cannot write its own
+)
 
 
 class InUseError(RuntimeError):
@@ -34,7 +36,7 @@ def shipped() -> Path:
 
     The checkout; of a library that was installed without one, a folder in its package.
     """
-    inside = Path(__file__).with_name(_SHIPPED)
+    inside = Path(__file__).with_name(_SHIPPED_FOLDER)
     return inside if inside.is_dir() else inside.parents[2]
 
 
@@ -73,7 +75,7 @@ def cache_folder() -> Path:
     Where ``build/cache`` cannot be written to, as in a checkout of somebody else's, a command and
     the processes that it starts share a folder that is removed when the command ends.
     """
-    if _CACHE not in os.environ:
+    if _CACHE_VARIABLE not in os.environ:
         folder = workplace() / "build" / "cache"
         there = next(place for place in (folder, *folder.parents) if os.path.lexists(place))
         if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
@@ -81,8 +83,8 @@ def cache_folder() -> Path:
         own = Path(tempfile.mkdtemp(prefix="thesis-cache-"))
         _temporary.add(own)
         atexit.register(remove_temporary)
-        os.environ[_CACHE] = str(own)
-    return Path(os.environ[_CACHE])
+        os.environ[_CACHE_VARIABLE] = str(own)
+    return Path(os.environ[_CACHE_VARIABLE])
 
 
 def library_files() -> list[Path]:
@@ -105,7 +107,9 @@ def folder_files(places: Iterable[Path]) -> list[Path]:
         inside = place.rglob("*") if place.is_dir() else [place]
         for path in inside:
             parts = path.relative_to(place).parts
-            compiled = path.suffix == ".pyc" or not {"__pycache__", _SHIPPED}.isdisjoint(parts)
+            compiled = path.suffix == ".pyc" or not {"__pycache__", _SHIPPED_FOLDER}.isdisjoint(
+                parts
+            )
             if path.is_file() and not compiled:
                 found.add(path)
     return sorted(found)
@@ -163,7 +167,7 @@ def whole_text(path: Path, text: str) -> None:
 def staging(folder: Path) -> Iterator[Path]:
     """Give an empty folder inside `folder` to write in, which is removed at the end."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = Path(tempfile.mkdtemp(prefix=STAGING, dir=folder))
+    path = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=folder))
     _temporary.add(path)
     try:
         yield path
@@ -189,7 +193,7 @@ def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
         If another command does, and this one shall not wait for it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(folder / LOCK, thread_local=False, is_singleton=True)
+    lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
     try:
         lock.acquire(timeout=-1 if wait else 0)
     except Timeout:
@@ -202,5 +206,5 @@ def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
     finally:
         if lock.lock_counter == 1:  # whoever waits for the removed file makes a new one
             with contextlib.suppress(OSError):
-                (folder / LOCK).unlink()
+                (folder / LOCK_NAME).unlink()
         lock.release()

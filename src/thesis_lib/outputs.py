@@ -1,6 +1,7 @@
 """Files that a command writes for a user: never in place of one that it did not write itself.
 
-A folder of results holds a record, :data:`RECORD`, of the digests of all that commands wrote there.
+A folder of results holds a record, :data:`RECORD_NAME`, of the digests of all that commands wrote
+there.
 A file that is not in it is the user's: the command refuses to replace it. One that is in it and has
 been edited since is kept beside, under another name.
 """
@@ -18,9 +19,9 @@ from thesis_lib.asides import aside
 from thesis_lib.files import only_command, sha256, whole_text
 from thesis_lib.text import has_hidden, one_line
 
-RECORD = ".written.json"
+RECORD_NAME = ".written.json"
 CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
-_ALONE = threading.Lock()  # a lock of a folder keeps out other processes, not threads
+_THREAD_LOCK = threading.Lock()  # a lock of a folder keeps out other processes, not threads
 _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_lib\n"
 
 
@@ -83,13 +84,13 @@ def put_files(part: Path, folder: Path) -> None:
     """
     found = [path for path in sorted(part.rglob("*")) if path.is_file()]
     names = [path.relative_to(part).as_posix() for path in found]
-    with _ALONE, only_command(folder, wait=True):
+    with _THREAD_LOCK, only_command(folder, wait=True):
         check_outputs(folder, [folder / name for name in names])
         record = dict(_read_record(folder))
         for name in names:  # what is there, too: a kill may come before it is replaced
             there = {sha256(folder / name)} & {*record.get(name, [])}
             record[name] = [*there, sha256(part / name)]
-        whole_text(folder / RECORD, json.dumps({"thesis_lib": record}, indent=1) + "\n")
+        whole_text(folder / RECORD_NAME, json.dumps({"thesis_lib": record}, indent=1) + "\n")
         for name in names:
             file = folder / name
             if os.path.lexists(file) and (file.is_symlink() or sha256(file) not in record[name]):
@@ -133,7 +134,7 @@ def _set_aside(file: Path) -> None:
 
 def _read_record(folder: Path) -> Mapping[str, list[str]]:
     """Return the digests of each file that commands wrote into a folder, by its name there."""
-    path = folder / RECORD
+    path = folder / RECORD_NAME
     if not os.path.lexists(path):
         return {}
     try:

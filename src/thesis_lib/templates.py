@@ -18,9 +18,11 @@ from thesis_lib.studies.cubes import band_text, percent_text
 from thesis_lib.text import duration
 from thesis_lib.web import markdown
 
-FOLDER = "templates"
+TEMPLATE_FOLDER = "templates"
 # Spaces and dashes at which a line does not end.
-_UNBROKEN = str.maketrans({" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"})
+_UNBROKEN_CHARACTERS = str.maketrans(
+    {" ": "\N{NO-BREAK SPACE}", "–": "\N{WORD JOINER}–\N{WORD JOINER}"}
+)
 
 
 def render(module_file: str | Path, name: str, /, **values: Any) -> str:
@@ -41,7 +43,9 @@ def render(module_file: str | Path, name: str, /, **values: Any) -> str:
         Markdown, or what else the template holds.
     """
     file = name if Path(name).suffix in (".md", ".svg", ".html", ".json") else f"{name}.md"
-    return _environment(Path(module_file).parent / FOLDER).get_template(file).render(**values)
+    return (
+        _environment(Path(module_file).parent / TEMPLATE_FOLDER).get_template(file).render(**values)
+    )
 
 
 @cache
@@ -63,7 +67,7 @@ def _environment(folder: Path) -> jinja2.Environment:
         "minus": lambda text: text.replace("-", "−"),
         "signed": format_signed,
         "spread": format_spread,
-        "unbroken": lambda text: text.translate(_UNBROKEN),
+        "unbroken": lambda text: text.translate(_UNBROKEN_CHARACTERS),
         "words": join_words,
         "plain": lambda text: markdown.escape(str(text)),
         "table": format_table,

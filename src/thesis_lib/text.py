@@ -6,8 +6,16 @@ import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
-HIDDEN = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}  # Unicode's categories of what has no glyph
-LONGEST = 400  # characters of a message
+HIDDEN_CATEGORIES = {
+    "Cc",
+    "Cf",
+    "Cn",
+    "Co",
+    "Cs",
+    "Zl",
+    "Zp",
+}  # Unicode's categories of what has no glyph
+MAX_MESSAGE_LENGTH = 400  # characters of a message
 
 
 def has_hidden(text: str) -> bool:
@@ -18,7 +26,7 @@ def has_hidden(text: str) -> bool:
     >>> has_hidden("plain"), has_hidden("a" + chr(0x202E) + "b"), has_hidden("a" + chr(0) + "b")
     (False, True, True)
     """
-    return any(unicodedata.category(one) in HIDDEN for one in text)
+    return any(unicodedata.category(one) in HIDDEN_CATEGORIES for one in text)
 
 
 def visible(text: str) -> str:
@@ -47,15 +55,19 @@ def duration(seconds: float) -> str:
 def listed(names: Iterable[str], command: str) -> str:
     """All names there are, or the command that shows them where a message has no room for them."""
     all_ = ", ".join(names)
-    return f"there are {all_}" if len(all_) <= LONGEST - 100 else f"`{command}` names them all"
+    return (
+        f"there are {all_}"
+        if len(all_) <= MAX_MESSAGE_LENGTH - 100
+        else f"`{command}` names them all"
+    )
 
 
 def message(text: str) -> str:
-    """Shorten a message to a line of :data:`LONGEST` characters; its end says how to go on."""
+    """Shorten a message to a line of :data:`MAX_MESSAGE_LENGTH` characters; keep its end."""
     text = visible(text.strip())
-    if len(text) <= LONGEST:
+    if len(text) <= MAX_MESSAGE_LENGTH:
         return text
-    half = (LONGEST - 5) // 2
+    half = (MAX_MESSAGE_LENGTH - 5) // 2
     return f"{text[:half]} ... {text[-half:]}"
 
 

@@ -9,7 +9,7 @@ from command import thesis
 from thesis_lib.book.pieces import benchmarks, filming
 from thesis_lib.measure.feasibility.assess import assess
 from thesis_lib.measure.feasibility.draft import draft_manifest
-from thesis_lib.measure.messages import LIMIT
+from thesis_lib.measure.messages import CHECK_LIMITS
 
 
 def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
@@ -23,19 +23,21 @@ def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
 
 
 def test_the_rule_is_the_limit_that_the_check_warns_of():
-    assert LIMIT["small-motion"] == 0.5
+    assert CHECK_LIMITS["small-motion"] == 0.5
     text = filming.state_rule()
     assert "half a pixel is the least" in text
     row = next(line for line in text.splitlines() if line.startswith("| as a phone"))
-    at_one = 100 * filming.film_error_px(filming.COMPRESSED)
+    at_one = 100 * filming.film_error_px(filming.COMPRESSED_NAME)
     assert f"{at_one:.1f} %" in row
     assert f"{at_one / 0.5:.0f} %" in row
-    assert 10 * filming.film_error_px(filming.LOSSLESS) < filming.film_error_px(filming.COMPRESSED)
+    assert 10 * filming.film_error_px(filming.LOSSLESS_NAME) < filming.film_error_px(
+        filming.COMPRESSED_NAME
+    )
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    moved = min(row.motion_px for row in assess(draft_manifest(filming.PLATE)).table)
-    share = benchmarks.format_share(filming.film_error_px(filming.COMPRESSED) / moved)
+    moved = min(row.motion_px for row in assess(draft_manifest(filming.EXAMPLE_PLATE)).table)
+    share = benchmarks.format_share(filming.film_error_px(filming.COMPRESSED_NAME) / moved)
     line = next(
         line for line in filming.answer_for_plate().splitlines() if line.startswith("| full HD")
     )
@@ -48,6 +50,6 @@ def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
      (2.0, "will do in full HD (2.2 %) and 4K (1.1 %).**")],
 )  # fmt: skip
 def test_the_verdict_turns_with_the_deflection(monkeypatch, deflection, verdict):
-    plate = filming.PLATE | {"excitation.amplitude_mm": deflection}
-    monkeypatch.setattr(filming, "PLATE", plate)
+    plate = filming.EXAMPLE_PLATE | {"excitation.amplitude_mm": deflection}
+    monkeypatch.setattr(filming, "EXAMPLE_PLATE", plate)
     assert verdict in filming.answer_for_plate()

@@ -13,7 +13,7 @@ from benchmarks import compression, limits, peers, publish, rayleigh, tracking
 from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import write as pieces_write
-from thesis_lib.measure.messages import LIMIT
+from thesis_lib.measure.messages import CHECK_LIMITS
 
 OPERATIONS = """
 import numpy as np
@@ -36,7 +36,7 @@ def counted(shape):
     values = np.random.default_rng(0).uniform(1, 2, shape)
     return np.vectorize(Counted, otypes=[object])(values)
 
-n, B = 3, compiled.BLOCK
+n, B = 3, compiled.BLOCK_POINTS
 P, images, block = counted((n, 3, 4)), counted(2 * n * B), counted(13 * B)
 for work in (
     lambda: compiled._add_linear(P, counted((2, n, 1)), counted((n, 2, B)), images, block),
@@ -160,7 +160,7 @@ def left(motion_px, film):
 
 
 def test_the_warning_of_small_motion_comes_where_a_phones_film_takes_a_tenth():
-    least = LIMIT["small-motion"]
+    least = CHECK_LIMITS["small-motion"]
     assert 0.05 < left(least, "H.264, crf 23") < 0.1 < left(least, "H.264, crf 28") < 0.12
     assert left(least / 10, "lossless") < 0.1  # as its remedy says
     rows = benchmark_tables.read()["compression"]["rows"]

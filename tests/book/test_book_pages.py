@@ -29,7 +29,7 @@ BOOK = Path(__file__).parents[2] / "build" / "html"
 PAGES = sorted(
     path.relative_to(BOOK).as_posix()
     for path in {*BOOK.rglob("*.html")}
-    - {BOOK / sample.PAGE}  # a report as users get it, no page: test_sample.py looks at it
+    - {BOOK / sample.SAMPLE_PAGE}  # a report as users get it, no page: test_sample.py looks at it
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
 _LIBRARY = [name for name in PAGES if name.startswith("api/")]

@@ -197,9 +197,9 @@ def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_pat
     assert axes[0].xaxis_inverted()
     assert not axes[4].xaxis_inverted()
     conclusions_figure.write(paths, tmp_path)
-    first = (tmp_path / conclusions_figure.NAME).read_bytes()
+    first = (tmp_path / conclusions_figure.FIGURE_FILE).read_bytes()
     conclusions_figure.write(paths, tmp_path)
-    assert (tmp_path / conclusions_figure.NAME).read_bytes() == first
+    assert (tmp_path / conclusions_figure.FIGURE_FILE).read_bytes() == first
     assert re.search(rb"<svg[^>]*viewBox", first)
 
 

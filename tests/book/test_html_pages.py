@@ -88,7 +88,7 @@ def test_pages_share_the_programs_and_styles_of_viewers(chromium: Any, tmp_path:
             assert shown.all_inner_texts() == ["one", "other"][-len(fragments) :]
             assert shown.last.evaluate("e => getComputedStyle(e).color") == "rgb(1, 2, 3)"
             assert opened.trouble == []
-    files = (tmp_path / html_pages.VIEWERS).iterdir()
+    files = (tmp_path / html_pages.VIEWERS_FOLDER).iterdir()
     assert sorted(file.suffix for file in files) == [".css", ".js"]
 
 

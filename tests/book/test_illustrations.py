@@ -27,7 +27,7 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
     pages = "".join(map(page, (*CHAPTERS, "equal-pixels")))
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
-    assert set(shown) - {*sample.NAMES} == set(illustrations.NAMES)
+    assert set(shown) - {*sample.SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
 
 
 @pytest.mark.parametrize("name", CHAPTERS)

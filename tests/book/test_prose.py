@@ -114,7 +114,7 @@ def test_the_pieces_of_the_ledger_are_those_that_read_its_cube():
     assert found == {*pieces_write.OF_LEDGER}
 
 
-RESULTS = {*findings.RESULTS} - {"conclusions-result"}  # sentences; that one is a table
+RESULTS = {*findings.RESULT_PIECES} - {"conclusions-result"}  # sentences; that one is a table
 SENTENCES = {"lab-radiation-sentences"}
 # Sentences, and a piece of small cubes with drawn trials.
 NO_ROWS = {*RESULTS, *SENTENCES, "beam-cameras", "lab-repeats"}

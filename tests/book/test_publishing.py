@@ -29,7 +29,7 @@ def whole(small):
     done = make(small)
     assert done.returncode == 0, done.stdout + done.stderr
     copy = shutil.copytree(small.root / "build" / "html", small.root / "whole")
-    shutil.copy(small.root / "build" / f"{downloads.ARCHIVE}.zip", small.root)
+    shutil.copy(small.root / "build" / f"{downloads.ARCHIVE_NAME}.zip", small.root)
     return copy
 
 
@@ -65,8 +65,8 @@ def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
 def test_research_object_reads_back_and_tells_every_run(whole):
     found = ROCrate(whole)
     root = found.root_dataset
-    assert root["conformsTo"].id == crate.PROFILE
-    assert root["license"].id == crate.LICENSE
+    assert root["conformsTo"].id == crate.CRATE_PROFILE
+    assert root["license"].id == crate.LICENSE_ADDRESS
     assert re.match(r"20\d\d-", str(root["datePublished"]))
     actions = root["mentions"]
     assert {action.id for action in actions} == {f"#run-{name}" for name in (GOOD, BAD)}
@@ -87,7 +87,7 @@ def test_research_object_reads_back_and_tells_every_run(whole):
             assert (whole / entity.id).is_file()
             if entity.id.endswith(".nc"):
                 assert entity["sha256"] == sha256(whole / entity.id)
-    document = json.loads((whole / crate.NAME).read_text(encoding="utf-8"))
+    document = json.loads((whole / crate.CRATE_NAME).read_text(encoding="utf-8"))
     described = {entity["@id"] for entity in document["@graph"]}
     for entity in document["@graph"]:  # whatever is referred to is described
         for value in entity.values():
@@ -98,7 +98,7 @@ def test_research_object_reads_back_and_tells_every_run(whole):
 
 @pytest.mark.book
 def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
-    made = small.root / f"{downloads.ARCHIVE}.zip"
+    made = small.root / f"{downloads.ARCHIVE_NAME}.zip"
     again = tmp_path / "again.zip"
     downloads.pack_book(whole, again)
     assert again.read_bytes() == made.read_bytes()
@@ -106,9 +106,9 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
         names = packed.namelist()
         assert names == sorted(names)
         assert len({entry.date_time for entry in packed.infolist()}) == 1
-        assert f"{downloads.ARCHIVE}/index.html" in names
-        assert f"{downloads.ARCHIVE}/{crate.NAME}" in names
-        inside = packed.read(f"{downloads.ARCHIVE}/data/{GOOD}.nc")
+        assert f"{downloads.ARCHIVE_NAME}/index.html" in names
+        assert f"{downloads.ARCHIVE_NAME}/{crate.CRATE_NAME}" in names
+        inside = packed.read(f"{downloads.ARCHIVE_NAME}/data/{GOOD}.nc")
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
@@ -140,7 +140,7 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     book = small.root / "build" / "html"
     assert failed.returncode == 1
     last = failed.stderr.strip().splitlines()[-2:]
-    assert last[0].startswith(f"{BAD}: cell ")
+    assert last[0].startswith(f"thesis: {BAD}: cell ")
     assert last[1] == f"the book without these is {book / 'index.html'}"
     text = page(book, BAD)
     assert "<title>Distance" in text

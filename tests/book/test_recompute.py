@@ -19,7 +19,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.in_page import COMPUTED
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.notebook import show
 from thesis_lib.runs.requested import assigned_values
@@ -229,7 +229,7 @@ def held_at_random(
 ) -> None:
     rng, times = random.Random(seed), []
     with open_offline(chromium, form) as opened:
-        for name in COMPUTED * requests_of_each:
+        for name in COMPUTED_SETS * requests_of_each:
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
             times.append(opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
@@ -252,7 +252,7 @@ def test_a_hundred_random_requests_are_what_the_library_makes_of_them(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COMPUTED)
+@pytest.mark.parametrize("name", COMPUTED_SETS)
 def test_the_published_run_comes_out_and_stands_behind(
     conforms: Any, chromium: Browser, form: Path, name: str
 ) -> None:
@@ -503,8 +503,8 @@ def test_everything_by_keyboard(chromium: Browser, distance: Path) -> None:
 
 def test_the_settings_are_those_of_the_facts() -> None:
     """What the page's settings are made from, against what the library makes them from."""
-    assert set(COMPUTED) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
+    assert set(COMPUTED_SETS) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
         "distance", "aperture", "resolution", "arrays")}  # fmt: skip
     facts = demos.form_data()["here"]
     assert facts["pairs"] == setups.pairs()
-    assert set(facts["sets"]) == set(COMPUTED)
+    assert set(facts["sets"]) == set(COMPUTED_SETS)

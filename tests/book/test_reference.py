@@ -15,7 +15,7 @@ from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.messages import CHECKS, MESSAGES, NEW, NOTES
+from thesis_lib.measure.messages import ALL_MESSAGES, CHECK_GROUPS, NEW_MESSAGES, NOTE_GROUPS
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.studies import fields
@@ -106,15 +106,15 @@ def made():
         for node in nodes(path):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("make_note", "_warn"):
                 texts = [one.value for one in node.args if isinstance(one, ast.Constant)]
-                variant = texts[-1] if len(texts) > 1 and texts[-1] not in MESSAGES else ""
+                variant = texts[-1] if len(texts) > 1 and texts[-1] not in ALL_MESSAGES else ""
                 names = {one.arg for one in node.keywords}
                 if texts and None not in names:
                     yield texts[0], variant, names
 
 
-@pytest.mark.parametrize("part", reference.PARTS)
+@pytest.mark.parametrize("part", reference.MANIFEST_PARTS)
 def test_every_field_is_told_with_its_default(part):
-    model = reference.PARTS[part]
+    model = reference.MANIFEST_PARTS[part]
     listed = dict(terms(reference.list_fields(part)))
     names = {re.match(r"`(\w+)` · ", term).group(1): term for term in listed}
     assert list(names) == list(model.model_fields)
@@ -126,7 +126,7 @@ def test_every_field_is_told_with_its_default(part):
 
 def test_defaults_are_those_that_an_empty_manifest_gets():
     for part in ("structure", "markers", "board", "excitation"):
-        made = reference.PARTS[part]().model_dump(mode="json")
+        made = reference.MANIFEST_PARTS[part]().model_dump(mode="json")
         for term, _ in terms(reference.list_fields(part)):
             name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
             if shown != "its fields below":
@@ -142,32 +142,34 @@ def test_every_part_that_a_manifest_holds_is_told():
         new = {fields._model_in(f.annotation) for one in new for f in one.model_fields.values()} - {
             None
         }
-    assert held == set(reference.PARTS.values())
+    assert held == set(reference.MANIFEST_PARTS.values())
 
 
 def test_messages_and_their_values_fit():
     told = list(made())
     assert len(told) > 50
     for code, variant, names in told:
-        message = MESSAGES[code]
+        message = ALL_MESSAGES[code]
         text = message.variants.get(variant, message.text)
         fields = {name for _, name, _, _ in Formatter().parse(text) if name} - {"limit"}
         assert fields <= names, code
     words = " ".join(path.read_text("utf-8") for path in (SOURCES / "measure").rglob("*.py"))
-    assert [code for code in MESSAGES if f'"{code}"' not in words] == []
+    assert [code for code in ALL_MESSAGES if f'"{code}"' not in words] == []
 
 
 def test_the_book_lists_every_message_once_with_meaning_limit_and_remedy():
     anchors = re.findall(r"\{#([\w-]+)\}", "".join(piece() for piece in reference.PIECES.values()))
-    assert sorted(anchors) == sorted(MESSAGES)
-    assert len(MESSAGES) == sum(map(len, [*NOTES.values(), *CHECKS.values()]))  # none twice
+    assert sorted(anchors) == sorted(ALL_MESSAGES)
+    assert len(ALL_MESSAGES) == sum(
+        map(len, [*NOTE_GROUPS.values(), *CHECK_GROUPS.values()])
+    )  # none twice
     listed = {
         re.match(r"\[`([\w-]+)`\]", term)[1]: (term, words)
         for name in reference.PIECES
         for term, words in terms(reference.PIECES[name]())
         if term.startswith("[`")
     }
-    for code, message in MESSAGES.items():
+    for code, message in ALL_MESSAGES.items():
         term, words = listed[code]
         assert message.meaning in words
         assert words.endswith(message.remedy)
@@ -181,7 +183,7 @@ def test_every_line_about_a_new_manifest_is_explained():
     texts = lines_of(folder / "template.py")
     begins = "missing: |not given, |passed over: |… plays at "
     said = [text for text in texts if re.match(begins, text)]
-    listed = [message.text for message in NEW.values()]
+    listed = [message.text for message in NEW_MESSAGES.values()]
     assert len(said) >= 5
     assert [text for text in said if not any(one in text for one in listed)] == []
     assert [one for one in listed if not any(one in text for text in said)] == []
@@ -242,8 +244,8 @@ def test_commands_on_the_page_exist():
 
 
 def test_what_the_page_says_of_fields_is_in_the_models():
-    fields = {name for model in reference.PARTS.values() for name in model.model_fields}
-    parts = set(reference.PARTS) | {"structure.markers"}
+    fields = {name for model in reference.MANIFEST_PARTS.values() for name in model.model_fields}
+    parts = set(reference.MANIFEST_PARTS) | {"structure.markers"}
     for name in re.findall(r"`([a-z]+_[a-z_]+)(?:: \w+)?`", PAGE):
         if name not in {"without_camera", "standard_error", "cameras_seen"}:  # of the results
             assert name in fields | parts, name
@@ -260,7 +262,7 @@ def test_pieces_have_no_gaps(name):
 def test_pieces_are_written_as_the_page_includes_them(tmp_path):
     reference.write(tmp_path)
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", PAGE))
-    of_sample = {Path(name).stem for name in sample.NAMES}
+    of_sample = {Path(name).stem for name in sample.SAMPLE_FILES}
     assert {path.stem for path in Path(tmp_path).glob("*.md")} == included - of_sample
 
 

@@ -17,8 +17,8 @@ from scenes.changes import CHANGES, OWN_CHANGES
 
 from thesis_lib.book import demos
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.in_page import COMPUTED
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, validate
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate
 from thesis_lib.notebook.form import form_data
 from thesis_lib.runs.requested import Refused, assigned_values, requests_of
 from thesis_lib.studies.fields import permitted
@@ -142,7 +142,7 @@ def typed(value: Any, rng: random.Random) -> str:
 def test_the_form_knows_every_parameter_in_the_models_words() -> None:
     data = form_data()
     assert list(data["sets"]) == list(STUDIES)
-    assert list(data["chapters"]) == list(CHAPTERS)
+    assert list(data["chapters"]) == list(CHAPTER_SETS)
     for name, study in STUDIES.items():
         rows = [row for row in describe(study) if row["name"] != "cube"]
         fields = [data["fields"][n] for n in data["sets"][name]["shown"]]
@@ -157,7 +157,7 @@ def test_the_form_knows_every_parameter_in_the_models_words() -> None:
 
 def test_a_chapter_offers_what_its_sets_agree_in() -> None:
     data = form_data()
-    for name, members in CHAPTERS.items():
+    for name, members in CHAPTER_SETS.items():
         chapter = data["chapters"][name]
         shown = [data["fields"][n]["name"] for n in chapter["shown"]]
         assert len(set(shown)) == len(shown)
@@ -277,11 +277,11 @@ def test_the_status_is_what_the_command_says_first(chromium: Browser, path: Path
 
 def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
-        names = [*STUDIES, *CHAPTERS]
+        names = [*STUDIES, *CHAPTER_SETS]
         for name, said in zip(names, fill(opened, *((name, {}) for name in names)), strict=True):
             assert said["problems"] == {}
             assert said["status"] == "As published, no parameter changed:"
-            sets = CHAPTERS.get(name, [name])
+            sets = CHAPTER_SETS.get(name, [name])
             mills = [f"papermill notebooks/{one}.ipynb {one}-out.ipynb" for one in sets]
             assert said["commands"] == [f"thesis run {name}", "\n".join(mills)]
         same = {"focal_length_mm": "24.0", "modes": "[1, 2, 3]", "principal_offset_px": "-0.0"}
@@ -340,7 +340,9 @@ def test_commands_say_what_the_form_holds(
         for (name, values), said in zip(cases, fill(opened, *texts), strict=True):
             assert said["problems"] == {}, values
             wanted = outcome(name, values)
-            if isinstance(wanted, str) and name in COMPUTED:  # the page knows these relations, too
+            if (
+                isinstance(wanted, str) and name in COMPUTED_SETS
+            ):  # the page knows these relations, too
                 assert said["status"] == f"thesis: {wanted}"
                 assert said["commands"] == []
                 continue
@@ -388,7 +390,7 @@ def test_a_chapters_command_reaches_each_set(
         words = shlex.split(line)
         assert words[:3] == ["thesis", "run", "ch3"]
         studies = requests_of(["ch3"], assigned_values(words[4::2]))
-        assert [one.name for one in studies] == CHAPTERS["ch3"]
+        assert [one.name for one in studies] == CHAPTER_SETS["ch3"]
         assert studies[0].request["distances_mm"] == [600, 900]
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
         for study, mill in zip(studies, mills.splitlines(), strict=True):

@@ -17,7 +17,7 @@ from browser import open_offline
 from thesis_lib import files
 from thesis_lib.book import sample
 from thesis_lib.figure_sets import sample as example
-from thesis_lib.measure.messages import MESSAGES
+from thesis_lib.measure.messages import ALL_MESSAGES
 from thesis_lib.measure.report.build import summarise_shape
 from thesis_lib.measure.report.warnings import check_shape
 
@@ -38,12 +38,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, begun = tmp_path_factory.mktemp("sample"), time.process_time()
     sample.write(folder)
     assert time.process_time() - begun < 10
-    return folder / sample.PAGE
+    return folder / sample.SAMPLE_PAGE
 
 
 def test_it_is_small_and_its_files_are_those_that_the_step_names(page: Path) -> None:
     assert page.stat().st_size < 1.5e6
-    assert {file.name for file in page.parent.iterdir()} == {*sample.NAMES}
+    assert {file.name for file in page.parent.iterdir()} == {*sample.SAMPLE_FILES}
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -84,7 +84,7 @@ def test_every_note_unfolds_into_its_meaning(
             assert not words.is_visible()
             item.locator("summary").click()
             assert words.is_visible()
-            assert words.inner_text() == MESSAGES[note.code].meaning.replace("`", "")
+            assert words.inner_text() == ALL_MESSAGES[note.code].meaning.replace("`", "")
 
 
 def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
@@ -106,6 +106,6 @@ def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:
 @pytest.mark.book
 @pytest.mark.skipif(not BOOK.is_dir(), reason="no book in build/html: render it first")
 def test_the_book_has_it_and_leads_to_it() -> None:
-    assert (BOOK / sample.PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert (BOOK / sample.SAMPLE_PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     guide = (BOOK / "recordings.html").read_text(encoding="utf-8")
-    assert len(re.findall(f'href="{sample.PAGE}"', guide)) >= 2
+    assert len(re.findall(f'href="{sample.SAMPLE_PAGE}"', guide)) >= 2

@@ -11,7 +11,7 @@ import pytest
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.lab_equal_pixels import figures as equal_pixels
-from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.figure_sets.planner.tables import coarse
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.plotting.selection import select
@@ -318,7 +318,7 @@ def test_errors_of_the_sound_are_a_tenth_of_those_of_the_shape():
 
 def test_planned_places_beat_the_best_of_the_thesis_most_with_few_cameras():
     plans = book("planner")
-    for body, question in THESIS.items():
+    for body, question in THESIS_QUESTIONS.items():
         own = plans.sel(structure=body)["thesis_expected"].min("thesis_case").values
         gain = coarse(plans, question)["expected_error"].values / own
         assert (gain < 1).all()
@@ -328,7 +328,7 @@ def test_planned_places_beat_the_best_of_the_thesis_most_with_few_cameras():
 def test_the_best_of_the_thesis_beats_plans_for_readable_markers_but_cannot_read_them():
     """The grey line of the planner's figure lies above the thesis's best in six of eight."""
     plans, worse = book("planner"), 0
-    for body in THESIS:
+    for body in THESIS_QUESTIONS:
         own = plans.sel(structure=body)
         read = coarse(plans, f"{body}: markers that can be read")["expected_error"].values
         worse += int((read > own["thesis_expected"].min("thesis_case").values).sum())

@@ -14,7 +14,7 @@ from scenes.laboratory import replicates
 
 from thesis_lib import files
 from thesis_lib.book.pieces import thesis_index
-from thesis_lib.book.pieces.thesis_index import CHAPTERS
+from thesis_lib.book.pieces.thesis_index import CHAPTER_FILES
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.experiment import compute as experiment_study
@@ -209,7 +209,7 @@ def test_every_item_is_in_one_table_of_its_chapter():
             elif line.startswith("| ") and cells[0] != "---":
                 assert len(cells) == 4
                 assert all(cells)
-                assert cells[0][0] in CHAPTERS[name.removeprefix("thesis-index-")]
+                assert cells[0][0] in CHAPTER_FILES[name.removeprefix("thesis-index-")]
                 found.append(f"{kind} {cells[0]}")
     assert sorted(found) == sorted(EXPECTED)
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from thesis_lib.facts import numbers as stated_numbers
 from thesis_lib.facts import setups
-from thesis_lib.facts.numbers import VALUES, read_numbers
+from thesis_lib.facts.numbers import CORRECT_VALUES, read_numbers
 from thesis_lib.vision.optics import angle_of_view
 
 NUMBERS = read_numbers()
@@ -65,7 +65,7 @@ def test_every_number_has_a_value():
 
 
 def test_no_value_is_without_its_number():
-    assert {number.value_of for number in NUMBERS} == set(VALUES)
+    assert {number.value_of for number in NUMBERS} == set(CORRECT_VALUES)
 
 
 def test_places_and_words_are_short():

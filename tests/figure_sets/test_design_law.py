@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER
+from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.plotting.style import svg
@@ -30,7 +30,7 @@ from thesis_lib.studies import comparison, cubes, storage
 from thesis_lib.studies.published import read_published
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import cone_law, estimators, rounding
-from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX, cone_cameras
+from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
 from thesis_lib.vision.estimators import exponent
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import covariance, triangulate
@@ -176,7 +176,7 @@ def test_motions_beyond_a_hundredth_of_the_distance_are_refused(form):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", design_study.PARTS)
+@pytest.mark.parametrize("part", design_study.CHAPTER_PARTS)
 @pytest.mark.parametrize("structure", ["beam", "plate"])
 def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
     study = validate("design-law", {})
@@ -200,9 +200,9 @@ def test_mean_over_amplitudes_is_that_of_many(conforms, displacement, least, mor
 
 
 def test_all_directions_are_alike_at_two_thirds(conforms):
-    conforms.closed_form(np.sin(ISOTROPIC) ** 2, 2 / 3, rtol=1e-6)
-    conforms.closed_form(np.degrees(ISOTROPIC), 54.7356, atol=1e-4)
-    sigmas = np.diag(cone_law.cone_covariance(1, 213, 5, float(ISOTROPIC)))
+    conforms.closed_form(np.sin(ISOTROPIC_ANGLE_RAD) ** 2, 2 / 3, rtol=1e-6)
+    conforms.closed_form(np.degrees(ISOTROPIC_ANGLE_RAD), 54.7356, atol=1e-4)
+    sigmas = np.diag(cone_law.cone_covariance(1, 213, 5, float(ISOTROPIC_ANGLE_RAD)))
     conforms.closed_form(sigmas, sigmas[0], rtol=1e-14)
     flat = np.diag(cone_law.cone_covariance(1, 213, 5, np.pi / 2))
     steep = np.diag(cone_law.cone_covariance(1, 213, 5, 1e-6))
@@ -354,7 +354,7 @@ def test_cone_of_the_cube(conforms, cube):
     conforms.sampled(np.mean(ratio, axis=0), 1, atol=0.03)
     x, z = (cube["cone_error"].sel(axis=axis).values for axis in "XZ")
     crossing = np.interp(0, x - z, cube["angle"].values)
-    conforms.closed_form(crossing, np.degrees(ISOTROPIC), atol=0.1)
+    conforms.closed_form(crossing, np.degrees(ISOTROPIC_ANGLE_RAD), atol=0.1)
 
 
 # (c) The findings.
@@ -391,7 +391,7 @@ def test_far_below_a_pixel_distance_and_resolution_are_worth_the_root(conforms, 
 
 def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
     many = np.zeros((3, 2001, 1))  # a marker at the centre, over ten pixels of motion
-    for finding in design_sweeps.FINDINGS:
+    for finding in design_sweeps.SWEPT_FINDINGS:
         for value in design_sweeps.swept("plate", finding)[::20]:
             rig = design_sweeps.rig(study, "plate", finding, float(value))
             noise = design_sweeps.noisy(rig.cameras(), np.zeros((3, 1)))
@@ -408,7 +408,7 @@ def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
 def test_averaged_law_is_that_of_draws_at_many_amplitudes(conforms, study, aperture):
     rig = design_sweeps.rig(study, "beam", "aperture", aperture).cameras()
     rest, *bent = np.moveaxis(design_sweeps.shapes(setups.beam(), 5.5e-3), 1, 0)
-    scale = np.linspace(*design_sweeps.AMPLITUDES, 64)
+    scale = np.linspace(*design_sweeps.AMPLITUDE_RANGE, 64)
     many = [rest + a * (one - rest) for one in bent for a in scale]
     points = np.stack([rest, *many], axis=1)
     found = np.sqrt(np.mean(drawn(rig, points, 7)[2] ** 2))
@@ -746,14 +746,14 @@ def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
     conforms.sampled(interval[0] / squares[0], above=1.0, below=1.15)
     conforms.sampled(interval[1] / centre[1], above=1.02, below=1.3)
     assert interval[1] < squares[1]  # and yet it gains over least squares
-    conforms.sampled(interval[2] / right[design_shares.NOISES.index(0.05), 2], above=1.3)
+    conforms.sampled(interval[2] / right[design_shares.NOISES_PX.index(0.05), 2], above=1.3)
     agree = found["feasible_fraction"][1]
     assert agree[1] == 1
     conforms.sampled(agree[2], 0.98**32, atol=0.12)  # every coordinate is one of 32 without outlier
 
 
 def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
-    noises = np.array(design_shares.NOISES)
+    noises = np.array(design_shares.NOISES_PX)
     conforms.closed_form(design_shares.halved(0.4 - noises), 0.2, atol=1e-12)
     conforms.closed_form(design_shares.halved(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12)
     assert np.isnan(design_shares.halved(0.01 - noises))  # next to no gain
@@ -767,7 +767,7 @@ def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
         rig = setting.cameras(24, 36)
         towards = np.array([-np.sin(np.radians(setting.directions_deg[0][0])),
                             -np.cos(np.radians(setting.directions_deg[0][0])), 0])  # fmt: skip
-        ends = MARKER / 2 * np.stack([-towards, towards], axis=1)
+        ends = MARKER_DIAMETER_M / 2 * np.stack([-towards, towards], axis=1)
         v = project(rig.P[:1], ends)[0, 1]
         conforms.closed_form(abs(v[1] - v[0]), height, rtol=0.01)
 
@@ -780,7 +780,7 @@ def test_the_tracker_follows_markers_from_that_height_on():
     for setting in lab.settings():
         focal = lab.focal_length_mm / lab.sensor_width_mm * setting.resolution_px[0]
         sine = np.sin(np.radians(setting.directions_deg[0][1]))
-        high = 1000 * MARKER * focal / setting.distance_mm * sine
+        high = 1000 * MARKER_DIAMETER_M * focal / setting.distance_mm * sine
         heights[setting.case, float(setting.value)] = high
     for _, row in published[published["error"] == "mean_error"].iterrows():
         if row["case"] != "middle-row":  # a row without neighbours is lost earlier
@@ -833,7 +833,7 @@ def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
 
 def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
     made = dither.dithered(DesignLaw.model_validate({"trials": 2}))
-    shake = dither.SHAKES
+    shake = dither.SHAKES_PX
     left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
     late = (shake > 0.3) & (shake < 0.8)
     assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)

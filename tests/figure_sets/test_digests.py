@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from thesis_lib.figure_sets.claims.figure_set import OTHER_READINGS, OWN_RUNS
-from thesis_lib.figure_sets.digests import PACKAGE, source_files
+from thesis_lib.figure_sets.digests import PACKAGE_FOLDER, source_files
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 
 PRODUCTS = {one.module: one for one in (*FIGURE_SETS.values(), OWN_RUNS, OTHER_READINGS)}
@@ -35,8 +35,8 @@ def test_what_computes_a_cube_is_in_the_folders_that_count(module):
         [sys.executable, "-c", LOADED, *modules], capture_output=True, text=True, check=True
     )
     counted = {str(path) for path in source_files(product)}
-    places = [PACKAGE / place for place in json.loads(done.stdout)]
-    inside = [place.relative_to(PACKAGE).parts for place in places]
+    places = [PACKAGE_FOLDER / place for place in json.loads(done.stdout)]
+    inside = [place.relative_to(PACKAGE_FOLDER).parts for place in places]
     missed = [
         parts for place, parts in zip(places, inside, strict=True)
         if str(place) not in counted and len(parts) > 1 and parts[0] not in INFRASTRUCTURE
@@ -49,4 +49,7 @@ def test_what_computes_a_cube_is_in_the_folders_that_count(module):
 def test_an_edit_of_one_figure_set_leaves_others_alone():
     cameras, planner = FIGURE_SETS["cameras"], FIGURE_SETS["planner"]
     own = set(source_files(planner)) - set(source_files(cameras))
-    assert {path.relative_to(PACKAGE).parts[0] for path in own} == {"figure_sets", "planning"}
+    assert {path.relative_to(PACKAGE_FOLDER).parts[0] for path in own} == {
+        "figure_sets",
+        "planning",
+    }

@@ -7,7 +7,7 @@ from scenes.equal_pixels import equal_pixels
 
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_equal_pixels import compute
-from thesis_lib.figure_sets.lab_equal_pixels.parameters import REPLICATES
+from thesis_lib.figure_sets.lab_equal_pixels.parameters import STORED_REPLICATES
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.zhang import CalibrationError
@@ -64,7 +64,10 @@ def test_what_says_nothing_is_refused_in_a_line(values, words):
 def test_fewer_replicates_are_taken_from_those_that_are_stored():
     assert study(trials=3).rendering == study().rendering
     assert compute.EXPERIMENT.load(study(trials=3)).sizes["replicate"] == 4
-    assert study(trials=REPLICATES + 1).wanted_replicates(REPLICATES) == REPLICATES + 2
+    assert (
+        study(trials=STORED_REPLICATES + 1).wanted_replicates(STORED_REPLICATES)
+        == STORED_REPLICATES + 2
+    )
 
 
 # The laws.

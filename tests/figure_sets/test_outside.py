@@ -28,7 +28,7 @@ BLOCKS = re.findall(r"```\{code-block\} python\n:caption: (.+)\n((?:.*\n)*?)```"
 @pytest.fixture
 def footprint(tmp_path, monkeypatch):
     """The folder that the page makes; nothing of it stays known."""
-    monkeypatch.setenv(outside.ENVIRONMENT, "")
+    monkeypatch.setenv(outside.SETS_VARIABLE, "")
     known = dict(registry.FIGURE_SETS), dict(registry.STUDIES)
     folder = tmp_path / "footprint"
     folder.mkdir()
@@ -47,7 +47,7 @@ def footprint(tmp_path, monkeypatch):
     for now, before in zip((registry.FIGURE_SETS, registry.STUDIES), known, strict=True):
         now.clear()
         now.update(before)
-    outside._PLACES.clear()
+    outside._LOADED_FOLDERS.clear()
     for name in [name for name in sys.modules if name.startswith("figure_set_")]:
         del sys.modules[name]
 
@@ -84,9 +84,9 @@ def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
 def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, monkeypatch):
     asked = ["run", footprint, "--out", tmp_path / "out"]
     assert thesis(*asked).status == 0
-    for known in (registry.FIGURE_SETS, registry.STUDIES, outside._PLACES):
+    for known in (registry.FIGURE_SETS, registry.STUDIES, outside._LOADED_FOLDERS):
         known.pop("footprint")
-    monkeypatch.setenv(outside.ENVIRONMENT, "")
+    monkeypatch.setenv(outside.SETS_VARIABLE, "")
     monkeypatch.chdir(tmp_path)
     cube = tmp_path / "out" / "footprint.nc"
     said = refusal(thesis("compare", cube))
@@ -95,7 +95,7 @@ def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, mo
     assert "for the folder here: thesis run ./footprint" in said
     monkeypatch.chdir(footprint)
     refusal(thesis("compare", cube))
-    monkeypatch.setenv(outside.ENVIRONMENT, str(footprint))
+    monkeypatch.setenv(outside.SETS_VARIABLE, str(footprint))
     assert thesis("compare", cube).status == 0
 
 

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
-from thesis_lib.book.pieces.manifest import PARTS
+from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit
@@ -490,7 +490,7 @@ def kinds(annotation: object) -> set[type]:
     return set().union(*map(kinds, inside))
 
 
-@pytest.mark.parametrize("model", [*STUDIES.values(), PlanRequest, *PARTS.values()])
+@pytest.mark.parametrize("model", [*STUDIES.values(), PlanRequest, *MANIFEST_PARTS.values()])
 def test_every_number_has_a_unit_or_is_declared_to_have_none(model):
     for name, info in model.model_fields.items():
         if float in kinds(info.annotation):

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.readings import ADOPTED, READINGS, Reading, assumptions
+from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading, assumptions
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -44,12 +44,12 @@ def run(*names, **draws):
 
 
 def test_the_adopted_reading_is_what_the_figure_sets_say(few):
-    made = readings.judge_interpretation(READINGS[ADOPTED], 0, TRIALS, {})
+    made = readings.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
     cubes = {name: cube_of(name) for name in FEW[:2]}
     cubes[FEW[2]] = sound.run(validate(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
     expected = [c for name in FEW for c in verdicts.check(cubes[name], claims.claims_of(name))]
     assert made == expected
-    assert {check.claim.chapter for check in made} == set(readings.CHAPTERS.values())
+    assert {check.claim.chapter for check in made} == set(readings.CHAPTER_OF_GROUP.values())
 
 
 def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch):
@@ -57,7 +57,7 @@ def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch
             "principal_offset_px": 0.0, "first_marker_mm": 11.5}  # fmt: skip
     monkeypatch.setitem(READINGS, "the same", Reading("the same", "nothing", same))
     made = run("the same")
-    assert made["reading"].values.tolist() == [ADOPTED, "the same"]
+    assert made["reading"].values.tolist() == [ADOPTED_READING, "the same"]
     assert not made["gained"].values.any()
     assert not made["lost"].values.any()
     one, other = (made.isel(reading=[i]).drop_vars("reading") for i in (0, 1))
@@ -66,7 +66,7 @@ def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch
 
 def test_counts_are_those_of_the_checks(few):
     made = run("rest known")
-    adopted = readings.judge_interpretation(READINGS[ADOPTED], 0, TRIALS, {})
+    adopted = readings.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
     met = {check.claim.id for check in adopted if check.inside}
     for name in made["reading"].values:
         found = readings.judge_interpretation(READINGS[str(name)], 0, TRIALS, {})
@@ -90,7 +90,7 @@ def test_readings_do_not_depend_on_each_other(monkeypatch):
     several = run("rest known", "20 mm lens", "1 N")
     for name in ("1 N", "rest known"):
         alone = run(name)
-        xr.testing.assert_identical(alone, several.sel(reading=[ADOPTED, name]))
+        xr.testing.assert_identical(alone, several.sel(reading=[ADOPTED_READING, name]))
 
 
 def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter():
@@ -101,7 +101,7 @@ def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter(
             request = validate(one, values)
             assert (request.digest == STUDIES[one]().digest) == (not values)
         assert name == reading.name
-        assert bool(reading.topic) == (name != ADOPTED)
+        assert bool(reading.topic) == (name != ADOPTED_READING)
 
 
 def test_topics_are_those_of_the_assumptions():
@@ -132,10 +132,10 @@ def test_unknown_readings_are_refused_with_all_names():
 
 def test_the_adopted_reading_is_always_run_once(monkeypatch):
     monkeypatch.setattr(readings, "CAMERA_STUDIES", {FEW[0]: STUDIES[FEW[0]]})
-    assert run()["reading"].values.tolist() == [ADOPTED]
-    assert run(ADOPTED)["reading"].values.tolist() == [ADOPTED]
-    made = run("rest known", ADOPTED)
-    assert made["reading"].values.tolist() == [ADOPTED, "rest known"]
+    assert run()["reading"].values.tolist() == [ADOPTED_READING]
+    assert run(ADOPTED_READING)["reading"].values.tolist() == [ADOPTED_READING]
+    made = run("rest known", ADOPTED_READING)
+    assert made["reading"].values.tolist() == [ADOPTED_READING, "rest known"]
     assert int(made["gained"][0]) == int(made["lost"][0]) == 0
 
 

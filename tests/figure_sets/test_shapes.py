@@ -28,7 +28,7 @@ ROWS, COLUMNS = 10, 15
 
 
 def made(name, **values):
-    request = validate(name, {**({} if name == shape_tables.PLATE else QUICK), **values})
+    request = validate(name, {**({} if name == shape_tables.PLATE_SET else QUICK), **values})
     return with_provenance(studies.run(request), request, 0.0)
 
 
@@ -36,7 +36,7 @@ def made(name, **values):
 def opened():
     return {
         name: made(name, trials=40)
-        for name in (shape_tables.PLATE, *NAMES)
+        for name in (shape_tables.PLATE_SET, *NAMES)
     }  # fmt: skip
 
 
@@ -96,7 +96,7 @@ def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
 def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, name):
     cube, panel = opened[name], validate(name, QUICK).structure
     assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera", "corner", "xy"}
-    assert cube.sizes["setting"] == opened[shape_tables.PLATE].sizes["setting"]
+    assert cube.sizes["setting"] == opened[shape_tables.PLATE_SET].sizes["setting"]
     np.testing.assert_allclose([cube["x"], cube["y"]], panel.markers)
     hertz = panel.angular_frequencies(3) / (2 * np.pi)
     np.testing.assert_allclose(cube["frequency"], hertz)
@@ -117,7 +117,7 @@ def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is(conforms):
     outline = [[0, 0], [668, 0], [668, 443], [0, 443]]
     values = {"cases": ["4c"], "trials": 100}
     by_elements = made("shape-l", outline_mm=outline, **(values | {"element_mm": 10.0}))
-    closed = made(shape_tables.PLATE, **values)
+    closed = made(shape_tables.PLATE_SET, **values)
     ratio = by_elements["predicted_error"].values / closed["predicted_error"].values
     conforms.closed_form(ratio, 1, atol=0.005)
 
@@ -173,19 +173,21 @@ def test_maps_are_empty_where_there_is_no_marker(opened):
 
 
 def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_images(opened):
-    plate = opened[shape_tables.PLATE]
-    rows = np.isin(plate["case"].values, shape_tables.MIRRORED)
+    plate = opened[shape_tables.PLATE_SET]
+    rows = np.isin(plate["case"].values, shape_tables.MIRRORED_CASES)
     deflection = plate["measured_deflection"].values[rows].reshape(rows.sum(), 3, -1, ROWS, COLUMNS)
     literal = deflection[:, :, 0]
-    alike = np.abs(literal - literal[..., ::-1]) < shape_tables.SAME
+    alike = np.abs(literal - literal[..., ::-1]) < shape_tables.MAX_ROUNDING_M
     assert alike[:, [0, 2]].all()  # modes (1, 1) and (1, 2)
     assert alike[:, 1].mean() < 0.2  # mode (2, 1) is not symmetric in X = 0
-    trials = np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_tables.SAME
+    trials = (
+        np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_tables.MAX_ROUNDING_M
+    )
     assert trials.mean() < 0.2
 
 
 def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
-    plate = opened[shape_tables.PLATE]
+    plate = opened[shape_tables.PLATE_SET]
     itself = shape_tables.symmetry(plate, plate, ["4a"])
     assert itself.simulated == itself.predicted == 1
     assert itself.same > 2 / 3

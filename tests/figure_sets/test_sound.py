@@ -22,7 +22,7 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import cache as studies_cache
 from thesis_lib.studies import storage
-from thesis_lib.studies.request import READING
+from thesis_lib.studies.request import SOUND_READING
 from thesis_lib.studies.schema import RUN_DEPENDENT, with_provenance
 from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
 from thesis_lib.vision import rounding
@@ -73,7 +73,7 @@ def both(study, **values):
 
 @cache
 def default_cubes(study):
-    return both(study, trials=200, plane_shape=tuple(READING["plane_shape"]))[1:]
+    return both(study, trials=200, plane_shape=tuple(SOUND_READING["plane_shape"]))[1:]
 
 
 # The contract.

@@ -71,7 +71,7 @@ def test_table_and_figure_show_the_planes_with_a_reference(cube):
 
 
 def test_turned_pairs_take_no_more_trials_than_an_rms_needs():
-    for trials, taken in ((12, 12), (10**5, sound_turn.ENOUGH)):
+    for trials, taken in ((12, 12), (10**5, sound_turn.MAX_TRIALS)):
         asked = validate("sound-aperture", FEW | {"trials": trials, "azimuth_zero": "X"})
         turned = sound_turn.turned(asked)
         assert turned.trials == taken

@@ -515,10 +515,10 @@ def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
         cube_file.read(path)
 
 
-@pytest.mark.parametrize("dtype", storage.BITS, ids=str)
+@pytest.mark.parametrize("dtype", storage.MANTISSA_BITS, ids=str)
 @pytest.mark.parametrize("kind", ["numbers", "halves", "tiny", "large", "odd"])
 def test_rounded_mantissas_are_the_nearest(kind, dtype):
-    random, bits, machine = np.random.default_rng(3), storage.BITS[dtype], np.finfo(dtype)
+    random, bits, machine = np.random.default_rng(3), storage.MANTISSA_BITS[dtype], np.finfo(dtype)
     half = 2.0 ** -(bits + 1)
     values = {
         "numbers": random.normal(size=1000),

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import (
-    SUBPIXELS,
+    SUBPIXELS_PER_PIXEL,
     BeamView,
     Polygons,
     Sensor,
@@ -215,7 +215,7 @@ def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place)
     bell = np.exp(-0.5 * to**2) / np.sqrt(2 * np.pi)
     exact = 60 + 140 * spread * np.diff(to * ndtr(to) + bell, axis=0)[0]
     # The trapezoidal rule on the finer grid errs by its step squared over 12 at each kink.
-    by_grid = 140 / (12 * SUBPIXELS**2) * np.abs(np.diff(bell, axis=0)).max() / spread
+    by_grid = 140 / (12 * SUBPIXELS_PER_PIXEL**2) * np.abs(np.diff(bell, axis=0)).max() / spread
     conforms.closed_form(row, exact, atol=0.6 + by_grid)
 
 

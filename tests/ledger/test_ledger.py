@@ -347,7 +347,7 @@ def test_totals_count_by_verdict(found):
         assert ledger.totals(found, **where) == {
             verdict: sum(e.verdict == verdict for e in chosen) for verdict in VERDICTS
         }
-    by_chapter = [ledger.totals(found, chapter=chapter) for chapter in ledger.CHAPTERS]
+    by_chapter = [ledger.totals(found, chapter=chapter) for chapter in ledger.THESIS_CHAPTERS]
     assert {v: sum(one[v] for one in by_chapter) for v in VERDICTS} == everything
 
 
@@ -538,7 +538,7 @@ def test_the_report_tells_every_entry_that_differs(found):
 
 def test_the_report_counts_each_chapter_and_all_that_count(found):
     text = ledger.format_report(found)
-    for chapter in ledger.CHAPTERS:
+    for chapter in ledger.THESIS_CHAPTERS:
         assert f"\nchapter {chapter}\n" in f"\n{text}"
     (last,) = re.findall("in all, .*: (.*)", text)
     counted = ledger.totals(found, counted=True)

@@ -12,13 +12,13 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Trend
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.ledger.series import RESAMPLES, Series, series_of
+from thesis_lib.ledger.series import RESAMPLE_COUNT, Series, series_of
 from thesis_lib.ledger.trends import (
-    ALIKE,
-    CONFIDENT,
-    MATERIAL,
+    MAX_ALIKE_RATIO,
+    MIN_CONFIDENCE,
+    MIN_MATERIAL_FALL,
     ONE_RUN_FLAT,
-    TESTS,
+    TREND_TESTS,
     Finding,
     judge,
 )
@@ -172,13 +172,13 @@ EDGES = [
     ("rises", {"a": [3, 3]}, False, {}),
     ("falls", {"a": [3, 2, 3]}, False, {}),
     ("falls_steadily", {"a": [3, 2, 2]}, False, {}),
-    ("falls", {"a": [1, 1 - MATERIAL]}, False, {}),
-    ("falls", {"a": [1, 1 - MATERIAL - 1e-9]}, True, {}),
-    ("rises", {"a": [1 - MATERIAL, 1]}, False, {}),
-    ("flat", {"a": [1, 1 - MATERIAL]}, True, {}),
+    ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL]}, False, {}),
+    ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL - 1e-9]}, True, {}),
+    ("rises", {"a": [1 - MIN_MATERIAL_FALL, 1]}, False, {}),
+    ("flat", {"a": [1, 1 - MIN_MATERIAL_FALL]}, True, {}),
     ("no_trend", {"a": [4, 9, 4]}, True, {}),
-    ("modes_alike", modes([1, 1], [ALIKE, ALIKE]), True, BOTH),
-    ("modes_alike", modes([1, 1], [ALIKE + 1e-9] * 2), False, BOTH),
+    ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO, MAX_ALIKE_RATIO]), True, BOTH),
+    ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
     ("below 40", {"a": [39.9, 1]}, True, {}),
     ("below 40", {"a": [40, 1]}, False, {}),
     ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
@@ -226,7 +226,9 @@ def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
 
 def test_every_word_is_tried_both_ways():
     for holds in (True, False):
-        assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(TESTS)
+        assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(
+            TREND_TESTS
+        )
 
 
 # -- Confidence --
@@ -242,7 +244,7 @@ def two_settings(count, trials, shift=0.0, seed=0):
     for _ in range(count):
         errors = 10 + rng.standard_normal((2, trials))
         errors[0] += shift * sqrt(2 / trials)
-        errors[1] *= 1 - MATERIAL
+        errors[1] *= 1 - MIN_MATERIAL_FALL
         found.append(judge(trend("falls"), [series(errors)]).confidence)
     return np.array(found)
 
@@ -252,7 +254,7 @@ def test_confidence_is_calibrated_where_nothing_is_to_be_found(conforms):
     count = 600
     found = two_settings(count, 100)
     conforms.sampled(abs(found.mean() - 0.5), below=4 / sqrt(12 * count))
-    for share in (found >= CONFIDENT, found <= 1 - CONFIDENT):
+    for share in (found >= MIN_CONFIDENCE, found <= 1 - MIN_CONFIDENCE):
         conforms.sampled(abs(share.mean() - 0.05), below=4 * sqrt(0.05 * 0.95 / count))
     deciles = np.quantile(found, np.arange(1, 10) / 10)
     conforms.sampled(deciles, np.arange(1, 10) / 10, atol=4 * 0.5 / sqrt(count))
@@ -267,10 +269,10 @@ def test_confidence_grows_with_the_evidence_as_it_must(shift):
 
 def test_confidence_hardly_depends_on_the_seed_of_the_resamples():
     errors = 10 + np.random.default_rng(7).standard_normal((2, 50))
-    errors[1] *= 1 - MATERIAL
+    errors[1] *= 1 - MIN_MATERIAL_FALL
     found = [judge(trend("falls"), [series(errors)], seed=seed).confidence for seed in range(8)]
     p = np.mean(found)
-    assert 0 < np.std(found) < 3 * sqrt(p * (1 - p) / RESAMPLES)
+    assert 0 < np.std(found) < 3 * sqrt(p * (1 - p) / RESAMPLE_COUNT)
 
 
 def test_resamples_are_the_same_in_every_setting_and_case():
@@ -314,7 +316,7 @@ def test_single_is_the_share_of_trials():
     assert found.single == 0.7
     # the mean of the second is 2 + 0.21 k, k of a binomial distribution with p = 0.3, and 2.7 falls
     chance = sum(c * 0.3**k * 0.7 ** (10 - k) for k, c in enumerate([1, 10, 45, 120]))
-    assert abs(found.confidence - chance) < 4 * sqrt(chance * (1 - chance) / RESAMPLES)
+    assert abs(found.confidence - chance) < 4 * sqrt(chance * (1 - chance) / RESAMPLE_COUNT)
 
 
 @pytest.mark.parametrize(
@@ -579,4 +581,4 @@ def test_every_source_is_a_figure_set_or_an_own_run():
 
 
 def test_every_word_has_a_test_and_no_test_is_without_a_word():
-    assert list(TESTS) == list(claims.WORDS)
+    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)

@@ -259,7 +259,7 @@ def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
     uv = observations(SIGMA, 2)
     ours = adjust(uv, POINTS, rig())
     objects = [POINTS.T.astype(np.float32)] * 12
-    images = [[(v - lens.HALF).T.astype(np.float32) for v in views] for views in uv]
+    images = [[(v - lens.HALF_PIXEL).T.astype(np.float32) for v in views] for views in uv]
     rms, Ks, _, Rs, ts = cv2.calibrateMultiview(
         objects, images, [SIZE] * 4, np.ones((4, 12), np.uint8), np.zeros(4, np.uint8),
         None, None, None, None, np.full(4, cv2.CALIB_FIX_K3, np.int32),

@@ -11,7 +11,7 @@ import pytest
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess, describe
 from thesis_lib.measure.feasibility.prediction import alias, noise_errors, rounding_errors
 from thesis_lib.measure.fitting.models import model_of
-from thesis_lib.measure.messages import LIMIT
+from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
@@ -406,7 +406,7 @@ def test_a_folded_mode_is_named_by_its_frequency():
 
 def test_every_warning_has_a_threshold_and_every_threshold_a_test():
     tested = {*ONE, "alias", "alias-edge", "lost-markers", "weak-markers"}
-    assert tested == set(LIMIT)
+    assert tested == set(CHECK_LIMITS)
 
 
 # What is not known.
@@ -564,4 +564,4 @@ def test_no_valid_manifest_breaks_it():
                 inside = inside[int(index)] if index else inside
         for line in joined(describe(assessment)):
             assert not line.startswith("warning") or line.endswith("]")
-    assert found >= set(LIMIT) - {"weak-markers"}
+    assert found >= set(CHECK_LIMITS) - {"weak-markers"}

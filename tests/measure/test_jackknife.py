@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.bundle_adjustment import adjust, moved
-from thesis_lib.measure.calibration.uncertainty import FEWEST, jackknife
+from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself
@@ -119,7 +119,7 @@ def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
 
 
 def test_few_shots_are_never_stated_narrower_than_by_the_adjustment(conforms):
-    for shots in range(2, FEWEST):
+    for shots in range(2, MIN_JACKKNIFE_IMAGES):
         uv = observations(0.02)[:, :shots]
         full = adjust(uv, POINTS, rig())
         ratio = deviations_of(jackknife(uv, POINTS, full)) / deviations_of(full)

@@ -360,7 +360,7 @@ def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch)
     sounds = low(late, 70, (0.0, 2.3, 1.1))
     manifest = folder_of(tmp_path, sounds, 8000, rest_s=49)
     whole = listen(manifest, tmp_path)
-    monkeypatch.setattr(hearing, "SPAN", 1 << 16)  # 16 s at 4 kHz
+    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 16 s at 4 kHz
     found = listen(manifest, tmp_path)
     for one in (whole, found):
         assert not one.synchronisation.ambiguous
@@ -370,7 +370,7 @@ def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch)
 
 
 def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
-    monkeypatch.setattr(hearing, "SPAN", 1 << 16)  # 8 s at 8 kHz
+    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 8 s at 8 kHz
     sounds = low(clapping((21.0, 22.2)), 30, (0.0, 3.3))
     found = listen(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
     conforms.closed_form(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
@@ -378,7 +378,7 @@ def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("options", [{}, {"frequency_hz": None}, {"sound": "room"}])
 def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, options):
-    monkeypatch.setattr(hearing, "SPAN", 1 << 15)
+    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 15)
     peaks = []
     for seconds in (15, 75):
         sound = clapping((1.5, 2.2)) if "sound" in options else force

@@ -198,7 +198,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
     files = CameraFiles(name="A", video="A.mkv", width_px=960, height_px=540, exposure_s=0.004,
                         shots="shots")  # fmt: skip
-    monkeypatch.setattr(recording_module, "OFTEN", 7)
+    monkeypatch.setattr(recording_module, "FRAMES_PER_STATE", 7)
 
     def run(name, key="k", tick=lambda done: None):
         camera, markers, path = station.camera, rig.markers, tmp_path / name

@@ -169,7 +169,7 @@ def of_panel(hertz, noise, draw):
 
 
 def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(conforms, monkeypatch):
-    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
+    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     made = of_panel(900, 1e-9, np.random.default_rng(1))
     off = float(made["efficiency"][0]) / panel_efficiency(900) - 1
     stated = float(made["efficiency_error"][0] / made["efficiency"][0])
@@ -181,7 +181,7 @@ def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(confo
 @pytest.mark.parametrize("hertz", [60, 900])
 def test_efficiencies_err_by_what_they_state(hertz, conforms, monkeypatch):
     """Of 80 measurements, whose markers alone put 0.02 % into the efficiency."""
-    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
+    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     draw, true = np.random.default_rng(2), panel_efficiency(hertz)
     found = [of_panel(hertz, 3e-6, draw).isel(tone=0) for _ in range(80)]
     z = np.array(
@@ -383,9 +383,9 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
 
 def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
-    monkeypatch.setattr(of_measurement, "SHAPE", (3, 2))
-    monkeypatch.setattr(radiated, "NODES", 200)
-    monkeypatch.setattr(without_wall, "CELLS", (40, 20))
+    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
+    monkeypatch.setattr(radiated, "SURFACE_NODES", 200)
+    monkeypatch.setattr(without_wall, "SCREEN_CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):
@@ -442,7 +442,7 @@ def test_a_sound_file_holds_modes_as_they_die_away_in_step(decaying, conforms):
     poles = 1j * np.array(OMEGAS) - DECAYS
     expected = np.real(pressure @ np.exp(poles[:, None] * times))
     found = files.heard(decaying, 1)[: len(times)]
-    late = times > files.RISE
+    late = times > files.RISE_S
     conforms.closed_form(found[late], expected[late], atol=1e-9 * np.abs(expected).max())
     assert found[0] == 0
 

@@ -11,8 +11,8 @@ from command import thesis
 
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.paper.pages import SIZES, STRIP
-from thesis_lib.measure.recordings.board import MARK, Board
+from thesis_lib.measure.paper.pages import PAGE_SIZES_MM, STRIP_MM
+from thesis_lib.measure.recordings.board import MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import BoardSpec
 
@@ -41,7 +41,7 @@ def test_a_checkerboard_has_its_true_size(conforms, tmp_path, options):
     columns, rows = int(given.get("--columns", 7)), int(given.get("--rows", 5))
     tile = float(given.get("--tile-mm", 25))
     (picture,), (text,) = pages(path)
-    size = sorted(SIZES[given.get("--paper", "A4")], reverse=columns >= rows)
+    size = sorted(PAGE_SIZES_MM[given.get("--paper", "A4")], reverse=columns >= rows)
     conforms.closed_form([*picture.shape[::-1]], np.multiply(size, PX), atol=2)
     corners = find_corners(picture, Board(columns, rows)).reshape(2, rows - 1, columns - 1)
     # To a pixel or so, 0.15 mm, since edges are drawn at whole ones.
@@ -68,7 +68,7 @@ def test_a_charuco_board_is_opencvs(conforms, tmp_path):
     assert "CharucoBoard((7, 6), 24, 16.8, DICT_5X5_1000)" in said
     (picture,), _ = pages(path)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
-    board = cv2.aruco.CharucoBoard((7, 6), 24.0, 24.0 * MARK, dictionary)
+    board = cv2.aruco.CharucoBoard((7, 6), 24.0, 24.0 * MARK_RATIO, dictionary)
     found, numbers, marks, _ = cv2.aruco.CharucoDetector(board).detectBoard(picture)
     assert len(marks) == 21
     np.testing.assert_array_equal(numbers.ravel(), np.arange(6 * 5))
@@ -86,7 +86,7 @@ def test_a_charuco_board_is_read_by_what_is_said_of_it(conforms, tmp_path):
     view = np.array([[0.22, 0.03, 20], [-0.02, 0.19, 90], [2e-5, 3e-5, 1]])
     seen = cv2.warpPerspective(cv2.GaussianBlur(picture, (0, 0), 3), view, (1400, 1000),
                                flags=cv2.INTER_AREA, borderValue=90)  # fmt: skip
-    middle = np.array(picture.shape[::-1]) / 2 - [0, STRIP / 2 / 25.4 * 600]
+    middle = np.array(picture.shape[::-1]) / 2 - [0, STRIP_MM / 2 / 25.4 * 600]
     places = board.corners[:2] * [[1], [-1]] * 600 / 0.0254 + middle[:, None]
     u, v, w = view @ [*(places - 0.5), np.ones(places.shape[1])]
     found = find_corners(seen, board)

@@ -5,7 +5,7 @@ import pytest
 from command import thesis
 
 from thesis_lib.measure.feasibility.assess import assess
-from thesis_lib.measure.feasibility.draft import FIRST_AZIMUTH_DEG, PHONE, draft_manifest
+from thesis_lib.measure.feasibility.draft import FIRST_AZIMUTH_DEG, PHONE_CAMERA, draft_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest
 
 PLATE = {
@@ -63,7 +63,7 @@ def test_what_is_given_stands_and_the_rest_is_a_phones():
                      "excitation.steady_s": [1, 3]}  # fmt: skip
     manifest = draft_manifest(given)
     assert [c.size for c in manifest.cameras] == [(3840, 2160)] * 2
-    assert {c.frame_rate_hz for c in manifest.cameras} == {PHONE["frame_rate_hz"]}
+    assert {c.frame_rate_hz for c in manifest.cameras} == {PHONE_CAMERA["frame_rate_hz"]}
     assert (manifest.structure.markers.rows, manifest.structure.markers.columns) == (3, 5)
     assert manifest.excitation.steady_s == (1, 3)
     assert abs(manifest.cameras[0].azimuth_deg - manifest.cameras[1].azimuth_deg) == 180

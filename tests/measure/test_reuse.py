@@ -25,7 +25,7 @@ from thesis_lib.measure.exchange.reading import read_cameras
 from thesis_lib.measure.pipeline import measure
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape
-from thesis_lib.measure.steps import CALIBRATION
+from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import labelled
 from thesis_lib.vibration.motion import Component
@@ -237,7 +237,7 @@ def test_errors_go_with_their_cameras(tmp_path):
     names = {"camera": [one.name for one in whole]}
     values = {n: [getattr(one, n) for one in whole] for n in ("K", "distortion", "size")}
     values |= {n: [getattr(one, n) for one in whole] for n in ("R_camera_world", "centre")}
-    table = {n: CALIBRATION[n] for n in values}
+    table = {n: CALIBRATION_VARIABLES[n] for n in values}
     known = stated(xr.Dataset(labelled(values, table), names), draw @ draw.T)
     storage.write(to_keep(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import resample_poly
 
 from thesis_lib.measure.synchronisation.checks import checked, find_tone
-from thesis_lib.measure.synchronisation.decimation import EDGE, decimate, decimated
+from thesis_lib.measure.synchronisation.decimation import FILTER_REACH_SAMPLES, decimate, decimated
 from thesis_lib.measure.synchronisation.delays import (
     delay_deviation,
     normalised_correlation,
@@ -372,7 +372,7 @@ def divided(x, seed):
 @pytest.mark.parametrize("length", [20000, 20001, 19993])
 def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step, length):
     x = np.random.default_rng(step).standard_normal(length)
-    whole = resample_poly(x, 1, step)[EDGE:-EDGE] if step > 1 else x
+    whole = resample_poly(x, 1, step)[FILTER_REACH_SAMPLES:-FILTER_REACH_SAMPLES] if step > 1 else x
     for seed in range(5):
         blocks = np.concatenate(list(decimate(divided(x, seed), step)))
         conforms.invariance(blocks, whole, atol=1e-12)

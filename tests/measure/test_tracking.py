@@ -279,7 +279,7 @@ def test_tables_and_searching_agree_at_a_low_camera(conforms):
 def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
     at, image, view, _ = rest
     frames = [image, *filmed(at, np.arange(3) / 60)]
-    monkeypatch.setattr(tabulated, "LARGEST", 0)
+    monkeypatch.setattr(tabulated, "MAX_TABLE_BYTES", 0)
     found = [Follower(Tracker(view), image)] * 4
     by_search = [Tracker(view)] * 4
     for frame, one, other in zip(frames, found, by_search, strict=True):
@@ -626,7 +626,10 @@ def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
 def test_constants_are_those_of_the_thesis_s_markers(rest):
     _, _, view, _ = rest
     tracker = Tracker(view)
-    assert (tracker.scale, tracker.reach) == (tracking.SCALE, tracking.REACH)
+    assert (tracker.scale, tracker.reach) == (
+        tracking.THESIS_SCALE_PX_PER_M,
+        tracking.THESIS_REACH_M,
+    )
 
 
 def test_a_beam_too_large_for_its_markers_is_refused(rest):

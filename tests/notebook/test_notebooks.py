@@ -180,7 +180,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
         with pytest.MonkeyPatch.context() as patch:
             for part in empty:
                 patch.setattr(law, part, lambda *_: {})
-            patch.setattr(law, "PARTS", ("distance",))
+            patch.setattr(law, "CHAPTER_PARTS", ("distance",))
             patch.setattr(law.dither, "estimated", lambda _: {})
             patch.setattr(law.dither, "dithered", lambda _: {})
             patch.setattr(law, "noisy_shares", lambda _: {})

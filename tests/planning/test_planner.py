@@ -24,9 +24,9 @@ from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning import errors, positions, search, structure_file
 from thesis_lib.planning.planner import ImpossibleError, pareto, plan
 from thesis_lib.planning.positions import Body, body_of
-from thesis_lib.planning.report import FILES, summarise_plan, write_plan
+from thesis_lib.planning.report import PLAN_FILES, summarise_plan, write_plan
 from thesis_lib.planning.request import plan_request
-from thesis_lib.planning.results import COLUMNS
+from thesis_lib.planning.results import CAMERA_COLUMNS
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
@@ -90,7 +90,7 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     scene = scene_of(plate(), peak=5e-3, tilt=np.pi)
     layout = positions.at(np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36)
     law = errors.averaged_by_law(scene, layout, 640)
-    scales = np.linspace(*errors.AMPLITUDES, 101)
+    scales = np.linspace(*errors.AMPLITUDE_RANGE, 101)
     peaks = [replace(scene, peaks=tuple(scale * one for one in scene.peaks)) for scale in scales]
     metres = [errors.predicted(one, layout, 640) / errors.percent(one) for one in peaks]
     mean = np.sqrt(np.mean(np.square(metres), axis=(0, 2))) * errors.percent(scene)[:, 0]
@@ -145,7 +145,7 @@ def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
     conforms.closed_form(layout[:, 1], low, atol=1e-6)
 
 
-@pytest.mark.parametrize("objective", errors.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     scene = scene_of(plate(), separation=0.3)
@@ -168,7 +168,7 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", errors.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 @pytest.mark.slow
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
@@ -184,7 +184,7 @@ def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     conforms.independent(found, below=other.fun * (1 + 1e-6))
 
 
-@pytest.mark.parametrize("objective", errors.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 def test_no_set_of_places_is_below_the_bound(conforms, objective):
     scene = scene_of(plate())
     grid = positions.candidates(scene, np.radians(40))
@@ -261,7 +261,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("objective", errors.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_are_kept_by_an_independent_check(limit, objective):
     scene = scene_of(plate(), **{"distances": (0.7, 1.5), "separation": 0.1, **LIMITS[limit]})
@@ -313,7 +313,7 @@ def test_every_limit_costs_something_or_nothing_but_never_helps():
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     grid = positions.candidates(scene, np.radians(20))
-    for objective in errors.OBJECTIVES:
+    for objective in errors.PLAN_OBJECTIVES:
         layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
         costs = [errors.layout_cost(scene, one, objective) for one in layouts]
         assert all(b < a for a, b in itertools.pairwise(costs))
@@ -363,7 +363,7 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
             assert max(one.error, its.simulated.max()) > target
 
 
-@pytest.mark.parametrize("objective", errors.OBJECTIVES)
+@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 @pytest.mark.parametrize("body", ["beam", "plate"])
 def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
     request = plan_request({**QUICK, "body": body, "objective": objective, "trials": 400,
@@ -696,7 +696,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
     done = thesis("plan", *words, "--out", "made", cwd=tmp_path)
     assert done.status == 0, done.err
     folder = tmp_path / "made"
-    assert sorted(folder.glob("[!.]*")) == sorted(folder / name for name in FILES)
+    assert sorted(folder.glob("[!.]*")) == sorted(folder / name for name in PLAN_FILES)
     assert "cameras of" in done.out
     assert "places to choose from" in done.err
     with xr.open_dataset(folder / "plan.nc") as cube:
@@ -705,7 +705,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
         chosen = cube.isel(option=int(cube["chosen"]))
         text = (folder / "plan.csv").read_text(encoding="utf-8")
         header, *rows = csv.reader(text.splitlines())
-        assert tuple(header) == COLUMNS
+        assert tuple(header) == CAMERA_COLUMNS
         assert len(rows) == int(chosen["n_cameras"])
         for row, place in zip(rows, chosen["camera_position"].values, strict=False):
             x, y, z, azimuth, elevation, distance = map(float, row[1:7])

@@ -210,7 +210,7 @@ def test_a_gap_narrower_than_a_step_is_used_where_it_is_asked_for():
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_forgotten_is_found_again(monkeypatch, name):
     expected = layouts(SCENES[name], counts=(3,))
-    monkeypatch.setattr(search, "_KEPT", 0)
+    monkeypatch.setattr(search, "_MAX_STORED_NUMBERS", 0)
     assert same(layouts(SCENES[name], counts=(3,)), expected)
 
 

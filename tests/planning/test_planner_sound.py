@@ -85,7 +85,7 @@ def test_average_is_about_that_of_draws_over_amplitudes_and_turns(conforms, requ
     for layout in (SQUARE, TURNED):
         each = [
             fields(request_, drawn(scene, layout + [turn, 0, 0, 0], scale)[:, ::16]) ** 2
-            for turn in sound.TURNS
+            for turn in sound.AVERAGED_TURNS_RAD
             for scale in (0.83, 1.0, 1.21)
         ]
         found = np.sqrt(np.mean(each, axis=0))

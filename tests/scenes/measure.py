@@ -18,10 +18,10 @@ import pytest
 import yaml
 from command import Done, hears_signals
 
-from thesis_lib.outputs import RECORD
+from thesis_lib.outputs import RECORD_NAME
 
 RESULTS = {
-    RECORD, "calibration.nc", "cameras.toml", "cameras.yaml", "figures", "measured.mat",
+    RECORD_NAME, "calibration.nc", "cameras.toml", "cameras.yaml", "figures", "measured.mat",
     "measured.nc", "motion.csv", "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4",
     "shapes.csv", "shapes.uff", "tracked.mp4", "vtk",
 }  # fmt: skip

@@ -75,8 +75,8 @@ def test_it_gives_what_svd_and_gauss_newton_give(conforms, fast, n):
 def test_any_number_of_points(conforms, compiled, fast, part):
     # Blocks and points over: each point is computed as if it were alone.
     P, (blocks, more) = rig(4), part
-    whole = images(P, 4 * compiled.BLOCK)
-    size = abs(blocks) * compiled.BLOCK + (more if blocks >= 0 else -1)
+    whole = images(P, 4 * compiled.BLOCK_POINTS)
+    size = abs(blocks) * compiled.BLOCK_POINTS + (more if blocks >= 0 else -1)
     found, expected = fast(P, whole[:, :, :size]), fast(P, whole)[:, :size]
     assert found.shape == expected.shape
     if size:

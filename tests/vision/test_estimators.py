@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from thesis_lib.vision.estimators import (
+    CHECK_SIZE_PX,
     ESTIMATORS,
-    SIZE,
     deflection_errors,
     exponent,
     over_layouts,
@@ -81,7 +81,7 @@ def test_layouts_do_not_depend_on_how_many_there_are_or_on_noise(conforms):
 
 def test_errors_shrink_with_the_pixels(conforms):
     coarse = over_layouts(deflection_errors([0.75] * 8, 40))
-    size = (4 * SIZE[0], 4 * SIZE[1])
+    size = (4 * CHECK_SIZE_PX[0], 4 * CHECK_SIZE_PX[1])
     fine = over_layouts(deflection_errors([0.75] * 8, 40, focal_px=4 * 24 / 36 * 320, size=size))
     conforms.order(coarse / fine, 4, rtol=0.1)
 
@@ -93,7 +93,7 @@ def test_exponent_of_powers_is_the_power(conforms):
 
 def test_cameras_may_stand_at_several_distances(conforms):
     angles = [0.1, 1.0, 2.0], [0.3, 0.4, 0.5]
-    rig = hemisphere_cameras([0.5, 1, 2], *angles, 200, SIZE)
+    rig = hemisphere_cameras([0.5, 1, 2], *angles, 200, CHECK_SIZE_PX)
     for i, distance in enumerate([0.5, 1, 2]):
-        one = hemisphere_cameras(distance, *angles, 200, SIZE)
+        one = hemisphere_cameras(distance, *angles, 200, CHECK_SIZE_PX)
         conforms.invariance(rig.P[i], one.P[i], atol=0)

@@ -182,7 +182,9 @@ def drawn(n, sigma, rules, layouts=12, markers=150):
         rng = np.random.default_rng([seed, n])
         azimuth = 2 * np.pi * np.arange(n) / n + rng.uniform(0, 1.5, n)
         elevation = rng.uniform(0.3, 1.2, n)
-        cameras = hemisphere_cameras(0.75, azimuth, elevation, estimators.FOCAL_PX, estimators.SIZE)
+        cameras = hemisphere_cameras(
+            0.75, azimuth, elevation, estimators.CHECK_FOCAL_PX, estimators.CHECK_SIZE_PX
+        )
         points = estimators.moved_markers(rng, markers)
         uv = project(cameras.P, points)
         uv = np.rint(uv + sigma * rng.standard_normal(uv.shape))

@@ -20,7 +20,7 @@ from thesis_lib.vibration.plate import Plate
 
 # A plane whose reference is below this share of the other's, or of the pressure of pistons that
 # move as much but without order, has none: mode (2, 2) is silent on both planes.
-NODAL = 1e-6
+MAX_NODAL_PRESSURE_RATIO = 1e-6
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class PlateSound:
         factors = tuple(full_factor(op) for op in operators)
         largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])
         disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
-        nodal = largest <= NODAL * np.maximum(largest, disordered).max()
+        nodal = largest <= MAX_NODAL_PRESSURE_RATIO * np.maximum(largest, disordered).max()
         resistance = radiation_matrix(pistons(plate), omega, medium)
         return cls(
             omega, reference, operators, factors, np.where(nodal, np.nan, largest), resistance

@@ -18,8 +18,8 @@ from thesis_lib.acoustics.sources import AIR, Medium, Pistons
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.plate import Plate
 
-_PRECISION = 1e-5  # at the worst place; over all nodes it is a hundredth of that
-_MORE = 10  # nodes, for the shape and the wave
+_MAX_RELATIVE_ERROR = 1e-5  # at the worst place; over all nodes it is a hundredth of that
+_EXTRA_NODES = 10  # nodes, for the shape and the wave
 
 
 def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
@@ -32,7 +32,7 @@ def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
     (54, 40)
     """
     rate = 2 * np.arcsinh(height / (np.array(plate.extent) / 2))
-    nx, ny = np.ceil(-np.log(_PRECISION) / rate).astype(int) + _MORE
+    nx, ny = np.ceil(-np.log(_MAX_RELATIVE_ERROR) / rate).astype(int) + _EXTRA_NODES
     return int(nx), int(ny)
 
 

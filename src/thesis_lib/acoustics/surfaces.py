@@ -22,10 +22,15 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.polygons import clip, contains, distances, moments
 
 # Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.
-SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
-CROSS = np.sqrt(2 - 1e-6) * np.array([[-1, 1, 0, 0], [0, 0, -1, 1]])
-INSIDE = CROSS, SQUARE[:, [0, 3, 0, 3]], SQUARE[:, [1, 2, 1, 2]], 0 * SQUARE
-SLIVER = 1e-9  # share of a cell's area below which a part of it is left out
+UNIT_SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
+UNIT_CROSS = np.sqrt(2 - 1e-6) * np.array([[-1, 1, 0, 0], [0, 0, -1, 1]])
+CELL_SHAPES = (
+    UNIT_CROSS,
+    UNIT_SQUARE[:, [0, 3, 0, 3]],
+    UNIT_SQUARE[:, [1, 2, 1, 2]],
+    0 * UNIT_SQUARE,
+)
+MIN_AREA_RATIO = 1e-9  # share of a cell's area below which a part of it is left out
 # Relative standard uncertainty of a power and of an efficiency by the sum over 1600 nodes, of whole
 # cells and what cut cells add by their share of the area: errors against Gauss's rule of high order
 # for rectangles, an L and a disc, with up to four half-waves a side.
@@ -56,10 +61,10 @@ class Surface:
         centres = low[:, None] + (grid + 0.5) * size[:, None]
         near = distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
         whole = centres[:, ~near & contains(corners, centres)].T
-        square = size[:, None] / np.sqrt(12) * SQUARE
+        square = size[:, None] / np.sqrt(12) * UNIT_SQUARE
         parts = [(1.0, middle[:, None] + square) for middle in whole]
         parts += [_part(corners, middle, size) for middle in centres[:, near].T]
-        parts = [one for one in parts if one[0] > SLIVER]
+        parts = [one for one in parts if one[0] > MIN_AREA_RATIO]
         at = np.concatenate([nodes for _, nodes in parts], axis=1)
         pistons = Pistons(at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2)))
         return cls(pistons, np.repeat([share for share, _ in parts], 4), at)
@@ -72,7 +77,7 @@ class Surface:
     @cached_property
     def sum_std(self) -> float:
         """Relative standard uncertainty of a power or an efficiency by the sum over nodes."""
-        cut = self.share[self.share < 1 - SLIVER].sum() / self.share.sum()
+        cut = self.share[self.share < 1 - MIN_AREA_RATIO].sum() / self.share.sum()
         return float(SUM_STD + CUT_STD * cut)
 
     def power_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
@@ -101,7 +106,7 @@ class Surface:
         count.
         """
         B = np.asarray(moving, float)
-        cells = B.reshape(-1, 4, B.shape[1])[self.share[::4] > 1 - SLIVER]
+        cells = B.reshape(-1, 4, B.shape[1])[self.share[::4] > 1 - MIN_AREA_RATIO]
         apart = 4 / np.sqrt(12) * np.array(self.pistons.size)  # of two nodes, along and across
         along = (cells[:, [1, 3]] - cells[:, [0, 2]]) / apart[0]
         across = (cells[:, [2, 3]] - cells[:, [0, 1]]) / apart[1]
@@ -121,7 +126,7 @@ def _part(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
     """Share of a cell's area inside an outline, and its nodes (2, 4)."""
     area, centre, variances = moments(clip(corners - middle, -size / 2, size / 2))
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
-    if share > 1 - SLIVER:
-        return 1.0, middle[:, None] + std * SQUARE
-    nodes = [(middle + centre)[:, None] + std * one for one in INSIDE]
+    if share > 1 - MIN_AREA_RATIO:
+        return 1.0, middle[:, None] + std * UNIT_SQUARE
+    nodes = [(middle + centre)[:, None] + std * one for one in CELL_SHAPES]
     return share, next((one for one in nodes if contains(corners, one).all()), nodes[-1])

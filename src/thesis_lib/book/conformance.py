@@ -14,8 +14,8 @@ from thesis_lib import templates
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.web.page import BookError
 
-REPORT = "conformance.xml"  # in the folder build; written by ``pytest --junitxml``
-KINDS = {
+JUNIT_REPORT = "conformance.xml"  # in the folder build; written by ``pytest --junitxml``
+CHECK_KINDS = {
     "closed form": "closed forms",
     "order": "orders",
     "invariance": "invariances",
@@ -65,7 +65,11 @@ def write(folder: Path) -> None:
         check["words"] = html.escape(name.removeprefix("test_").replace("_", " ").capitalize())
         check["percent"] = None if check["share"] is None else int(100 * check["share"])
         files.setdefault(file, []).append(check)
-    counts = {kind: Counter(check["kind"] for check in report["checks"])[kind] for kind in KINDS}
+    counts = {
+        kind: Counter(check["kind"] for check in report["checks"])[kind] for kind in CHECK_KINDS
+    }
     for piece in PIECES:
-        text = templates.render(__file__, piece, files=files, counts=counts, kinds=KINDS, **report)
+        text = templates.render(
+            __file__, piece, files=files, counts=counts, kinds=CHECK_KINDS, **report
+        )
         whole_text(folder / f"{piece}.md", text)

@@ -9,17 +9,17 @@ from typing import Any
 
 from thesis_lib import __version__, templates
 from thesis_lib.figure_sets.registry import validate
-from thesis_lib.runs.postprocess import FOLDER
+from thesis_lib.runs.postprocess import DATA_FOLDER
 from thesis_lib.studies.request import command
 from thesis_lib.studies.storage import attributes
 
-NAME = "ro-crate-metadata.json"
-PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
-LICENSE = "https://spdx.org/licenses/MIT"
-FILES = (  # address, format, meaning; the first is what was run
+CRATE_NAME = "ro-crate-metadata.json"
+CRATE_PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+LICENSE_ADDRESS = "https://spdx.org/licenses/MIT"
+CRATE_FILES = (  # address, format, meaning; the first is what was run
     ("_sources/executed/{}.ipynb", "application/x-ipynb+json", "executed notebook"),
-    (f"{FOLDER}/{{}}.nc", "application/x-netcdf", "results, as netCDF"),
-    (f"{FOLDER}/{{}}.csv", "text/csv", "errors, as a table"),
+    (f"{DATA_FOLDER}/{{}}.nc", "application/x-netcdf", "results, as netCDF"),
+    (f"{DATA_FOLDER}/{{}}.csv", "text/csv", "errors, as a table"),
     ("executed/{}.html", "text/html", "page of the book"),
 )
 
@@ -27,9 +27,11 @@ FILES = (  # address, format, meaning; the first is what was run
 def describe_book(book: Path, made: Iterable[tuple[Path, Path]]) -> None:
     """Describe a rendered book by its runs: executed notebook and cube of each figure set."""
     runs = [_describe_run(book, notebook, cube) for notebook, cube in made]
-    text = templates.render(__file__, "ro-crate.json", runs=runs, profile=PROFILE, license=LICENSE)
+    text = templates.render(
+        __file__, "ro-crate.json", runs=runs, profile=CRATE_PROFILE, license=LICENSE_ADDRESS
+    )
     crate = json.dumps(json.loads(text), indent=1, ensure_ascii=False)
-    (book / NAME).write_text(crate + "\n", encoding="utf-8")
+    (book / CRATE_NAME).write_text(crate + "\n", encoding="utf-8")
 
 
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
@@ -46,7 +48,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
             "size": path.stat().st_size,
             "sha256": digest if path.suffix == ".nc" else "",
         }
-        for pattern, form, words in FILES
+        for pattern, form, words in CRATE_FILES
         if (path := book / (place := pattern.format(name))).is_file()
     ]
     commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])

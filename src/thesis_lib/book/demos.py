@@ -16,19 +16,19 @@ from thesis_lib.notebook.form import form_data
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
-WITHOUT = "This experiment needs JavaScript; the text below describes what it shows."
+NO_SCRIPT_TEXT = "This experiment needs JavaScript; the text below describes what it shows."
 FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
-NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
+DEMO_NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
 
 def write_experiment(name: str) -> str:
-    """Write one of :data:`NAMES` as a self-contained HTML fragment."""
+    """Write one of :data:`DEMO_NAMES` as a self-contained HTML fragment."""
     data = explorer_data()
     state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
     state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
     traits = {"data": state} if name == "rounding_beam" else {}
     css = VIEWER_CSS + asset("demo.css")
-    return static_html(joined(name), css, traits, WITHOUT, prints=True)
+    return static_html(joined(name), css, traits, NO_SCRIPT_TEXT, prints=True)
 
 
 def rerun_form_html() -> str:
@@ -37,16 +37,16 @@ def rerun_form_html() -> str:
     return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_WITHOUT)
 
 
-PAGES: dict[str, Callable[[], str]] = {
+DEMO_PAGES: dict[str, Callable[[], str]] = {
     "explorer": explorer_html,
     "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-8", compact=True),
     "rerun-form": rerun_form_html,
-    **{name.replace("_", "-"): partial(write_experiment, name) for name in NAMES},
+    **{name.replace("_", "-"): partial(write_experiment, name) for name in DEMO_NAMES},
 }
 """Pieces of pages that depend on the library, and what is published, alone."""
 
 
 def write(folder: Path) -> None:
-    """Write all of :data:`PAGES` into a folder."""
-    for name, page in PAGES.items():
+    """Write all of :data:`DEMO_PAGES` into a folder."""
+    for name, page in DEMO_PAGES.items():
         whole_text(folder / f"{name}.html", page())

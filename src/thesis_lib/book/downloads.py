@@ -11,12 +11,12 @@ from thesis_lib.book.crate import describe_book
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.files import staging, whole_file, whole_text
 from thesis_lib.plotting import selection as plotted
-from thesis_lib.runs.postprocess import FOLDER
+from thesis_lib.runs.postprocess import DATA_FOLDER
 
-ARCHIVE = "vibration-by-many-cameras"
+ARCHIVE_NAME = "vibration-by-many-cameras"
 SAMPLE_REPORT = "sample-report.html"
-_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
-_COMPRESSED = {".nc", ".png", ".webp", ".woff2", ".gz"}
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can hold
+_COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 
 
 def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
@@ -37,12 +37,12 @@ def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
 def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> None:
     """Put cubes, their tables, the sample report and a description into a rendered book."""
     tables, report = root / "build" / "tables", root / "book" / "executed" / SAMPLE_REPORT
-    (book / FOLDER).mkdir(exist_ok=True)
+    (book / DATA_FOLDER).mkdir(exist_ok=True)
     for _, cube in made:
         if (tables / cube.stem).is_dir():  # its figures have tables of their own
-            shutil.copytree(tables / cube.stem, book / FOLDER / cube.stem)
+            shutil.copytree(tables / cube.stem, book / DATA_FOLDER / cube.stem)
         for file in (tables / f"{cube.stem}.csv", cube):
-            shutil.copyfile(file, book / FOLDER / file.name)
+            shutil.copyfile(file, book / DATA_FOLDER / file.name)
     describe_book(book, made)
     if report.is_file():
         shutil.copyfile(report, book / SAMPLE_REPORT)
@@ -55,9 +55,9 @@ def pack_book(book: Path, place: Path) -> None:
         with zipfile.ZipFile(part, "w") as packed:
             inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
             for name, path in sorted(inside.items()):
-                entry = zipfile.ZipInfo(f"{ARCHIVE}/{name}", _DATE)
+                entry = zipfile.ZipInfo(f"{ARCHIVE_NAME}/{name}", _ZIP_DATE)
                 entry.create_system, entry.external_attr = 3, 0o100644 << 16  # everywhere alike
-                stored = path.suffix in _COMPRESSED
+                stored = path.suffix in _COMPRESSED_SUFFIXES
                 entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
                 packed.writestr(entry, path.read_bytes(), compresslevel=6)
 

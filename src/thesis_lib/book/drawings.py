@@ -13,9 +13,9 @@ DARK_GROUND, DARK_INK = (18, 18, 18), (222, 226, 230)  # of the book's pages in 
 MIN_CONTRAST = 4.5  # WCAG 2 AA
 MAX_GREY_SPREAD = 16  # largest difference of the parts of a colour that counts as grey
 PX_PER_UNIT = {"pt": 4 / 3, "px": 1.0, "": 1.0}
-_COLOUR = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
-_LENGTH = re.compile(r"([\d.]+)(pt|px|)")
-_COLOURED = ("style", "fill", "stroke", "stop-color")
+_COLOUR_PATTERN = re.compile(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b")
+_LENGTH_PATTERN = re.compile(r"([\d.]+)(pt|px|)")
+_COLOUR_ATTRIBUTES = ("style", "fill", "stroke", "stop-color")
 
 
 def measure_image(path: Path) -> dict[str, str]:
@@ -27,7 +27,7 @@ def measure_image(path: Path) -> dict[str, str]:
             width, height = photograph.size
         return {"width": str(width), "height": str(height)}
     _, root = next(etree.iterparse(path, events=("start",)))
-    sides = [(side, _LENGTH.fullmatch(root.get(side, ""))) for side in ("width", "height")]
+    sides = [(side, _LENGTH_PATTERN.fullmatch(root.get(side, ""))) for side in ("width", "height")]
     found = {side: str(round(float(m[1]) * PX_PER_UNIT[m[2]])) for side, m in sides if m}
     if panels := root.get("data-panels"):
         found["data-panels"] = panels
@@ -49,9 +49,9 @@ def theme_drawing(path: Path) -> None:
         return f"var(--c{colour[1:]})"
 
     for element in root.iter(etree.Element):
-        for name in _COLOURED:
+        for name in _COLOUR_ATTRIBUTES:
             if value := element.get(name):
-                element.set(name, _COLOUR.sub(name_variable, value))
+                element.set(name, _COLOUR_PATTERN.sub(name_variable, value))
     light = "".join(f"--c{one[1:]}:{one};" for one in sorted(colours))
     dark = "".join(f"--c{one[1:]}:{find_dark_colour(one)};" for one in sorted(colours))
     style = etree.Element("{http://www.w3.org/2000/svg}style")

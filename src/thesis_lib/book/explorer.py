@@ -19,20 +19,22 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import model
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
-from thesis_lib.plotting.style import COLORS, DIVERGING
+from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, plain, static_html
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
-MODES = (1, 2, 3)
-ERRORS = ("mean_error", "max_point_error")
-WITHOUT = "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
+EXPLORER_MODES = (1, 2, 3)
+ERROR_NAMES = ("mean_error", "max_point_error")
+NO_SCRIPT_TEXT = (
+    "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
+)
 
 
-_ESM = joined("explorer")
-_CSS = VIEWER_CSS + asset("explorer.css")
+_EXPLORER_SCRIPT = joined("explorer")
+_EXPLORER_STYLE = VIEWER_CSS + asset("explorer.css")
 
 
 def explorer_data() -> dict[str, Any]:
@@ -48,8 +50,8 @@ def explorer_data() -> dict[str, Any]:
         95 %]`` in % as published, or None, and the thesis's words, or "".
     """
     return {
-        "colors": list(COLORS),
-        "colormap": list(DIVERGING[::4]),
+        "colors": list(CYCLE_COLORS),
+        "colormap": list(DIVERGING_COLORS[::4]),
         "sensor_width_mm": camera_study("beam-arrays").sensor_width_mm,
         "structures": {subject: _describe_structure(subject) for subject in ("beam", "plate")},
     }
@@ -59,7 +61,7 @@ def _describe_structure(subject: str) -> dict[str, Any]:
     studies = [one for one in map(camera_study, CAMERA_STUDIES) if one.subject == subject]
     arrays = next(one for one in studies if one.study == "arrays")
     return {
-        **model(arrays.structure, max(MODES)),
+        **model(arrays.structure, max(EXPLORER_MODES)),
         "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
         "setups": [one for study in studies for one in _list_setups(study)],
     }
@@ -69,13 +71,13 @@ def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
     published, claims = read_published(study.name), claims_of(study.name)
     found: dict[tuple[object, ...], list[float]] = {}
     if published is not None:
-        keys, numbers = published[[*cubes.KEYS, "error"]], published[cubes.STATISTICS]
+        keys, numbers = published[[*cubes.ROW_KEYS, "error"]], published[cubes.STATISTIC_NAMES]
         rows = zip(keys.values.tolist(), numbers.values.tolist(), strict=True)
         found = {tuple(key): row for key, row in rows}
 
     def errors(setting: Setting, error: str) -> list[list[float] | None]:
         key = (setting.case, setting.value, setting.label, setting.pair_order)
-        return [found.get((*key, mode, error)) for mode in MODES]
+        return [found.get((*key, mode, error)) for mode in EXPLORER_MODES]
 
     return [
         {
@@ -86,10 +88,10 @@ def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
             "d": setting.distance_mm,
             "w": list(setting.resolution_px),
             "c": [list(direction) for direction in setting.directions_deg],
-            "errors": {error: errors(setting, error) for error in ERRORS},
+            "errors": {error: errors(setting, error) for error in ERROR_NAMES},
             "stated": {
-                error: [_quote_claims(claims, setting, mode, error) for mode in MODES]
-                for error in ERRORS
+                error: [_quote_claims(claims, setting, mode, error) for mode in EXPLORER_MODES]
+                for error in ERROR_NAMES
             },
         }
         for setting in study.settings()
@@ -126,8 +128,8 @@ class Explorer(anywidget.AnyWidget):
         That of :func:`explorer_data`.
     """
 
-    _esm = _ESM
-    _css = _CSS
+    _esm = _EXPLORER_SCRIPT
+    _css = _EXPLORER_STYLE
     data = traitlets.Dict().tag(sync=True)
     address = traitlets.Unicode().tag(sync=True)
 
@@ -149,7 +151,7 @@ class Explorer(anywidget.AnyWidget):
 
 def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_ESM, _CSS, traits, WITHOUT, prints=True)
+    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, NO_SCRIPT_TEXT, prints=True)
 
 
 def explorer_html(address: str = "", compact: bool = False) -> str:

@@ -23,8 +23,8 @@ from sphinx.util.docutils import SphinxDirective
 from thesis_lib.figure_sets.registry import STUDIES
 
 MAX_DESCRIPTION_LENGTH = 200
-_BINDER = "https://mybinder.org/v2"
-_BAR = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
+_BINDER_ADDRESS = "https://mybinder.org/v2"
+_BAR_PATTERN = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
 
 
@@ -134,7 +134,7 @@ def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree:
     place = f"gh/{path}" if github else f"git/{quote(address, safe='')}"
     button = {
         "type": "link",
-        "url": f"{_BINDER}/{place}/{branch}?urlpath=lab/tree/notebooks/{name}.ipynb",
+        "url": f"{_BINDER_ADDRESS}/{place}/{branch}?urlpath=lab/tree/notebooks/{name}.ipynb",
         "text": "",
         "tooltip": "Run on Binder",
         "icon": "fa-solid fa-rocket",
@@ -147,7 +147,9 @@ def _escape_bars(
     _app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
 ) -> None:
     """Read ``|w|`` in a docstring as an absolute value, not as a substitution."""
-    lines[:] = [_BAR.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines]
+    lines[:] = [
+        _BAR_PATTERN.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines
+    ]
 
 
 def _shorten_defaults(*event: Any) -> tuple[str, str]:

@@ -19,10 +19,10 @@ from thesis_lib.book.drawings import measure_image, theme_drawing
 from thesis_lib.book.interval_cells import draw_intervals
 from thesis_lib.book.search_index import Entry, index_page, write_index
 
-VIEWERS = "_viewers"
-_STATE = "\nconst state = "  # the data of a viewer; its program stands before them
-_MODEL = "\nfunction createModel("  # stands after them
-_FRONTS = "window.thesisFronts"
+VIEWERS_FOLDER = "_viewers"
+_STATE_MARK = "\nconst state = "  # the data of a viewer; its program stands before them
+_MODEL_MARK = "\nfunction createModel("  # stands after them
+_FRONTS_MARK = "window.thesisFronts"
 _WITHOUT_BOOK = (
     "this.insertAdjacentText('beforebegin', 'The viewer that stands here needs the whole book.')"
 )
@@ -132,27 +132,29 @@ def share_viewers(page: HtmlElement, book: Path, root: str) -> None:
     end; both run when the page is read, in their order.
     """
     for script in page.xpath("//script[@type='module']"):
-        head, found, model = (script.text or "").rpartition(_MODEL)
-        program, _, state = head.rpartition(_STATE)
+        head, found, model = (script.text or "").rpartition(_MODEL_MARK)
+        program, _, state = head.rpartition(_STATE_MARK)
         style = script.getprevious()
         if not found or style is None or style.tag != "style":
             continue
         name, css = _write_viewer(book, program.strip(), style.text or "")
-        script.addprevious(builder.LINK(rel="stylesheet", href=f"{root}{VIEWERS}/{css}"))
+        script.addprevious(builder.LINK(rel="stylesheet", href=f"{root}{VIEWERS_FOLDER}/{css}"))
         front = builder.SCRIPT(
-            {"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{root}{VIEWERS}/{name}.js"
+            {"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{root}{VIEWERS_FOLDER}/{name}.js"
         )
         script.addprevious(front)
-        script.text = f"\nconst widget = {_FRONTS}['{name}']();{_STATE}{state}{_MODEL}{model}"
+        script.text = (
+            f"\nconst widget = {_FRONTS_MARK}['{name}']();{_STATE_MARK}{state}{_MODEL_MARK}{model}"
+        )
         style.drop_tree()
 
 
 def _write_viewer(book: Path, program: str, style: str) -> tuple[str, str]:
     """Write a program and a style sheet, named by their contents; return the names."""
     name, css = (hashlib.sha256(text.encode()).hexdigest()[:16] for text in (program, style))
-    folder = book / VIEWERS
+    folder = book / VIEWERS_FOLDER
     folder.mkdir(exist_ok=True)
-    js = f"({_FRONTS} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
+    js = f"({_FRONTS_MARK} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
     (folder / f"{name}.js").write_text(js, encoding="utf-8")
     (folder / f"{css}.css").write_text(style, encoding="utf-8")
     return name, f"{css}.css"

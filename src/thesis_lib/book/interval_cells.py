@@ -14,8 +14,8 @@ from lxml.html import builder, fragment_fromstring
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
 WIDTH_PX, HEIGHT_PX = 90, 14
-_NUMBERS = re.compile(r"([\d.]+) · ([\d.]+) \(([\d.]+)–([\d.]+)\) · ([\d.]+)")
-_KEY = re.compile(
+_INTERVAL_PATTERN = re.compile(r"([\d.]+) · ([\d.]+) \(([\d.]+)–([\d.]+)\) · ([\d.]+)")
+_KEY_PATTERN = re.compile(
     r"Each cell: (.*?) · median \(5–95 %\) of the (.*?) · (.*?), in % of (.*)", re.DOTALL
 )
 _KEY_MARKS = {
@@ -29,7 +29,7 @@ _KEY_MARKS = {
 def draw_intervals(page: Any) -> None:
     """Replace the cells of five numbers of a parsed page, and their key, by drawings."""
     keys = [p for p in page.iter("p") if (p.text or "").startswith("Each cell: ")]
-    match = _KEY.fullmatch(keys[0].text_content()) if keys else None
+    match = _KEY_PATTERN.fullmatch(keys[0].text_content()) if keys else None
     if match is None:
         return
     nominal, draws, predicted, unit = match.groups()
@@ -57,7 +57,10 @@ def draw_intervals(page: Any) -> None:
 
 def _draw_table(table: Any, names: tuple[str, str, str]) -> str:
     """Draw the cells of a table; return the words for their scale, empty if it has no such cell."""
-    found = [(cell, _NUMBERS.fullmatch(cell.text_content().strip())) for cell in table.iter("td")]
+    found = [
+        (cell, _INTERVAL_PATTERN.fullmatch(cell.text_content().strip()))
+        for cell in table.iter("td")
+    ]
     cells = [(cell, match.groups()) for cell, match in found if match]
     if not cells:
         return ""

@@ -13,12 +13,12 @@ from thesis_lib.files import whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, mystnb
 from thesis_lib.web.markdown import escape
 
-_PICTURE = (
+_PLACEHOLDER_IMAGE = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 60" width="600" height="60">'
     '<rect width="600" height="60" fill="#f4f4f4"/><text x="300" y="36" font-family="sans-serif" '
     'font-size="16" fill="#555" text-anchor="middle">%s</text></svg>'
 )
-_WORDS = "This picture is missing: its run failed."
+_PLACEHOLDER_TEXT = "This picture is missing: its run failed."
 
 
 def sentence(names: Iterable[str]) -> str:
@@ -48,9 +48,9 @@ def page(source: Path, name: str, reason: str) -> Any:
             cells.append(cell)
             continue
         for number, caption in enumerate(promised(STUDIES[name](), cell.source), 1):
-            words = mystnb(caption.name, caption.text, _WORDS)
+            words = mystnb(caption.name, caption.text, _PLACEHOLDER_TEXT)
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
-            picture = {"image/svg+xml": _PICTURE % _WORDS}
+            picture = {"image/svg+xml": _PLACEHOLDER_IMAGE % _PLACEHOLDER_TEXT}
             place.outputs = [nbformat.v4.new_output("display_data", picture)]
             cells.append(place)
     if not cells or not cells[0].source.startswith("# "):
@@ -73,11 +73,11 @@ def write_placeholder(path: Path, task: str) -> None:
         text = f"*Missing here, since the step “{escape(task)}” failed.*\n"
         whole_text(path, text)
     elif path.suffix == ".svg":
-        text = _PICTURE % html.escape(_WORDS)
+        text = _PLACEHOLDER_IMAGE % html.escape(_PLACEHOLDER_TEXT)
         whole_text(path, text)
     elif path.suffix == ".webp":
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", (600, 60), "#f4f4f4")
-        ImageDraw.Draw(picture).text((20, 24), _WORDS, fill="#555")
+        ImageDraw.Draw(picture).text((20, 24), _PLACEHOLDER_TEXT, fill="#555")
         whole_file(path, lambda part: picture.save(part, "WEBP"))

@@ -14,14 +14,14 @@ import lxml.html
 from lxml.html import builder
 
 from thesis_lib.book import rendering
-from thesis_lib.book.downloads import ARCHIVE
+from thesis_lib.book.downloads import ARCHIVE_NAME
 from thesis_lib.files import whole_file
 from thesis_lib.web.page import BookError
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-EXTERNAL = ("#", "http:", "https:", "mailto:")
-STYLE = "book/assets/print.css"
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
+BROWSER_COMMANDS = ("chromium", "chromium-browser", "google-chrome")
+EXTERNAL_PREFIXES = ("#", "http:", "https:", "mailto:")
+PRINT_STYLE = "book/assets/print.css"
+BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 
 
 def find_browser() -> str:
@@ -32,7 +32,7 @@ def find_browser() -> str:
     BookError
         If there is none.
     """
-    for name in filter(None, (os.environ.get("CHROME_BIN"), *BROWSERS)):
+    for name in filter(None, (os.environ.get("CHROME_BIN"), *BROWSER_COMMANDS)):
         if path := shutil.which(name):
             return path
     raise BookError("to print the book install Chromium, for example `apt install chromium`")
@@ -46,7 +46,7 @@ def build(root: Path) -> Path:
     BookError
         If the pages do not build, or there is no browser.
     """
-    browser, pdf = find_browser(), root / "build" / f"{ARCHIVE}.pdf"
+    browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
     if not (root / "build" / "html" / "index.html").is_file():
         raise BookError("there is no book to print yet: run `thesis book` first")
     rendering.install_assets(root)
@@ -54,7 +54,7 @@ def build(root: Path) -> Path:
     text = prepare_page(page.read_text(encoding="utf-8"))
     printable = page.with_name("print.html")
     printable.write_text(text, encoding="utf-8")
-    whole_file(pdf, lambda part: print_page(browser, printable, root / STYLE, part))
+    whole_file(pdf, lambda part: print_page(browser, printable, root / PRINT_STYLE, part))
     return pdf
 
 
@@ -69,7 +69,7 @@ def prepare_page(text: str) -> str:
                 follower.drop_tree()
             note = builder.P(builder.EM(f"Interactive, in the book: {name}.html"))
             element.getparent().replace(element, note)
-        elif element.tag == "a" and not element.get("href", "#").startswith(EXTERNAL):
+        elif element.tag == "a" and not element.get("href", "#").startswith(EXTERNAL_PREFIXES):
             del element.attrib["href"]
         elif element.tag == "details":
             element.set("open", "")
@@ -81,7 +81,7 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as running:
-        chromium = running.chromium.launch(executable_path=browser, args=FLAGS)
+        chromium = running.chromium.launch(executable_path=browser, args=BROWSER_FLAGS)
         opened = chromium.new_context(offline=True, color_scheme="light").new_page()
         opened.set_default_timeout(300_000)
         opened.goto(page.resolve().as_uri(), wait_until="load")

@@ -25,7 +25,7 @@ def publish(made: Mapping[str, tuple[Path, Path]]) -> None:
     BookError
         If a test had failed; nothing is published then.
     """
-    measured = project_root() / "build" / conformance.REPORT
+    measured = project_root() / "build" / conformance.JUNIT_REPORT
     if measured.is_file():  # first, for what failed in it publishes nothing
         conformance.publish(measured)
     for name, (notebook, cube) in made.items():

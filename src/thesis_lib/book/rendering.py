@@ -25,14 +25,14 @@ from thesis_lib.book.html_pages import finish_pages
 from thesis_lib.files import folder_files, sha256, staging
 from thesis_lib.studies import schema
 from thesis_lib.web.page import (
-    INSTALLED,
-    PACKAGES,
+    INSTALLED_RECORD,
+    NPM_PACKAGES,
     BookError,
     damaged_assets,
     installed_assets,
 )
 
-_WARNING = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
+_WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
 def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
@@ -67,7 +67,7 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
         write_edition(root, new)
         downloads.add_downloads(root, new, made)
         downloads.replace_folder(new, html)
-    downloads.pack_book(html, root / "build" / f"{downloads.ARCHIVE}.zip")
+    downloads.pack_book(html, root / "build" / f"{downloads.ARCHIVE_NAME}.zip")
     return html / "index.html"
 
 
@@ -96,7 +96,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
         return out
     shutil.rmtree(doctrees, ignore_errors=True)  # Sphinx warns of a page only when it reads it
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
-    found = [line.strip() for line in text.splitlines() if _WARNING.search(line)]
+    found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
     raise BookError("\n".join(["the book was not rendered:", *lines]))
 
@@ -139,12 +139,12 @@ def install_assets(root: Path) -> Path:
             shutil.copy(file, work)
         npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
         new = work / "assets"
-        for package, parts in PACKAGES.items():
+        for package, parts in NPM_PACKAGES.items():
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
         files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
-        (new / INSTALLED).write_text(json.dumps({"lock": digest, "files": files}))
+        (new / INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
         downloads.replace_folder(new, assets)
     return assets
 

@@ -12,8 +12,8 @@ import xarray as xr
 
 from thesis_lib import files
 
-PAGE = "sample-report.html"
-SHAPE = "guide-shape.svg"
+SAMPLE_PAGE = "sample-report.html"
+SHAPE_FIGURE = "guide-shape.svg"
 
 
 def page(data: xr.Dataset) -> str:
@@ -57,17 +57,17 @@ PIECES: dict[str, Callable[[xr.Dataset], str]] = {
     "guide-summary": summary,
     "guide-counted": counted,
 }
-NAMES = (PAGE, SHAPE, *(f"{name}.md" for name in PIECES))
+SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE, *(f"{name}.md" for name in PIECES))
 
 
 def write(folder: Path) -> None:
-    """Write :data:`NAMES` into a folder."""
+    """Write :data:`SAMPLE_FILES` into a folder."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.report import figures as draw
     from thesis_lib.plotting.style import svg
 
     data = sample.sample()
-    files.whole_text(folder / PAGE, page(data))
-    files.whole_text(folder / SHAPE, svg(draw.draw_shape(data, sample.manifest_of(data))))
+    files.whole_text(folder / SAMPLE_PAGE, page(data))
+    files.whole_text(folder / SHAPE_FIGURE, svg(draw.draw_shape(data, sample.manifest_of(data))))
     for name, piece in PIECES.items():
         files.whole_text(folder / f"{name}.md", piece(data))

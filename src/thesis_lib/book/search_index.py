@@ -14,12 +14,12 @@ from typing import Any
 
 from thesis_lib.facts.claims import read_index
 
-FILE = "_static/entries.js"
+INDEX_FILE = "_static/entries.js"
 MAX_TEXT_LENGTH = 2000
 MAX_NAME_TEXT_LENGTH = 300  # the signature and the returned values stand on the name's page
-_CLAIMS = 'const state = {"data":{"rows":'
-_HEADINGS = {"h1", "h2", "h3", "h4", "h5", "h6"}
-_BLOCKS = {"p", "li", "dd", "td", "th", "dt", "pre", "div"}  # words on both sides are apart
+_CLAIMS_MARK = 'const state = {"data":{"rows":'
+_HEADING_TAGS = {"h1", "h2", "h3", "h4", "h5", "h6"}
+_BLOCK_TAGS = {"p", "li", "dd", "td", "th", "dt", "pre", "div"}  # words on both sides are apart
 _NO_TEXT = {"script", "style", "noscript", "svg", "button", "summary"}
 _NO_TEXT_CLASSES = {"headerlink", "caption-number", "cell_input", "sig-object", "tl-under-figure"}
 _TITLE_CLASSES = {"eqno", "label"}
@@ -70,11 +70,11 @@ def _read_element(parent: Any, current: Entry | None, found: list[Entry], title:
             owner.picture = child.get("src", "")
         classes = {*child.classes}
         if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
-            in_title = title or child.tag in _HEADINGS or not classes.isdisjoint(_TITLE_CLASSES)
+            in_title = title or child.tag in _HEADING_TAGS or not classes.isdisjoint(_TITLE_CLASSES)
             in_title |= kind == "term"
             _add_words(owner, child.text, in_title)
             _read_element(child, owner, found, in_title)
-        if child.tag in _BLOCKS:
+        if child.tag in _BLOCK_TAGS:
             _add_words(owner, " ", title=False)
         _add_words(current, child.tail, title)
 
@@ -117,7 +117,7 @@ def _list_claims(page: Any) -> Iterator[Entry]:
     """Yield the rows of the ledger, which its page carries as data."""
     for script in page.iter("script"):
         for line in (script.text or "").splitlines():
-            if not line.startswith(_CLAIMS):
+            if not line.startswith(_CLAIMS_MARK):
                 continue
             for row in json.loads(line.removeprefix("const state = ").rstrip(";"))["data"]["rows"]:
                 words = f"{row['what']}. The thesis: {row['stated']}; here: {row['got']}"
@@ -131,7 +131,7 @@ def write_index(book: Path, pages: Mapping[str, list[Entry]]) -> None:
     rows += _list_thesis(pages)
     texts = [[page, e.kind, e.places, e.title, e.text, e.picture] for page, e in rows]
     text = json.dumps(texts, ensure_ascii=False, separators=(",", ":"))
-    (book / FILE).write_text(f"window.thesisEntries={text};\n", encoding="utf-8")
+    (book / INDEX_FILE).write_text(f"window.thesisEntries={text};\n", encoding="utf-8")
 
 
 def _list_thesis(pages: Mapping[str, list[Entry]]) -> Iterator[tuple[str, Entry]]:

@@ -9,21 +9,21 @@ from pathlib import Path
 
 from thesis_lib.files import digest_of, folder_files, project_root, whole_text
 
-SOURCES = (
+SOURCE_FOLDERS = (
     "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
     "package.json", "package-lock.json",
 )  # fmt: skip
-MADE = ("book/executed", "data/results", "build/html", "build/assets")
+OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
 
 
 def source_digest() -> str:
     """Return the digest of all that people write."""
-    return digest_of(path for path in _files(SOURCES) if not _is_made(path))
+    return digest_of(path for path in _files(SOURCE_FOLDERS) if not _is_made(path))
 
 
 def remember(sources: str) -> None:
     """Keep the state of a book that has just been finished, made from sources of this digest."""
-    whole_text(_record(), f"{sources} {digest_of(_files(MADE))}\n")
+    whole_text(_record(), f"{sources} {digest_of(_files(OUTPUT_FOLDERS))}\n")
 
 
 def is_up_to_date() -> bool:
@@ -31,7 +31,7 @@ def is_up_to_date() -> bool:
     record = _record()
     if not record.is_file():
         return False
-    state = f"{source_digest()} {digest_of(_files(MADE))}\n"
+    state = f"{source_digest()} {digest_of(_files(OUTPUT_FOLDERS))}\n"
     return record.read_text(encoding="utf-8") == state
 
 
@@ -45,4 +45,4 @@ def _files(places: tuple[str, ...]) -> list[Path]:
 
 def _is_made(path: Path) -> bool:
     root = project_root()
-    return any(root / place in path.parents for place in MADE)
+    return any(root / place in path.parents for place in OUTPUT_FOLDERS)

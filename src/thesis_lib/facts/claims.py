@@ -177,7 +177,7 @@ def read_claims() -> list[Claim]:
         Naming the line and the field of a malformed row.
     """
     claims = []
-    for row in read_rows("claims.csv", _KINDS):
+    for row in read_rows("claims.csv", _CLAIM_KINDS):
         row["values"] = row.pop("value")
         (row["low"], low), (row["high"], high) = row["low"], row["high"]
         claims.append(Claim(**row, rounding=(low, high)))
@@ -204,7 +204,7 @@ def _printed(text: str) -> tuple[float, float]:
     return finite(text), half_digit(text)
 
 
-_KINDS: dict[str, Kind] = {
+_CLAIM_KINDS: dict[str, Kind] = {
     "id": some,
     "figure_set": some,
     "section": some,
@@ -230,15 +230,17 @@ def claims_of(name: str) -> tuple[Claim, ...]:
     return tuple(claim for claim in read_claims() if claim.figure_set == name)
 
 
-_NUMBER = r"\d+(\.\d+)?"
-_INTERVALS = rf"{_NUMBER} {_NUMBER}(?: {_NUMBER} {_NUMBER})*"
-_ONE_SIDED = rf"{_NUMBER}( first| last)?"
-WORDS = {  # what is stated, and what has to be said with it
+_NUMBER_PATTERN = r"\d+(\.\d+)?"
+_INTERVALS_PATTERN = (
+    rf"{_NUMBER_PATTERN} {_NUMBER_PATTERN}(?: {_NUMBER_PATTERN} {_NUMBER_PATTERN})*"
+)
+_ONE_SIDED = rf"{_NUMBER_PATTERN}( first| last)?"
+RELATION_WORDS = {  # what is stated, and what has to be said with it
     "falls": "", "rises": "", "falls_steadily": "", "falls_irregularly": "",
-    "flat": rf"({_INTERVALS})?", "within": _INTERVALS,
+    "flat": rf"({_INTERVALS_PATTERN})?", "within": _INTERVALS_PATTERN,
     "no_trend": "", "mostly_no_trend": "", "same_pattern": "", "same_trends": "",
-    "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER} first",
-    "peaks": _NUMBER, "highest_last": "", "modes_alike": "",
+    "below": _ONE_SIDED, "at_most": _ONE_SIDED, "above": rf"{_NUMBER_PATTERN} first",
+    "peaks": _NUMBER_PATTERN, "highest_last": "", "modes_alike": "",
     "worst_mode": r"\d+", "best_mode": r"\d+", "planes_alike": r"((XZ|YZ) \d \d)?",
     "like_case": r"\S+( last)?", "below_case": r"\S+ (first|common)", "gentler": r"\S+",
     "best_case": r".+", "unrelated": r"\w+",
@@ -290,12 +292,12 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 def _known(text: str) -> str:
     name, _, argument = text.partition(" ")
-    if name not in WORDS or not re.fullmatch(WORDS[name], argument):
+    if name not in RELATION_WORDS or not re.fullmatch(RELATION_WORDS[name], argument):
         raise ValueError(text)
     return text
 
 
-_PAGE = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an anchor
+_PAGE_PATTERN = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an anchor
 
 
 @dataclass(frozen=True)
@@ -315,7 +317,11 @@ def read_reasons() -> dict[str, Reason]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    kinds: dict[str, Kind] = {"id": some, "reason": matching(r"\S.*\."), "page": matching(_PAGE)}
+    kinds: dict[str, Kind] = {
+        "id": some,
+        "reason": matching(r"\S.*\."),
+        "page": matching(_PAGE_PATTERN),
+    }
     return {row["id"]: Reason(**row) for row in read_rows("reasons.csv", kinds)}
 
 
@@ -338,7 +344,7 @@ def read_index() -> list[IndexEntry]:
     kinds: dict[str, Kind] = {
         "item": matching(r"(figure|table|equation) \w\.\d+[ab]?"),
         "what": matching(r"\S.*"),
-        "page": matching(rf"({_PAGE})?"),
+        "page": matching(rf"({_PAGE_PATTERN})?"),
         "function": listed(r"thesis_lib(\.\w+)+"),
         "cube": listed(r"[\w-]+: \w+(, \w+)*"),
         "test": listed(r"tests/(\w+/)*test_\w+\.py::test_\w+"),

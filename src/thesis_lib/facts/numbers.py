@@ -23,8 +23,12 @@ from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vision.optics import angle_of_view, picture_height
 from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 
-EXACT = 1e-9  # relative half-width of a fraction or a product
-BEAM, PLATE, RIG = setups.beam(), setups.plate(), setups.table("experiment", "rig")
+EXACT_TOLERANCE = 1e-9  # relative half-width of a fraction or a product
+THESIS_BEAM, THESIS_PLATE, THESIS_RIG = (
+    setups.beam(),
+    setups.plate(),
+    setups.table("experiment", "rig"),
+)
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,12 @@ class StatedNumber:
     @property
     def is_bookkeeping(self) -> bool:
         """Return whether the number only adds up or counts printed numbers."""
-        return self.value_of in ARITHMETIC or self.value_of in COUNTS
+        return self.value_of in ARITHMETIC_RESULTS or self.value_of in COUNTED_NUMBERS
 
     @property
     def value(self) -> float:
         """Compute the correct value, in its unit."""
-        return float(VALUES[self.value_of]())
+        return float(CORRECT_VALUES[self.value_of]())
 
 
 def read_numbers() -> list[StatedNumber]:
@@ -70,7 +74,7 @@ def read_numbers() -> list[StatedNumber]:
         "words": some,
         "stated": _stated,
         "unit": str,
-        "value_of": one_of(VALUES),
+        "value_of": one_of(CORRECT_VALUES),
     }
     return [StatedNumber(**row) for row in read_rows("numbers.csv", kinds)]
 
@@ -90,7 +94,7 @@ def _interval(text: str) -> tuple[float, float]:
         first, found, second = text.partition(sign)
         if found:
             value = int(first) / int(second) if sign == "/" else float(int(first) * int(second))
-            return value * (1 - EXACT), value * (1 + EXACT)
+            return value * (1 - EXACT_TOLERANCE), value * (1 + EXACT_TOLERANCE)
     number = Decimal(text)
     half = Decimal(5).scaleb(int(number.as_tuple().exponent) - 1)
     return float(number - half), float(number + half)
@@ -116,27 +120,33 @@ def _equations(n_cameras: int) -> int:
 
 def _sine_factor() -> float:
     """Return the factor c of sin(kx) in eq. 3.4 from the derivatives at the clamp."""
-    k = cantilever_roots(1)[0] / BEAM.length
-    slope, third = (BEAM.mode_shapes([1], [[0.0], [0.0]], n)[0, 0] for n in (1, 3))
+    k = cantilever_roots(1)[0] / THESIS_BEAM.length
+    slope, third = (THESIS_BEAM.mode_shapes([1], [[0.0], [0.0]], n)[0, 0] for n in (1, 3))
     return float((slope * k**2 - third) / (slope * k**2 + third))  # slope k²/third = (1+c)/(1-c)
 
 
 def _mixed_term() -> float:
     """Factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
-    a2, b2 = ((math.pi / side) ** 2 for side in PLATE.extent)
-    waves = PLATE.angular_frequencies(1)[0] ** 2 * PLATE.mass_per_area / PLATE.bending_stiffness
+    a2, b2 = ((math.pi / side) ** 2 for side in THESIS_PLATE.extent)
+    waves = (
+        THESIS_PLATE.angular_frequencies(1)[0] ** 2
+        * THESIS_PLATE.mass_per_area
+        / THESIS_PLATE.bending_stiffness
+    )
     return float((waves - a2**2 - b2**2) / (a2 * b2))
 
 
 def _at_resonance() -> complex:
-    return complex(structures.modal_coordinates(BEAM, structures.resonance(BEAM, 1), 1)[0])
+    return complex(
+        structures.modal_coordinates(THESIS_BEAM, structures.resonance(THESIS_BEAM, 1), 1)[0]
+    )
 
 
 def _cameras(case: str) -> set[Direction]:
     return {(azimuth % 360, elevation) for pair in pairs()[case] for azimuth, elevation in pair}
 
 
-ARITHMETIC: dict[str, float] = {
+ARITHMETIC_RESULTS: dict[str, float] = {
     "chapters": 6 + 1, "battery_voltage": 2 * 1.5, "sensor_cells": 4000 * 4000,
     **{f"height_{w}_{a}_{b}": picture_height(w, a, b)
        for w in (800, 1024, 1280, 1600) for a, b in ((4, 3), (36, 24))},
@@ -147,18 +157,18 @@ ARITHMETIC: dict[str, float] = {
     "least_pictures": math.ceil(5 / 2), "markers": 3 * 25, "grid": 3 * 25 + 1,
     "frames_at_4": 60 / 4, "parameters": len(("distance", "aperture", "pixels", "cameras")),
 }  # fmt: skip
-COUNTS = ("array_sizes", "last_figure", "cameras_4a", "pairs_4a", "cameras_4b", "pairs_4b",
+COUNTED_NUMBERS = ("array_sizes", "last_figure", "cameras_4a", "pairs_4a", "cameras_4b", "pairs_4b",
           "plate_markers")  # fmt: skip
-VALUES: dict[str, Callable[[], float]] = {
-    **{name: partial(float, value) for name, value in ARITHMETIC.items()},
+CORRECT_VALUES: dict[str, Callable[[], float]] = {
+    **{name: partial(float, value) for name, value in ARITHMETIC_RESULTS.items()},
     "view_across": partial(_angle_of_view, 36, 50), "view_up": partial(_angle_of_view, 24, 50),
     "view_diagonal_43": partial(_angle_of_view, 43, 50),
     "view_diagonal": partial(_angle_of_view, math.hypot(36, 24), 50),
     **{f"root_{n}": partial(lambda n: cantilever_roots(n)[-1], n) for n in range(1, 7)},
     "sine_factor": _sine_factor, "mixed_term": _mixed_term,
     "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
-    "overlap_beam": lambda: math.log2(np.divide(*structures.modal_overlap(BEAM, [2, 1]))),
-    "overlap_plate": lambda: math.log2(np.divide(*structures.modal_overlap(PLATE, [2, 1]))),
+    "overlap_beam": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_BEAM, [2, 1]))),
+    "overlap_plate": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_PLATE, [2, 1]))),
     "equations_1": partial(_equations, 1), "equations_2": partial(_equations, 2),
     "last_figure": lambda: float(setups.figure_number("beam", "arrays", "4e", 3)),
     **{f"aperture_2b_{p}": partial(_axes_angle, (90, p), (-90, p)) for p in (5, 20, 40, 60)},
@@ -170,17 +180,22 @@ VALUES: dict[str, Callable[[], float]] = {
     "shared_4a": lambda: len(_cameras("4a") & _cameras("4a'")),
     "mirrored_4e": lambda: sum((one[0] + other[0]) % 180 == 0 for one, other in pairs()["4e"]),
     "array_width": lambda: setups.table("beam", "arrays")["resolution_px"][0],
-    "beam_spacing": lambda: BEAM.length / 25e-3, "beam_density": lambda: BEAM.density,
-    "beam_modulus": lambda: BEAM.youngs_modulus, "plate_markers": lambda: len(PLATE.markers.T),
-    "plate_spacing_x": lambda: PLATE.length / 15e-3, "plate_spacing_y": lambda: PLATE.width / 10e-3,
-    **{f"rank_{a}_{b}": partial(lambda m: PLATE.mode_indices(50).tolist().index(m) + 1, [a, b])
-       for a, b in ((2, 1), (1, 2), (2, 2), (1, 4))},
-    "resonance": lambda: structures.resonance(BEAM, 1) / (2 * math.pi),
-    "tip": lambda: structures.peak_deflection(BEAM, 1) * 1e3,
-    "rig_frequency": lambda: RIG["frequency_hz"], "rig_distance": lambda: RIG["distance_mm"],
-    "rig_apart": lambda: 2 * RIG["azimuth_deg"], "frame_period": lambda: 1 / RIG["frame_rate_hz"],
+    "beam_spacing": lambda: THESIS_BEAM.length / 25e-3, "beam_density": lambda: THESIS_BEAM.density,
+    "beam_modulus": lambda: THESIS_BEAM.youngs_modulus,
+    "plate_markers": lambda: len(THESIS_PLATE.markers.T),
+    "plate_spacing_x": lambda: THESIS_PLATE.length / 15e-3,
+    "plate_spacing_y": lambda: THESIS_PLATE.width / 10e-3,
+    **{f"rank_{a}_{b}": partial(
+        lambda m: THESIS_PLATE.mode_indices(50).tolist().index(m) + 1, [a, b]
+       ) for a, b in ((2, 1), (1, 2), (2, 2), (1, 4))},
+    "resonance": lambda: structures.resonance(THESIS_BEAM, 1) / (2 * math.pi),
+    "tip": lambda: structures.peak_deflection(THESIS_BEAM, 1) * 1e3,
+    "rig_frequency": lambda: THESIS_RIG["frequency_hz"],
+    "rig_distance": lambda: THESIS_RIG["distance_mm"],
+    "rig_apart": lambda: 2 * THESIS_RIG["azimuth_deg"],
+    "frame_period": lambda: 1 / THESIS_RIG["frame_rate_hz"],
     "rig_axes": partial(_axes_angle, (10, 22), (-10, 22)),
-    "frames_at_resonance": lambda: RIG["frame_rate_hz"] / RIG["frequency_hz"],
-    "plane_columns": lambda: 99 * PLATE.length / PLATE.width,
+    "frames_at_resonance": lambda: THESIS_RIG["frame_rate_hz"] / THESIS_RIG["frequency_hz"],
+    "plane_columns": lambda: 99 * THESIS_PLATE.length / THESIS_PLATE.width,
     "wave_sign": lambda: -math.copysign(1, math.atan2(*outgoing_wave(1.0, np.array(0.1)))),
 }  # fmt: skip

@@ -20,8 +20,8 @@ from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.studies.storage import CubeError, opened
 from thesis_lib.text import one_line
 
-KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
-FAR = 1e-9  # m that markers may be off
+SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
+MAX_MARKER_OFFSET_M = 1e-9  # m that markers may be off
 
 
 def read(path: Path) -> xr.Dataset:
@@ -34,8 +34,8 @@ def read(path: Path) -> xr.Dataset:
     """
     cube = opened(path)
     listed = cubes.listed_by(cube)
-    errors = set() if listed else {variable for variable, _ in cubes.ERRORS.values()}
-    check(cube, path, set(cubes.LISTS[listed] if listed else cubes.KEYS), errors)
+    errors = set() if listed else {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
+    check(cube, path, set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS), errors)
     return cube
 
 
@@ -102,7 +102,7 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
     """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not outside.is_known(name):
-        trusted = f"if you trust its code, name its folder: {outside.ENVIRONMENT}=FOLDER thesis …"
+        trusted = f"if you trust its code, name its folder: {outside.SETS_VARIABLE}=FOLDER thesis …"
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)
@@ -126,10 +126,10 @@ def _problems(
     for dim in ("setting", "mode", "trial"):
         if not cube.sizes.get(dim):
             yield f"it has no {dim}"
-    for name in (*KEYS, "mode"):
+    for name in (*SETTING_KEYS, "mode"):
         if cube[name].dims != (("mode" if name == "mode" else "setting"),):
             yield f"its {name} is not along its dimension"
-    found = list(zip(*(cube[name].values.tolist() for name in KEYS), strict=True))
+    found = list(zip(*(cube[name].values.tolist() for name in SETTING_KEYS), strict=True))
     asked = [(s.case, float(s.value), s.label, s.pair_order) for s in request.settings()]
     yield from _not_asked("setting", found, asked)
     modes = cube["mode"].values.tolist()
@@ -146,7 +146,7 @@ def _problems(
         markers = np.stack(list(request.structure.markers))
         places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
         if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(
-            np.abs(np.stack(places) - markers) < FAR
+            np.abs(np.stack(places) - markers) < MAX_MARKER_OFFSET_M
         ):
             yield "its points are not the markers of its structure"
 

@@ -19,20 +19,20 @@ from thesis_lib.files import digest_of, folder_files, shipped
 from thesis_lib.studies.lock import installed_versions
 from thesis_lib.studies.request import Study
 
-PACKAGE = Path(__file__).parents[1]
-SCIENCE = ("acoustics", "arrays.py", "facts", "studies", "vibration", "vision")
-FACTS = ("assumptions.toml", "setups.toml", "structures.toml")
-LOCK = Path("requirements", "book.txt")
+PACKAGE_FOLDER = Path(__file__).parents[1]
+SCIENCE_ROOMS = ("acoustics", "arrays.py", "facts", "studies", "vibration", "vision")
+FACT_FILES = ("assumptions.toml", "setups.toml", "structures.toml")
+LOCK_FILE = Path("requirements", "book.txt")
 
 
 def source_files(product: Product) -> list[Path]:
     """Return the files of code and facts that can change a product, and the lock."""
     own = Path(import_module(product.module.rpartition(".")[0]).__path__[0])
-    rooms = [PACKAGE / room for room in (*SCIENCE, *product.rooms)]
+    rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *product.rooms)]
     every = sorted(data_folder().iterdir())
-    facts = every if "ledger" in product.rooms else [one for one in every if one.name in FACTS]
+    facts = every if "ledger" in product.rooms else [one for one in every if one.name in FACT_FILES]
     code = [path for path in folder_files([*rooms, own]) if path.suffix == ".py"]
-    return [*code, *facts, shipped() / LOCK]
+    return [*code, *facts, shipped() / LOCK_FILE]
 
 
 @cache

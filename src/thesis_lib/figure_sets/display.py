@@ -23,7 +23,7 @@ from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import described
 from thesis_lib.templates import render
 
-_PICTURE = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
+_PICTURE_CALL = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -85,7 +85,7 @@ def promised(study: Study, source: str) -> Iterator[Caption]:
         known = xr.Dataset(coords={"case": ("setting", cases), "mode": modes})
         cube = described(known.assign_attrs(figure_set=study.name), study)
         yield from panels.case_captions(cube).values()
-    for name, which in _PICTURE.findall(source):
+    for name, which in _PICTURE_CALL.findall(source):
         yield caption(study.name, name, *([int(which)] if which else []))
 
 

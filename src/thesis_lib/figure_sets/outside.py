@@ -2,7 +2,7 @@
 
 The folder is what one beside this file is (:mod:`thesis_lib.figure_sets.figure_set`), with the
 notebook ``NAME.ipynb`` of each of its sets. Kernels find it by the environment variable
-:data:`ENVIRONMENT`.
+:data:`SETS_VARIABLE`.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from thesis_lib.figure_sets.registry import CHAPTERS, FIGURE_SETS, STUDIES
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, FIGURE_SETS, STUDIES
 from thesis_lib.studies.request import ParameterError, validated
 from thesis_lib.text import one_line
 
-ENVIRONMENT = "THESIS_FIGURE_SETS"
-_PLACES: dict[str, Path] = {}  # of the sets that were loaded, by name
+SETS_VARIABLE = "THESIS_FIGURE_SETS"
+_LOADED_FOLDERS: dict[str, Path] = {}  # of the sets that were loaded, by name
 
 
 def load(folder: Path) -> list[str]:
@@ -31,7 +31,7 @@ def load(folder: Path) -> list[str]:
         In one line: the file, and what is wrong with it.
     """
     folder = folder.resolve()
-    if there := [name for name, place in _PLACES.items() if place == folder]:
+    if there := [name for name, place in _LOADED_FOLDERS.items() if place == folder]:
         return there
     file = folder / "figure_set.py"
     if not file.is_file():
@@ -52,28 +52,28 @@ def load(folder: Path) -> list[str]:
         why = f"{type(error).__name__}: {one_line(str(error))}"
         raise ParameterError(f"{file} cannot be used: {why}") from None
     for name in found:
-        if name in FIGURE_SETS or name in CHAPTERS:
+        if name in FIGURE_SETS or name in CHAPTER_SETS:
             raise ParameterError(f"{file}: the name {one_line(name)} is taken; wanted: another")
         if not (folder / f"{name}.ipynb").is_file():
             raise ParameterError(
                 f"{folder / name}.ipynb is missing; wanted: the notebook of {name}"
             )
     for name, one in found.items():
-        FIGURE_SETS[name], STUDIES[name], _PLACES[name] = one, one.request, folder
+        FIGURE_SETS[name], STUDIES[name], _LOADED_FOLDERS[name] = one, one.request, folder
         one.request.folder = str(folder)
-    named = os.environ.get(ENVIRONMENT, "").split(os.pathsep)
-    os.environ[ENVIRONMENT] = os.pathsep.join(dict.fromkeys([*filter(None, named), str(folder)]))
+    named = os.environ.get(SETS_VARIABLE, "").split(os.pathsep)
+    os.environ[SETS_VARIABLE] = os.pathsep.join(dict.fromkeys([*filter(None, named), str(folder)]))
     return list(found)
 
 
 def is_known(name: str, here: bool = False) -> bool:
-    """Return whether there is a figure set of this name, or in a folder of :data:`ENVIRONMENT`.
+    """Return whether there is a figure set of this name, or in a folder of :data:`SETS_VARIABLE`.
 
     With `here`, in the working directory, too: for a notebook, whose code is executed anyway. No
     command executes code that merely lies where it is called.
     """
     if name not in FIGURE_SETS:
-        named = os.environ.get(ENVIRONMENT, "").split(os.pathsep)
+        named = os.environ.get(SETS_VARIABLE, "").split(os.pathsep)
         named += [os.curdir] * (here and Path("figure_set.py").is_file())
         for folder in filter(None, named):
             load(Path(folder))
@@ -82,4 +82,4 @@ def is_known(name: str, here: bool = False) -> bool:
 
 def notebook(name: str) -> Path | None:
     """Return the notebook of a set that was loaded from a folder; None of the book's own."""
-    return _PLACES[name] / f"{name}.ipynb" if name in _PLACES else None
+    return _LOADED_FOLDERS[name] / f"{name}.ipynb" if name in _LOADED_FOLDERS else None

@@ -36,7 +36,7 @@ def found() -> dict[str, FigureSet]:
 
 FIGURE_SETS = found()
 STUDIES: dict[str, type[Study]] = {name: one.request for name, one in FIGURE_SETS.items()}
-CHAPTERS = {
+CHAPTER_SETS = {
     chapter: [name for name, one in FIGURE_SETS.items() if one.chapter == chapter]
     for chapter in TITLES
 }
@@ -48,8 +48,8 @@ def model_of(name: str) -> type[Study]:
         folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
         here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
         raise ParameterError(
-            f"{one_line(name)}: no such figure set{suggestion(name, [*STUDIES, *CHAPTERS])}; "
-            f"{here}{listed([*STUDIES, *CHAPTERS], 'thesis list')}"
+            f"{one_line(name)}: no such figure set{suggestion(name, [*STUDIES, *CHAPTER_SETS])}; "
+            f"{here}{listed([*STUDIES, *CHAPTER_SETS], 'thesis list')}"
         )
     return STUDIES[name]
 

@@ -51,7 +51,7 @@ MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to mo
 MAX_VIEW_EXTENT = 0.98  # of half the picture that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's picture is high
 
-READING = reading("experiment")
+ADOPTED_RIG = reading("experiment")
 
 
 IN_VIEW = (
@@ -68,11 +68,11 @@ def between_frames(frame_rate_hz: float) -> str:
 class CameraParameters(Fields):
     """Parameters of the cameras that every rendered experiment has."""
 
-    focal_length_mm: FocalLength = READING["focal_length_mm"]
-    sensor_width_mm: SensorWidth = READING["sensor_width_mm"]
-    lens_k1: Distortion = READING["lens_k1"]
-    shot_noise: ShotNoise = READING["shot_noise"]
-    read_noise: ReadNoise = READING["read_noise"]
+    focal_length_mm: FocalLength = ADOPTED_RIG["focal_length_mm"]
+    sensor_width_mm: SensorWidth = ADOPTED_RIG["sensor_width_mm"]
+    lens_k1: Distortion = ADOPTED_RIG["lens_k1"]
+    shot_noise: ShotNoise = ADOPTED_RIG["shot_noise"]
+    read_noise: ReadNoise = ADOPTED_RIG["read_noise"]
 
 
 class RenderParameters(CameraParameters):
@@ -263,30 +263,31 @@ def check_markers(
 
 
 CAMERA_NAMES = "ABCD"
-RIG = setups.table("experiment", "rig") | reading("experiment")
+THESIS_RIG = setups.table("experiment", "rig") | reading("experiment")
 
 
 class RigRequest(Fields):
     """Parameters of what is rendered, and with what."""
 
-    focal_length_mm: FocalLength = RIG["focal_length_mm"]
-    sensor_width_mm: SensorWidth = RIG["sensor_width_mm"]
-    distance_mm: BeamDistance = RIG["distance_mm"]
-    azimuth_deg: RigAzimuth = RIG["azimuth_deg"]
+    focal_length_mm: FocalLength = THESIS_RIG["focal_length_mm"]
+    sensor_width_mm: SensorWidth = THESIS_RIG["sensor_width_mm"]
+    distance_mm: BeamDistance = THESIS_RIG["distance_mm"]
+    azimuth_deg: RigAzimuth = THESIS_RIG["azimuth_deg"]
     elevation_deg: Annotated[Real, Field(ge=15, le=60)] = Field(
-        RIG["elevation_deg"], description="elevation of the cameras"
+        THESIS_RIG["elevation_deg"], description="elevation of the cameras"
     )
-    lens_k1: Distortion = RIG["lens_k1"]
+    lens_k1: Distortion = THESIS_RIG["lens_k1"]
     frequency_hz: Annotated[Real, Field(ge=1)] = Field(
-        RIG["frequency_hz"], description="frequency of the vibration, at most 0.4 of the frame rate"
+        THESIS_RIG["frequency_hz"],
+        description="frequency of the vibration, at most 0.4 of the frame rate",
     )
-    amplitude_mm: TipPeak = RIG["amplitude_mm"]
-    frame_rate_hz: RigRate = RIG["frame_rate_hz"]
-    exposure_ms: Exposure = RIG["exposure_ms"]
-    shot_noise: ShotNoise = RIG["shot_noise"]
-    read_noise: ReadNoise = RIG["read_noise"]
+    amplitude_mm: TipPeak = THESIS_RIG["amplitude_mm"]
+    frame_rate_hz: RigRate = THESIS_RIG["frame_rate_hz"]
+    exposure_ms: Exposure = THESIS_RIG["exposure_ms"]
+    shot_noise: ShotNoise = THESIS_RIG["shot_noise"]
+    read_noise: ReadNoise = THESIS_RIG["read_noise"]
     audio_noise_db: Annotated[Real, Field(ge=0, le=120)] = Field(
-        RIG["audio_noise_db"], description="force over noise on the audio tracks"
+        THESIS_RIG["audio_noise_db"], description="force over noise on the audio tracks"
     )
     codec: Literal["lossless", "h264"] = Field(
         "lossless",

@@ -22,7 +22,9 @@ from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
-SUBPIXELS = 2  # the spread acts on pixels this much finer: light is spread before pixels collect it
+SUBPIXELS_PER_PIXEL = (
+    2  # the spread acts on pixels this much finer: light is spread before pixels collect it
+)
 
 
 @dataclass(frozen=True)
@@ -239,13 +241,16 @@ def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: 
     box = None
     if np.all(high > low):  # else nothing is in view
         (left, top), (right, bottom) = low, high
-        fine = SUBPIXELS * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
-        part = rasterise_polygons(fine, polygons, *(SUBPIXELS * (high - low)))
+        fine = SUBPIXELS_PER_PIXEL * (uv - low.reshape((2,) + (1,) * (uv.ndim - 1)))
+        part = rasterise_polygons(fine, polygons, *(SUBPIXELS_PER_PIXEL * (high - low)))
         grey: Any = (part + sensor.background).astype(np.float32)  # OpenCV's types are wide
         if sensor.spread > 0:
-            taps = 2 * SUBPIXELS * margin - 1
+            taps = 2 * SUBPIXELS_PER_PIXEL * margin - 1
             grey = cv2.GaussianBlur(
-                grey, (taps, taps), SUBPIXELS * sensor.spread, borderType=cv2.BORDER_REPLICATE
+                grey,
+                (taps, taps),
+                SUBPIXELS_PER_PIXEL * sensor.spread,
+                borderType=cv2.BORDER_REPLICATE,
             )
         grey = cv2.resize(grey, (high - low).tolist(), interpolation=cv2.INTER_AREA)
         box = slice(int(top), int(bottom)), slice(int(left), int(right))

@@ -34,7 +34,7 @@ from thesis_lib.vision import lens
 REST_FRAMES = 4  # frames at rest
 RAMP_PERIODS = 0.5  # periods in which the vibration takes up
 EXPOSURE_SAMPLES = 3  # of the motion within an exposure
-TRACKS = declared("""
+TRACK_VARIABLES = declared("""
     tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
     truth(camera, frame, axis, marker) [px] true marker images at the middle of the exposure
     quiet(camera, frame, axis, marker) [px] centres in frames without noise
@@ -116,7 +116,7 @@ def record_tracks(
     Returns
     -------
     xarray.Dataset
-        ``tracks``, ``truth`` and ``time`` of :data:`TRACKS`, along ``rig``, too.
+        ``tracks``, ``truth`` and ``time`` of :data:`TRACK_VARIABLES`, along ``rig``, too.
     """
     every = abreast(look, rigs)
     every = [[select_frames(own, frames) for own in found] for found in every]
@@ -125,7 +125,7 @@ def record_tracks(
         name: [[getattr(own, field) for own in found] for found in every]
         for name, field in of.items()
     }
-    return xr.Dataset(labelled(values, TRACKS, ["rig"]))
+    return xr.Dataset(labelled(values, TRACK_VARIABLES, ["rig"]))
 
 
 def select_frames(own: TrackedCentres, frames: int) -> TrackedCentres:
@@ -150,7 +150,7 @@ def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
 
 PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
 TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
-DEFLECTIONS = declared("""
+DEFLECTION_VARIABLES = declared("""
     deflection(setting, mode, point) [m] measured deflection of the markers at its maximum
     quadrature(setting, mode, point) [m] a quarter of a period before
     deviation(setting, mode, point) [m] standard deviation of the deflection by the noise of the
@@ -236,4 +236,4 @@ def stack_settings(
     values = {"deflection": motions.real, "deviation": deviations}
     if np.iscomplexobj(motions):
         values["quadrature"] = motions.imag
-    return xr.Dataset(labelled(values, DEFLECTIONS))
+    return xr.Dataset(labelled(values, DEFLECTION_VARIABLES))

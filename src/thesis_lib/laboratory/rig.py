@@ -31,11 +31,11 @@ from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
 
 # Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
-_UPRIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+_UPRIGHT_ROTATION = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 
 # Tilt back from the vertical, turn about the vertical, roll about the normal, all in degrees, and
 # the position of the board's centre (X, Y, Z) in mm.
-_POSES = np.array(
+_BOARD_POSES = np.array(
     [
         [0, 0, 0, 0, 0, -13],
         [25, 0, 3, 0, -38, 0],
@@ -63,14 +63,14 @@ def default_poses() -> tuple[Array, Array]:
     translations : ndarray, shape (12, 3)
         The board's centre in the world, m.
     """
-    tilt, turn, roll = np.radians(_POSES[:, :3]).T
+    tilt, turn, roll = np.radians(_BOARD_POSES[:, :3]).T
     rotations = (
         _rotate_about_axis(2, turn)
         @ _rotate_about_axis(0, tilt)
-        @ _UPRIGHT
+        @ _UPRIGHT_ROTATION
         @ _rotate_about_axis(2, roll)
     )
-    return rotations, _POSES[:, 3:] * 1e-3
+    return rotations, _BOARD_POSES[:, 3:] * 1e-3
 
 
 def _rotate_about_axis(axis: int, angle: Array) -> Array:

@@ -34,14 +34,14 @@ from thesis_lib.studies.request import Study, command
 from thesis_lib.studies.schema import declared, labelled
 
 Opener = Callable[[Study], "xr.Dataset | str"]
-CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
-RENDERED = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
+THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
+RENDERED_SETS = ("experiment", "lab")  # judged by recordings that were rendered, not filmed
 NAN = float("nan")
-NUMBERS = (
+NUMBER_FIELDS = (
     "least", "most", "literal", "median", "low", "high",
     "confidence", "single", "effect", "largest_effect",
 )  # fmt: skip
-QUANTITIES = {
+QUANTITY_WORDS = {
     "mean_error": "mean error",
     "max_point_error": "largest marker error",
     "second_point_error": "largest marker error but one",
@@ -94,10 +94,10 @@ class Entry:
     @property
     def row(self) -> dict[str, object]:
         """The fields that the table of the page shows."""
-        return {name: value for name, value in self.record.items() if name not in NUMBERS}
+        return {name: value for name, value in self.record.items() if name not in NUMBER_FIELDS}
 
 
-COLUMNS = declared("""
+LEDGER_COLUMNS = declared("""
     kind(claim) [1] figure, trend or number
     place(claim) [1] place of a claim in the thesis
     case(claim) [1] case of the thesis that a claim speaks of
@@ -126,7 +126,7 @@ COLUMNS = declared("""
     counted(claim) [1] 1 if the totals count a claim
     claim(claim) [1] name of the claim
 """)
-FIELDS = {"claim": "id", "claim_chapter": "chapter"}  # of columns with other names
+FIELD_OF_COLUMN = {"claim": "id", "claim_chapter": "chapter"}  # of columns with other names
 
 
 def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
@@ -136,17 +136,20 @@ def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
         return ";".join(map(str, value)) if isinstance(value, tuple) else value
 
     values: dict[str, Any] = {
-        name: [cell(getattr(entry, FIELDS.get(name, name))) for entry in found] for name in COLUMNS
+        name: [cell(getattr(entry, FIELD_OF_COLUMN.get(name, name))) for entry in found]
+        for name in LEDGER_COLUMNS
     }
     values["counted"] = [int(counted) for counted in values["counted"]]
-    columns = labelled(values, COLUMNS)
+    columns = labelled(values, LEDGER_COLUMNS)
     names = {"claim": columns.pop("claim")}
     return interpretations.drop_attrs(deep=False).assign_coords(names).assign(columns)
 
 
 def from_cube(cube: xr.Dataset) -> list[Entry]:
     """Return the entries that a cube of :func:`as_cube` holds."""
-    columns = {FIELDS.get(name, name): cube[name].values.tolist() for name in COLUMNS}
+    columns = {
+        FIELD_OF_COLUMN.get(name, name): cube[name].values.tolist() for name in LEDGER_COLUMNS
+    }
     columns["modes"] = [tuple(map(int, filter(None, m.split(";")))) for m in columns["modes"]]
     columns["counted"] = [bool(counted) for counted in columns["counted"]]
     rows = zip(*columns.values(), strict=True)
@@ -223,14 +226,14 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
         place=f"figure {number}",
         case=claim.case,
         modes=(claim.mode,),
-        what=f"{QUANTITIES[claim.quantity]}{excepted}, {setting}",
+        what=f"{QUANTITY_WORDS[claim.quantity]}{excepted}, {setting}",
         stated=claim.stated,
         got=f"{text(check.literal)} · {cubes.band_text(check.median, check.low, check.high)}"
         if check
         else "",
         verdict=check.verdict if check else "undefined",
         note=note,
-        counted=subject not in RENDERED,
+        counted=subject not in RENDERED_SETS,
         href=f"{claim.figure_set}.html#fig-{number.replace('.', '-')}",
         command=f"thesis run {claim.figure_set}",
         least=NAN if claim.ends[0] is None else claim.ends[0],
@@ -268,7 +271,7 @@ def _trend(
     if trend.cases and first:
         number = setups.figure_number(subject, study, trend.cases[0], trend.modes[0])
     link = f"{first}.html" + (f"#fig-{number.replace('.', '-')}" if number else "")
-    rendered = any(name.partition("-")[0] in RENDERED for name in trend.source)
+    rendered = any(name.partition("-")[0] in RENDERED_SETS for name in trend.source)
     return Entry(
         id=trend.id,
         kind="trend",
@@ -335,8 +338,8 @@ def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
     return {verdict: counts[verdict] for verdict in VERDICTS}
 
 
-EXCLUDED = "../errata.html#errata-a9"  # on stated numbers that exclude each other
-INTERPRETATIONS = "claims.html#other-readings"
+EXCLUSION_LINK = "../errata.html#errata-a9"  # on stated numbers that exclude each other
+INTERPRETATIONS_LINK = "claims.html#other-readings"
 NOT_FOUND = "No explanation was found."
 
 
@@ -361,11 +364,11 @@ def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[En
         if entry.id in known:
             note, link = known[entry.id]
         elif entry.note:
-            note, link = entry.note, EXCLUDED
+            note, link = entry.note, EXCLUSION_LINK
         elif entry.id in values:
-            note, link = _by_interpretation(entry.id, readings), INTERPRETATIONS
+            note, link = _by_interpretation(entry.id, readings), INTERPRETATIONS_LINK
         else:
-            note, link = NOT_FOUND, INTERPRETATIONS
+            note, link = NOT_FOUND, INTERPRETATIONS_LINK
         made.append(replace(entry, note=note, note_href=link))
     return made
 
@@ -408,7 +411,7 @@ def _link(page: str) -> str:
 def format_report(found: Sequence[Entry]) -> str:
     """Format the ledger as text: counts by chapter, then entries that differ or are undefined."""
     lines = []
-    for chapter in CHAPTERS:
+    for chapter in THESIS_CHAPTERS:
         of_chapter = [entry for entry in found if entry.chapter == chapter]
         lines.append(f"chapter {chapter}")
         for kind in ("figure", "trend", "number"):

@@ -15,8 +15,8 @@ from thesis_lib.facts.claims import Trend, read_trends
 from thesis_lib.ledger.verdicts import point_errors
 from thesis_lib.studies import cubes
 
-RESAMPLES = 2000
-SECOND = "second_point_error"  # the largest of the markers' but one
+RESAMPLE_COUNT = 2000
+SECOND_LARGEST = "second_point_error"  # the largest of the markers' but one
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class Series:
 @lru_cache(maxsize=8)
 def _weights(trials: int, seed: int) -> Array:
     """Weights of resampled means, shape (trials, resamples): with replacement, from one seed."""
-    drawn = np.random.default_rng(seed).multinomial(trials, np.full(trials, 1 / trials), RESAMPLES)
+    drawn = np.random.default_rng(seed).multinomial(
+        trials, np.full(trials, 1 / trials), RESAMPLE_COUNT
+    )
     return np.asarray(drawn.T / trials)
 
 
@@ -58,8 +60,8 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     kinds = dict(cubes.errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
-    if cube.attrs["figure_set"] in _sets_with(SECOND):
-        kinds[SECOND] = point_errors(cube).isel(point=-2, drop=True)
+    if cube.attrs["figure_set"] in _sets_with(SECOND_LARGEST):
+        kinds[SECOND_LARGEST] = point_errors(cube).isel(point=-2, drop=True)
     if {"lost", "wrong"} <= set(cube):  # of the laboratory, once for all trials
         failures = 100 * (cube["lost"] + cube["wrong"].fillna(0))
         kinds["tracking_failures"] = failures.expand_dims(mode=cube["mode"], trial=[0, 1])

@@ -48,8 +48,12 @@ from thesis_lib.facts.claims import Trend
 from thesis_lib.ledger.series import Drawn, Evidence, Key, Series
 from thesis_lib.ledger.verdicts import UNCHANGED
 
-CONFIDENT = 0.95
-DIRECTIONS = {"falls": -1, "falls_steadily": -1, "rises": 1}  # tests of an end against the other
+MIN_CONFIDENCE = 0.95
+TREND_DIRECTIONS = {
+    "falls": -1,
+    "falls_steadily": -1,
+    "rises": 1,
+}  # tests of an end against the other
 
 
 @dataclass(frozen=True)
@@ -74,9 +78,9 @@ class Finding:
         """One word of the ledger: agrees, within scatter, differs or no material change."""
         if _are_unchanged(np.array([self.effect, self.largest_effect])):
             return UNCHANGED
-        if self.confidence >= CONFIDENT:
+        if self.confidence >= MIN_CONFIDENCE:
             return "agrees"
-        chance = 1 - CONFIDENT
+        chance = 1 - MIN_CONFIDENCE
         return "within scatter" if max(self.confidence, self.single) > chance else "differs"
 
 
@@ -114,15 +118,15 @@ def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | No
         if not evidence.series:
             return None
         try:
-            shares.append(float(np.mean(TESTS[name](evidence, argument))))
+            shares.append(float(np.mean(TREND_TESTS[name](evidence, argument))))
         except LookupError:  # what it is compared with is missing
             return None
-    if name not in DIRECTIONS:
+    if name not in TREND_DIRECTIONS:
         return Finding(shares[0], shares[1])
     expected = {key: draws.mean(axis=1) for key, draws in Evidence(trend, mean, values).named}
-    least, most = _effects(expected.values(), DIRECTIONS[name])
+    least, most = _effects(expected.values(), TREND_DIRECTIONS[name])
     return Finding(
-        shares[0], shares[1], least, most, _step_back(expected, values, DIRECTIONS[name])
+        shares[0], shares[1], least, most, _step_back(expected, values, TREND_DIRECTIONS[name])
     )
 
 
@@ -160,9 +164,9 @@ def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direc
     return " but ".join(f"{errors[i]:.3g} at {settings[i]:g}" for i in (at, at + 1)) + of
 
 
-MATERIAL = 0.10  # smallest fall that counts, as a share of the larger error
+MIN_MATERIAL_FALL = 0.10  # smallest fall that counts, as a share of the larger error
 ONE_RUN_FLAT = 2.0  # of one run the thesis calls 7 to 3.5 % a significant fall, and 8-18 % none
-ALIKE = 1.5  # it calls modes within 10-15 % alike
+MAX_ALIKE_RATIO = 1.5  # it calls modes within 10-15 % alike
 
 
 Test = Callable[[Evidence, str], Mask]
@@ -177,7 +181,7 @@ def _all(parts: Iterable[Any]) -> Mask:
 
 def is_less(errors: Array, others: Array) -> Mask:
     """Return where errors are below others by more than the smallest effect that counts."""
-    return np.asarray(errors < (1 - MATERIAL) * others)
+    return np.asarray(errors < (1 - MIN_MATERIAL_FALL) * others)
 
 
 def _down(errors: Array) -> Mask:
@@ -211,7 +215,7 @@ def _trendless(errors: Array, one_run: bool) -> Mask:
 
 
 def _close(first: Array, second: Array) -> Mask:
-    return np.asarray(np.maximum(first, second) <= ALIKE * np.minimum(first, second))
+    return np.asarray(np.maximum(first, second) <= MAX_ALIKE_RATIO * np.minimum(first, second))
 
 
 def _each(test: Callable[[Array], Mask]) -> Test:
@@ -238,7 +242,7 @@ def _within(evidence: Evidence, argument: str) -> Mask:
     found = []
     for mode, (low, high) in bounds.items():
         alone = replace(evidence, trend=replace(evidence.trend, modes=(mode,)))
-        low, high = (1 - MATERIAL) * low, (1 + MATERIAL) * high
+        low, high = (1 - MIN_MATERIAL_FALL) * low, (1 + MIN_MATERIAL_FALL) * high
         found += [((low <= e) & (e <= high)).all(axis=0) for e in alone.series]
     return _all(found)
 
@@ -272,20 +276,22 @@ def _same_trends(evidence: Evidence, _: str) -> Mask:
     return _all(found)
 
 
-PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
+TREND_PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
 
 
 def _below(evidence: Evidence, argument: str) -> Mask:
     """``below 40``, ``below 10 last``: less than that."""
     bound, _, which = argument.partition(" ")
-    return _all((errors[PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series)
+    return _all(
+        (errors[TREND_PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series
+    )
 
 
 def _at_most(evidence: Evidence, argument: str) -> Mask:
     """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
     bound, _, which = argument.partition(" ")
     most = float(bound) + 0.5 * 10.0 ** -len(bound.partition(".")[2])
-    return _all((errors[PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
+    return _all((errors[TREND_PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
 
 
 def _above(evidence: Evidence, argument: str) -> Mask:
@@ -401,7 +407,7 @@ def _unrelated(evidence: Evidence, argument: str) -> Mask:
     return _all(holds)
 
 
-TESTS: dict[str, Test] = {
+TREND_TESTS: dict[str, Test] = {
     "falls": _each(_down),
     "rises": _each(_up),
     "falls_steadily": _each(_falls_steadily),

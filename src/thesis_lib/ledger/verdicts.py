@@ -31,7 +31,7 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim
 from thesis_lib.studies import cubes
 
-WIDER, WIDER_BELOW_10 = 1.0, 0.5  # points by which the band is widened
+WIDENING_POINTS, WIDENING_POINTS_BELOW_10 = 1.0, 0.5  # points by which the band is widened
 UNCHANGED = "no material change"  # of trends alone
 VERDICTS = ("agrees", "within scatter", "differs", UNCHANGED, "undefined")
 
@@ -113,7 +113,7 @@ def round_as_printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[A
 
 def margin(high: ArrayLike) -> Array:
     """Return by how many points a band is widened for a claim up to some value."""
-    return np.where(np.asarray(high) < 10, WIDER_BELOW_10, WIDER)
+    return np.where(np.asarray(high) < 10, WIDENING_POINTS_BELOW_10, WIDENING_POINTS)
 
 
 def meets(claim: Claim, low: float, high: float) -> bool:
@@ -160,7 +160,7 @@ def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
         return "the cube has no random trials"
     values = errors(cube, claim).transpose("setting", "trial").values
     first, drawn = values[:, 0], values[:, 1:]
-    band = np.quantile(drawn, cubes.BAND[::2], axis=1)
+    band = np.quantile(drawn, cubes.BAND_QUANTILES[::2], axis=1)
     if not (np.isfinite(first).all() and np.isfinite(band).all()):
         return "the reference is zero: a nodal plane"
     worst = int(np.argmax([_gap(claim, low, high) for low, high in band.T]))

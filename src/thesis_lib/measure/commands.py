@@ -15,13 +15,17 @@ from thesis_lib.asides import echo
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest
 
-_FILE = click.Path(path_type=Path, dir_okay=False)
-_PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
-_LENGTH = click.FloatRange(0.5, 5000)
-_COUNT = click.IntRange(1, 200)
-_TILES = click.IntRange(4, 100)
-_PAPER = click.option(
-    "--paper", type=click.Choice(_PAPERS), default="A4", show_default=True, help="Size of a page."
+_FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
+_PAPER_SIZES = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
+_LENGTH_MM = click.FloatRange(0.5, 5000)
+_COUNT_RANGE = click.IntRange(1, 200)
+_TILE_RANGE = click.IntRange(4, 100)
+_PAPER_OPTION = click.option(
+    "--paper",
+    type=click.Choice(_PAPER_SIZES),
+    default="A4",
+    show_default=True,
+    help="Size of a page.",
 )
 
 
@@ -95,13 +99,13 @@ def print_() -> None:
 
 
 @print_.command()
-@click.argument("file", type=_FILE, default=Path("board.pdf"), required=False)
-@click.option("--columns", type=_TILES, default=7, show_default=True, help="Tiles along.")
-@click.option("--rows", type=_TILES, default=5, show_default=True, help="Tiles across.")
-@click.option("--tile-mm", type=_LENGTH, default=25.0, show_default=True, help="Side of a tile.")
+@click.argument("file", type=_FILE_TYPE, default=Path("board.pdf"), required=False)
+@click.option("--columns", type=_TILE_RANGE, default=7, show_default=True, help="Tiles along.")
+@click.option("--rows", type=_TILE_RANGE, default=5, show_default=True, help="Tiles across.")
+@click.option("--tile-mm", type=_LENGTH_MM, default=25.0, show_default=True, help="Side of a tile.")
 @click.option("--charuco", is_flag=True, help="With ArUco marks, a ChArUco board.")
 @click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
-@_PAPER
+@_PAPER_OPTION
 def board(
     file: Path,
     columns: int,
@@ -121,16 +125,20 @@ def board(
 
 
 @print_.command()
-@click.argument("file", type=_FILE, default=Path("markers.pdf"), required=False)
-@click.option("--columns", type=_COUNT, default=10, show_default=True, help="Markers along.")
-@click.option("--rows", type=_COUNT, default=6, show_default=True, help="Markers across.")
+@click.argument("file", type=_FILE_TYPE, default=Path("markers.pdf"), required=False)
+@click.option("--columns", type=_COUNT_RANGE, default=10, show_default=True, help="Markers along.")
+@click.option("--rows", type=_COUNT_RANGE, default=6, show_default=True, help="Markers across.")
 @click.option(
-    "--spacing-mm", type=_LENGTH, default=25.0, show_default=True, help="Distance of centres along."
+    "--spacing-mm",
+    type=_LENGTH_MM,
+    default=25.0,
+    show_default=True,
+    help="Distance of centres along.",
 )
-@click.option("--row-spacing-mm", type=_LENGTH, help="Distance across.  [default: as along]")
-@click.option("--diameter-mm", type=_LENGTH, default=8.0, show_default=True, help="Of a marker.")
+@click.option("--row-spacing-mm", type=_LENGTH_MM, help="Distance across.  [default: as along]")
+@click.option("--diameter-mm", type=_LENGTH_MM, default=8.0, show_default=True, help="Of a marker.")
 @click.option("--bright", is_flag=True, help="White on black.")
-@_PAPER
+@_PAPER_OPTION
 def markers(
     file: Path,
     columns: int,
@@ -153,8 +161,8 @@ def markers(
 
 @print_.command()
 @click.argument("manifest", type=click.Path(path_type=Path), metavar="MANIFEST.yaml")
-@click.argument("file", type=_FILE, default=Path("stand.pdf"), required=False)
-@_PAPER
+@click.argument("file", type=_FILE_TYPE, default=Path("stand.pdf"), required=False)
+@_PAPER_OPTION
 def stand(manifest: Path, file: Path, paper: str) -> None:
     """Draw where the cameras of MANIFEST.yaml stand into FILE, stand.pdf if not given."""
     from thesis_lib.measure.paper.pages import write_stand
@@ -193,7 +201,7 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
 
 @click.command()
 @click.argument("source", type=click.Path(path_type=Path))
-@click.argument("video", type=_FILE, required=False)
+@click.argument("video", type=_FILE_TYPE, required=False)
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
 def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     """Write a folder of pictures, raw frames (.cih, .cihx), or a film at its true rate, as a video.

@@ -12,7 +12,7 @@ import xarray as xr
 
 from thesis_lib import __version__
 from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.calibration.reprojection import LENS
+from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS
 from thesis_lib.measure.calibration.reused import as_calibrated, reused
 from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.reading import Found
@@ -21,12 +21,19 @@ from thesis_lib.measure.fitting.result import result
 from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import ChainError, on_one_line
-from thesis_lib.measure.steps import CALIBRATION, SOUND, calibrated, heard, inspect_videos, tracked
+from thesis_lib.measure.steps import (
+    CALIBRATION_VARIABLES,
+    SOUND_VARIABLES,
+    calibrated,
+    heard,
+    inspect_videos,
+    tracked,
+)
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import declared, labelled, with_origin
 
-SHOTS = declared("shots_used(camera) [1] pictures of the board that were used")
-UNKEPT = {
+SHOT_VARIABLES = declared("shots_used(camera) [1] pictures of the board that were used")
+UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
     "frequency", "of_sound", "of_sound_deviation",
 }  # fmt: skip
@@ -108,7 +115,7 @@ def _calibration(
     assert manifest.calibration is not None
     if manifest.calibration.poses == "kept":
         return uncertainty.stated(as_calibrated(given), given.covariance)
-    n = LENS * len(given.cameras)
+    n = LENS_UNKNOWNS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
     placed = calibrated(manifest, folder, steps, say, given.cameras)
     return uncertainty.exact(placed, board, steps, held)
@@ -128,13 +135,13 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
 
 def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """Return the variables of calibration and sound that belong to the result."""
-    of_cameras = CALIBRATION | uncertainty.VARIABLES
+    of_cameras = CALIBRATION_VARIABLES | uncertainty.VARIABLES
     values = {
         name: (calibration if name in of_cameras else sound)[name].values
-        for name in (*of_cameras, *SOUND)
-        if name not in UNKEPT
+        for name in (*of_cameras, *SOUND_VARIABLES)
+        if name not in UNSTORED_VARIABLES
     }
     seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
-    table = of_cameras | SOUND | SHOTS
+    table = of_cameras | SOUND_VARIABLES | SHOT_VARIABLES
     names = {"camera": calibration["camera"]}
     return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)

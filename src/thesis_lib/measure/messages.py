@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-_FILE = Path(__file__).with_name("messages.toml")
+_MESSAGE_FILE = Path(__file__).with_name("messages.toml")
 
 
 class Note(NamedTuple):
@@ -54,23 +54,26 @@ def _read_groups(tables: Mapping[str, Any]) -> dict[str, dict[str, Message]]:
     }
 
 
-_TABLES = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+_MESSAGE_TABLES = tomllib.loads(_MESSAGE_FILE.read_text(encoding="utf-8"))
 #: Notes on a result by what they are about, and checks of a manifest, likewise; by code
-NOTES = _read_groups(_TABLES["notes"])
-CHECKS = _read_groups(_TABLES["checks"])
+NOTE_GROUPS = _read_groups(_MESSAGE_TABLES["notes"])
+CHECK_GROUPS = _read_groups(_MESSAGE_TABLES["checks"])
 #: What cannot be checked, and lines of ``thesis measure --new``
-UNCHECKED = _read_groups({"unchecked": _TABLES["unchecked"]})["unchecked"]
-NEW = _read_groups({"new": _TABLES["new"]})["new"]
+UNCHECKED_MESSAGES = _read_groups({"unchecked": _MESSAGE_TABLES["unchecked"]})["unchecked"]
+NEW_MESSAGES = _read_groups({"new": _MESSAGE_TABLES["new"]})["new"]
 #: Notes and checks by code
-MESSAGES = {
-    code: one for of in (NOTES, CHECKS) for group in of.values() for code, one in group.items()
+ALL_MESSAGES = {
+    code: one
+    for of in (NOTE_GROUPS, CHECK_GROUPS)
+    for group in of.values()
+    for code, one in group.items()
 }
-LIMIT = {code: one.limit for group in CHECKS.values() for code, one in group.items()}
+CHECK_LIMITS = {code: one.limit for group in CHECK_GROUPS.values() for code, one in group.items()}
 
 
 def make_note(code: str, variant: str = "", /, **values: object) -> Note:
     """Return a note with its values put in."""
-    return Note(code, format_message(MESSAGES[code], variant, **values))
+    return Note(code, format_message(ALL_MESSAGES[code], variant, **values))
 
 
 def format_message(message: Message, variant: str = "", /, **values: object) -> str:

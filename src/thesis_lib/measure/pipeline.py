@@ -14,7 +14,7 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
-from thesis_lib.measure.exchange.reading import OWN
+from thesis_lib.measure.exchange.reading import OWN_FILE
 from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.feasibility.assess import Assessment, assess, describe
 from thesis_lib.measure.measured import Recorded, deflection, recorded
@@ -32,14 +32,14 @@ from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import with_origin
 
-STEPS = ".steps"  # folder of what is kept between runs
+STEPS_FOLDER = ".steps"  # folder of what is kept between runs
 #: All that a measurement may write, as patterns
-OUTPUTS = (
+OUTPUT_FILES = (
     "report.html", "figures/*.*", "vtk/**/*.*", "measured.*", "shapes.*", "motion.*", "modes.*",
     "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
     "tracked.mp4",
 )  # fmt: skip
-_SOURCE = f"measurement by thesis_lib {__version__}"
+_SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
 
 
@@ -73,13 +73,13 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     manifest, folder = read_manifest(path), path.parent
     read = [one.file for one in (manifest.calibration, manifest.force) if one is not None]
     read += [manifest.truth] if manifest.truth else []
-    there = chain.from_iterable(map(out.glob, OUTPUTS))
+    there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
-    check_cache(out / STEPS)
+    check_cache(out / STEPS_FOLDER)
     assessment = assess(manifest)
     for line in describe(assessment):
         say(line)
-    inputs = recorded(manifest, folder, out / STEPS, say)
+    inputs = recorded(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         if manifest.excitation.behaviour.result == "shape":
@@ -105,7 +105,7 @@ def measure_shape(
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
     with staging(out) as part:
         storage.write(data, part / "measured.nc")
-        storage.write(uncertainty.to_keep(inputs.calibration), part / OWN)
+        storage.write(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write(part, data, moved, inputs.recordings)
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
@@ -149,7 +149,7 @@ def _measure_response(
 ) -> build.Report:
     """Write motion over force into a folder; return the part of the report on it."""
     say("motion over force")
-    data = with_origin(responded(manifest, inputs.sound, inputs.recordings, folder), _SOURCE)
+    data = with_origin(responded(manifest, inputs.sound, inputs.recordings, folder), _SOURCE_TEXT)
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",
         parameters=manifest.model_dump_json(),
@@ -175,7 +175,7 @@ def measure_modes(
     say("fitting the modes")
     recordings, calibration = inputs.recordings, inputs.calibration
     covariance = uncertainty.covariance_of(calibration)
-    data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE)
+    data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
     kind = manifest.excitation.behaviour.title
     data.attrs.update(
         title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
@@ -198,7 +198,7 @@ def measure_modes(
             vtk.write(part / "vtk" / name, one)
             animation.write_shape(part / name, one)
         cameras.write(part, [own.camera for own in recordings], data)
-        storage.write(uncertainty.to_keep(calibration), part / OWN)
+        storage.write(uncertainty.to_keep(calibration), part / OWN_FILE)
         if moved is not None:
             storage.write(moved, part / "motion.nc")
             history.write_csv(part / "motion.csv", moved)
@@ -235,7 +235,7 @@ def _interpolate_motion(
 ) -> xr.Dataset | None:
     """Return every marker from frame to frame; None where a mode is too fast to interpolate."""
     highest = float(data["frequency"].max())
-    if highest > history.SLOW * min(own.rate for own in recordings):
+    if highest > history.MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
         return None
     shape = data["lag"].size, data.sizes["marker"]
     plain = data.isel(mode=0).assign(

@@ -25,7 +25,7 @@ from thesis_lib.studies.parallel import abreast
 from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vision.lens import Camera
 
-CALIBRATION = declared("""
+CALIBRATION_VARIABLES = declared("""
     reprojection_rms() [px] rms residual of a coordinate of the board's corners
     single_rms(camera) [px] rms residual of a coordinate of the board's corners, of each camera
         calibrated alone
@@ -40,7 +40,7 @@ CALIBRATION = declared("""
     R_camera_world(camera, i, j) [1] rotation from the first board to the camera
     centre(camera, i) [m] centre of projection in the first board's frame
 """)
-SOUND = declared("""
+SOUND_VARIABLES = declared("""
     delay(camera) [s] start after the first camera's
     steady(end) [s] steady part on the first camera's clock
     ambiguous() [1] whether the delays are in doubt by whole periods
@@ -91,7 +91,9 @@ def calibrated(
             "residuals": full.residuals,
         }
         names = {"camera": [c.name for c in manifest.cameras]}
-        return xr.Dataset(labelled(values, CALIBRATION), names, {"notes": "\n".join(lost)})
+        return xr.Dataset(
+            labelled(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
+        )
 
     return kept(steps / "calibration.nc", compute, key_of(what, shots))
 
@@ -172,7 +174,7 @@ def heard(
             "ambiguous": int(found.ambiguous),
             "signal_to_noise": found.snr,
         }
-        data = xr.Dataset(labelled(values, SOUND))
+        data = xr.Dataset(labelled(values, SOUND_VARIABLES))
         mark_cache(steps)  # now that nothing more is refused
         return data.assign_attrs(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))

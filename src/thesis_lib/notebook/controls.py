@@ -23,9 +23,9 @@ from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, cubes, effort
 from thesis_lib.studies.request import ParameterError, Study, command, describe, whole_numbers
 
-WIDE = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
-EXACT = 2**53  # largest whole number that a browser keeps
-SLIDER = 720  # widest range that a slider can set
+WIDE_LAYOUT = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
+MAX_EXACT_INTEGER = 2**53  # largest whole number that a browser keeps
+MAX_SLIDER_RANGE = 720  # widest range that a slider can set
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
             made[name] = _input(schemas[name], values[name])
             made[name].description = name
             made[name].tooltip = f"{row['meaning']}; {row['allowed']}"
-            made[name].layout, made[name].style.description_width = WIDE, "11rem"
+            made[name].layout, made[name].style.description_width = WIDE_LAYOUT, "11rem"
     return made
 
 
@@ -163,9 +163,9 @@ def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
         return ipywidgets.SelectMultiple(options=options, value=tuple(value), rows=len(options))
     if kind == "boolean":
         return ipywidgets.Checkbox(value=value, indent=False)
-    if kind == "integer" and (high is None or high < EXACT):
+    if kind == "integer" and (high is None or high < MAX_EXACT_INTEGER):
         return ipywidgets.IntText(value=value)
-    if kind == "number" and low is not None and high is not None and high - low <= SLIDER:
+    if kind == "number" and low is not None and high is not None and high - low <= MAX_SLIDER_RANGE:
         step = 1.0 if high - low > 100 else 0.5 if high - low > 10 else 0.01
         return ipywidgets.FloatSlider(
             value=value,

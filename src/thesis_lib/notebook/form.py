@@ -12,12 +12,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from thesis_lib.figure_sets.parametric import in_page
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES, TITLES
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, TITLES
 from thesis_lib.studies import effort
 from thesis_lib.studies.fields import permitted
 from thesis_lib.studies.request import Study, describe, whole_numbers
 
-_TOLD = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
+_KNOWN_KEYS = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
 
 
 def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
@@ -53,12 +53,12 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
             "checked": checked,
             "takes": _takes([name]),
         }
-    whole = {name: members for name, members in CHAPTERS.items() if sets.keys() >= set(members)}
+    whole = {name: members for name, members in CHAPTER_SETS.items() if sets.keys() >= set(members)}
     return {
         "fields": fields,
         "sets": sets,
         "chapters": {name: _chapter(name, fields, sets) for name in whole},
-        "here": in_page.facts([name for name in in_page.COMPUTED if name in sets]),
+        "here": in_page.facts([name for name in in_page.COMPUTED_SETS if name in sets]),
     }
 
 
@@ -73,7 +73,7 @@ def form_of(request: Study) -> dict[str, Any]:
 def _field(study: type[Study], row: dict[str, str], schema: dict[str, Any]) -> dict[str, Any]:
     """One parameter; a list of names that only the command knows offers those of its default."""
     default = json.loads(row["default"])
-    plain = {key: value for key, value in schema.items() if key not in _TOLD}
+    plain = {key: value for key, value in schema.items() if key not in _KNOWN_KEYS}
     named = plain.get("items") == {"type": "string"}
     return {
         **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
@@ -102,7 +102,7 @@ def _chapter(
     name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     """Parameters that mean the same in all sets of a chapter that have them, common ones first."""
-    members = CHAPTERS[name]
+    members = CHAPTER_SETS[name]
     held = Counter(number for one in members for number in sets[one]["shown"])
     numbers = sorted(held, key=lambda number: held[number] < len(members))
     names = [fields[number]["name"] for number in numbers]

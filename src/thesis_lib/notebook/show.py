@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
 from thesis_lib.figure_sets import outside, run
-from thesis_lib.figure_sets.parametric.in_page import COMPUTED
+from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import FIGURE_SETS, model_of, validate
 from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import panels
@@ -29,7 +29,7 @@ from thesis_lib.studies import schedulers, storage
 from thesis_lib.studies.request import ParameterError, Study, check_names, validated
 from thesis_lib.web.viewer import Viewer
 
-_MIME = "image/svg+xml"
+_SVG_MIME = "image/svg+xml"
 
 
 def checked(name: str, namespace: Mapping[str, Any]) -> Any:
@@ -94,7 +94,11 @@ def viewer(cube: xr.Dataset) -> Viewer:
 def _form(cube: xr.Dataset) -> dict[str, Any]:
     """Parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
-    return form_of(validate(name, json.loads(cube.attrs["parameters"]))) if name in COMPUTED else {}
+    return (
+        form_of(validate(name, json.loads(cube.attrs["parameters"])))
+        if name in COMPUTED_SETS
+        else {}
+    )
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class Shown:
         source = f"data:image/svg+xml;base64,{base64.b64encode(self.svg.encode()).decode()}"
         image = f'<img alt="{alt}" src="{source}">'
         words = f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
-        return {_MIME: self.svg, "text/html": words}, {_MIME: dict(self.about)}
+        return {_SVG_MIME: self.svg, "text/html": words}, {_SVG_MIME: dict(self.about)}
 
 
 def figures(cube: xr.Dataset) -> None:

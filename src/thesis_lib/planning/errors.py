@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning.positions import (
-    SLACK,
-    TIE,
+    LIMIT_SLACK,
+    MAX_TIE_RATIO,
     Scene,
     cameras,
     centres,
@@ -33,10 +33,10 @@ from thesis_lib.planning.positions import (
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray, project
 from thesis_lib.vision.simulation import measure
-from thesis_lib.vision.triangulation import UPPER, gain, jacobian
+from thesis_lib.vision.triangulation import UPPER_INDICES, gain, jacobian
 
-MOTION = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
-AMPLITUDES = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
+ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
+AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def percent(scene: Scene) -> Array:
 
 def averaged(scene: Scene) -> float:
     """Largest error of a mode in %, averaged over amplitudes, over √cost and times width in px."""
-    return float(np.max(percent(scene)) * np.sqrt(MOTION))
+    return float(np.max(percent(scene)) * np.sqrt(ROUNDING_VARIANCE_PX2))
 
 
 def counted(point: Array, objective: str) -> Array:
@@ -117,7 +117,7 @@ def averaged_by_law(scene: Scene, layout: Array, width: int) -> float:
         rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
         g = np.sum(gain(part.P, rest) * normals[:, None, None], axis=0)
         moved = project(part.P, deflected[:, :, markers]) - project(part.P, rest)
-        variance = rounding.mean_difference_variance(moved, *AMPLITUDES)
+        variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
         point[:, markers] = np.sqrt(np.sum(g**2 * variance, axis=(0, 1)))
     return float(counted(point * percent(scene), "mean").max())
 
@@ -144,10 +144,10 @@ def drawn(scene: Scene, layout: Array, width: int, trials: int, seed: int, estim
     return wrong
 
 
-OBJECTIVES = ("mean", "worst")
-_RIDGE = 1e-6  # of the mean information: what a marker has that no camera sees
-_PASSES = 50  # exchanges end long before
-_ROUNDS = 60  # of the weights of the lower bound
+PLAN_OBJECTIVES = ("mean", "worst")
+_RIDGE_RATIO = 1e-6  # of the mean information: what a marker has that no camera sees
+_MAX_PASSES = 50  # exchanges end long before
+_BOUND_ROUNDS = 60  # of the weights of the lower bound
 
 
 def frames(normals: Array) -> Array:
@@ -173,7 +173,7 @@ def information(scene: Scene, places: Array) -> Array:
     # term by term: einsum takes seven times as long
     own = J[:, :, None, 0] * x + J[:, :, None, 1] * y + J[:, :, None, 2] * z
     u, v = own[:, 0], own[:, 1]
-    products = [u[:, i] * u[:, j] + v[:, i] * v[:, j] for i, j in zip(*UPPER, strict=True)]
+    products = [u[:, i] * u[:, j] + v[:, i] * v[:, j] for i, j in zip(*UPPER_INDICES, strict=True)]
     return np.stack(products) * seen
 
 
@@ -211,14 +211,15 @@ def spaced(scene: Scene, places: Array) -> bool:
     """Return whether the cameras of a layout are far enough from each other."""
     where = centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
-    return bool(np.all(gap >= scene.rules.separation * (1 - SLACK)))
+    return bool(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK)))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
     """Return which candidates may not stand in one layout; each of them with itself."""
     where = centres(scene, grid)
     return np.asarray(
-        scipy.spatial.distance.cdist(where, where) < max(scene.rules.separation * (1 - SLACK), 1e-9)
+        scipy.spatial.distance.cdist(where, where)
+        < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9)
     )
 
 
@@ -250,7 +251,7 @@ def exchange(
         The layout, and its cost. A slot for which no candidate is left keeps -1.
     """
     chosen = list(start)
-    ridge = _RIDGE * np.mean(known[[0, 3, 5]]) * np.array([1.0, 0, 0, 1, 0, 1])[:, None]
+    ridge = _RIDGE_RATIO * np.mean(known[[0, 3, 5]]) * np.array([1.0, 0, 0, 1, 0, 1])[:, None]
     best = np.inf
     if -1 not in chosen:
         best = float(cost(variances(known[:, chosen].sum(axis=1) + ridge), objective))
@@ -260,7 +261,7 @@ def exchange(
     else:
         own = [(some, known[:, some], near[:, some]) for some in map(np.flatnonzero, whose)]
     still = 0  # slots since the last change: each would find again what it has
-    for slot in _PASSES * list(range(len(chosen))):
+    for slot in _MAX_PASSES * list(range(len(chosen))):
         if still == len(chosen):
             break
         still += 1
@@ -274,7 +275,7 @@ def exchange(
         rest = each[others].sum(axis=0) + ridge
         costs = cost(variances(rest[:, None] + part), objective)
         at = first_least(costs)
-        if chosen[slot] < 0 or costs[at] < best * (1 - TIE):
+        if chosen[slot] < 0 or costs[at] < best * (1 - MAX_TIE_RATIO):
             chosen[slot], best, still = int(mine[at]), float(costs[at]), 1
     return chosen, best
 
@@ -300,7 +301,7 @@ def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
     """
     share = np.full(known.shape[1], n_cameras / known.shape[1])
     bound = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_BOUND_ROUNDS):
         total = np.einsum("kcm,c->km", known, share)
         xx, xy, xz, yy, yz, _ = total
         variance = variances(total)

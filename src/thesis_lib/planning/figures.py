@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.planning.results import camera_table
 from thesis_lib.plotting.style import (
-    COLORS,
-    HIGHLIGHT,
-    INK,
-    REFERENCE,
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    INK_COLOR,
+    REFERENCE_COLOR,
     color,
     in_style,
     logarithmic,
@@ -26,9 +26,13 @@ from thesis_lib.studies.cubes import percent_text
 from thesis_lib.vision.pinhole import hemisphere_rotations
 from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
 
-VIEWS = (("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0))
-_SYMBOLS = "osD^vP*X"
-_TICKS = [a * 10.0**b for b in range(-4, 5) for a in (1, 2, 5)]
+LAYOUT_VIEWS = (
+    ("from a corner", 155.0, 28.0),
+    ("from above", 180.0, 90.0),
+    ("along Y", 180.0, 0.0),
+)
+_LINE_SYMBOLS = "osD^vP*X"
+_LOG_TICKS = [a * 10.0**b for b in range(-4, 5) for a in (1, 2, 5)]
 
 
 def layout_figure(cube: xr.Dataset, option: int) -> Figure:
@@ -36,7 +40,7 @@ def layout_figure(cube: xr.Dataset, option: int) -> Figure:
     with in_style():
         size, ratios = (7.6, 3.1), [1.3, 1, 1]
         drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
-        for axis, (words, azimuth, elevation) in zip(axes, VIEWS, strict=True):
+        for axis, (words, azimuth, elevation) in zip(axes, LAYOUT_VIEWS, strict=True):
             layout_panel(axis, cube.isel(option=option), azimuth, elevation)
             axis.set_title(words)
     return drawing
@@ -59,12 +63,12 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
     else:
         axes.plot(*flat(outline).T, color="#9a9a9a", linewidth=0.8, zorder=1)
     if "marker" in part:
-        axes.plot(*flat(part["marker"].values).T, ".", color=INK, markersize=1.5, zorder=2)
+        axes.plot(*flat(part["marker"].values).T, ".", color=INK_COLOR, markersize=1.5, zorder=2)
     for i, place in enumerate(where):
         sight = flat(np.stack([place, centre]))
         foot = flat(np.stack([place, [place[0], place[1], centre[2]]]))
         axes.plot(*sight.T, color=color(i), linewidth=0.6, alpha=0.6)
-        axes.plot(*foot.T, ":", color=REFERENCE, linewidth=0.6)
+        axes.plot(*foot.T, ":", color=REFERENCE_COLOR, linewidth=0.6)
         axes.plot(*sight[0], "o", color=color(i), markersize=9, zorder=4, clip_on=False)
         n = str(i + 1)
         axes.annotate(n, sight[0], color="white", size=6.5, ha="center", va="center", zorder=5)
@@ -98,30 +102,48 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     front = front[np.argsort(cost[front], kind="stable")]
     words = "nothing cheaper is as accurate"
     axes.step(
-        cost[front], predicted[front], where="post", color=REFERENCE, linewidth=1.2, label=words
+        cost[front],
+        predicted[front],
+        where="post",
+        color=REFERENCE_COLOR,
+        linewidth=1.2,
+        label=words,
     )
     for i, n in enumerate(np.unique(counts)):
         axes.plot([], [], "s", color=color(i), markersize=5, label=f"{n} cameras")
         for j, width in enumerate(np.unique(widths)):
             at = (counts == n) & (widths == width)
-            axes.plot(cost[at], predicted[at], _SYMBOLS[j % 8], color=color(i), markersize=6)
+            axes.plot(cost[at], predicted[at], _LINE_SYMBOLS[j % 8], color=color(i), markersize=6)
     for j, width in enumerate(np.unique(widths)):
         height = int(cube["height_px"].values[widths == width][0])
-        axes.plot([], [], _SYMBOLS[j % 8], color=INK, markersize=5, label=f"{width}×{height} px")
+        axes.plot(
+            [],
+            [],
+            _LINE_SYMBOLS[j % 8],
+            color=INK_COLOR,
+            markersize=5,
+            label=f"{width}×{height} px",
+        )
     axes.plot(cost, simulated, "_", color="#222222", markersize=9, label="simulated")
     if target is not None:
-        axes.axhline(target, color=HIGHLIGHT, linestyle="--", linewidth=1, label="target")
+        axes.axhline(target, color=HIGHLIGHT_COLOR, linestyle="--", linewidth=1, label="target")
         at = cost[int(cube["chosen"])], predicted[int(cube["chosen"])]
         words = "cheapest that reaches it"
-        axes.plot(*at, "o", markersize=14, markerfacecolor="none", color=HIGHLIGHT, label=words)
-    logarithmic(axes.xaxis, [t for t in _TICKS if cost.min() / 2 < t < 2 * cost.max()])
-    logarithmic(axes.yaxis, [t for t in _TICKS if predicted.min() / 2 < t < 2 * predicted.max()])
+        axes.plot(
+            *at, "o", markersize=14, markerfacecolor="none", color=HIGHLIGHT_COLOR, label=words
+        )
+    logarithmic(axes.xaxis, [t for t in _LOG_TICKS if cost.min() / 2 < t < 2 * cost.max()])
+    logarithmic(
+        axes.yaxis, [t for t in _LOG_TICKS if predicted.min() / 2 < t < 2 * predicted.max()]
+    )
     axes.set_xlabel("price of all cameras" if priced else "million pixels per second, all cameras")
     axes.set_ylabel("error of the worst mode, %")
     axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize=7)
 
 
-WITHOUT = "This picture needs JavaScript to be turned; the ones beside it show the same cameras."
+NO_SCRIPT_TEXT = (
+    "This picture needs JavaScript to be turned; the ones beside it show the same cameras."
+)
 
 
 def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
@@ -132,8 +154,8 @@ def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
     plans : sequence of (str, xarray.Dataset, int)
         Name, options with their cameras, as in a plan's cube, and which option is shown first.
     """
-    data = {"plans": [_plan(*one) for one in plans], "tints": list(COLORS)}
-    return static_html(joined("layout"), VIEWER_CSS, {"data": data}, WITHOUT)
+    data = {"plans": [_plan(*one) for one in plans], "tints": list(CYCLE_COLORS)}
+    return static_html(joined("layout"), VIEWER_CSS, {"data": data}, NO_SCRIPT_TEXT)
 
 
 def _plan(name: str, cube: xr.Dataset, chosen: int) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import Surroundings, best_layouts
 from thesis_lib.studies.request import ParameterError
 
-FIELDS = (
+OPTION_FIELDS = (
     "tilt_deg",
     "in_view",
     "elevations_deg",
@@ -61,7 +61,7 @@ def without(rules: Rules, field: str, reach: float) -> Rules:
 def binding(scene: Scene, step: float) -> list[str]:
     """Parameters each of which alone leaves no place: without its limit there are some."""
     reach = scene.body.reach + max(scene.peaks)
-    eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in FIELDS}
+    eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in OPTION_FIELDS}
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     return [field for field, one in eased.items() if len(candidates(one, step))]
 
@@ -80,7 +80,7 @@ def nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
         why = f"binding: {text} (any of these eased alone leaves places)"
         return ImpossibleError(f"plan: no camera may stand anywhere; {why}")
     bare = scene
-    for field in FIELDS:
+    for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
             reach = scene.body.reach + max(scene.peaks)
             bare = replace(bare, rules=without(bare.rules, field, reach))
@@ -126,7 +126,7 @@ def unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     ratio = best.error / target
     eased: dict[str, float] = {}
     start = _grid_cost(scene, n, request)
-    for field in ("separation_mm", *FIELDS):
+    for field in ("separation_mm", *OPTION_FIELDS):
         reach = scene.body.reach + max(scene.peaks)
         free = replace(scene, rules=without(scene.rules, field, reach))
         if field == "in_view" or _same(free, scene):
@@ -164,7 +164,7 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
     return float(cost(variances(known[:, chosen].sum(axis=1)), request.objective))
 
 
-_SHARP = 40  # power of the variances that weigh markers in the bound of the largest
+_MAXIMUM_POWER = 40  # power of the variances that weigh markers in the bound of the largest
 
 
 @dataclass(frozen=True)
@@ -385,7 +385,7 @@ def _options(
 def _weights(scene: Scene, layout: Array, objective: str) -> Array:
     """Weights of the markers for :func:`lower_bound`: alike, or where the errors are largest."""
     variance = variances(information(scene, layout).sum(axis=1))
-    power = (variance / variance.max()) ** (_SHARP if objective == "worst" else 0)
+    power = (variance / variance.max()) ** (_MAXIMUM_POWER if objective == "worst" else 0)
     return np.asarray(power / power.sum())
 
 

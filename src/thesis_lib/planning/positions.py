@@ -35,8 +35,8 @@ Limits = tuple[float, float]
 
 PER_DEGREE = 10
 PER_METRE = 1000
-TIE = 1e-7  # relative: costs that are closer are equal
-_DIGITS = 6  # of a number of steps; what follows is noise
+MAX_TIE_RATIO = 1e-7  # relative: costs that are closer are equal
+_STEP_DIGITS = 6  # of a number of steps; what follows is noise
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def azimuths(values: Array, limits: Limits) -> Array:
 
 
 def _rounded(values: Array) -> Array:
-    return np.radians(np.rint(np.round(np.degrees(values) * PER_DEGREE, _DIGITS)) / PER_DEGREE)
+    return np.radians(np.rint(np.round(np.degrees(values) * PER_DEGREE, _STEP_DIGITS)) / PER_DEGREE)
 
 
 def full_turn(limits: Limits) -> bool:
@@ -133,29 +133,29 @@ def full_turn(limits: Limits) -> bool:
 
 def lengths(values: Array, limits: Limits) -> Array:
     """Lengths in m rounded to millimetres, within limits."""
-    return np.clip(np.rint(np.round(values * PER_METRE, _DIGITS)) / PER_METRE, *limits)
+    return np.clip(np.rint(np.round(values * PER_METRE, _STEP_DIGITS)) / PER_METRE, *limits)
 
 
 def length_at(index: NDArray[np.int_], limits: Limits) -> Array:
     """Return lengths by number: 0 is the least, then whole millimetres, the largest last."""
-    first = np.floor(np.round(limits[0] * PER_METRE, _DIGITS))
+    first = np.floor(np.round(limits[0] * PER_METRE, _STEP_DIGITS))
     return np.clip((first + index) / PER_METRE, *limits)
 
 
 def count_lengths(limits: Limits) -> int:
     """Return the largest number of lengths that :func:`length_at` distinguishes."""
-    low, high = np.round(np.array(limits) * PER_METRE, _DIGITS)
+    low, high = np.round(np.array(limits) * PER_METRE, _STEP_DIGITS)
     return int(np.ceil(high) - np.floor(low)) + 1
 
 
 def first_least(costs: Array) -> int:
     """Return the first of the costs that are least, but for what may be noise."""
-    return int(np.argmax(costs <= costs.min() * (1 + TIE)))
+    return int(np.argmax(costs <= costs.min() * (1 + MAX_TIE_RATIO)))
 
 
 def first_most(values: Array) -> NDArray[np.int_]:
     """Return the first index of the largest values along the last axis, up to noise."""
-    return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - TIE), axis=-1)
+    return np.argmax(values >= values.max(axis=-1, keepdims=True) * (1 - MAX_TIE_RATIO), axis=-1)
 
 
 def by_rule(layout: Array) -> Array:
@@ -175,10 +175,10 @@ def _whole(layout: Array) -> NDArray[np.int_]:
     return np.rint(1000 * steps).astype(int)
 
 
-SLACK = 1e-9  # relative: what stands on a limit is allowed
-_LADDER = 8  # distances tried from the nearest that sees enough outwards
-_NEVER = 10.0  # rad: as far inside as no angle is
-_VALUES = 2_000_000  # images at a time, which bounds the memory
+LIMIT_SLACK = 1e-9  # relative: what stands on a limit is allowed
+_TRIED_DISTANCES = 8  # distances tried from the nearest that sees enough outwards
+_NEVER_RAD = 10.0  # rad: as far inside as no angle is
+_MAX_IMAGES = 2_000_000  # images at a time, which bounds the memory
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,9 @@ def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
     # an image is focal × across / (distance + beyond) from the middle of the picture
-    aside = np.maximum(np.abs(across) / (1 / 2 + SLACK), np.abs(down) / (scene.aspect / 2 + SLACK))
+    aside = np.maximum(
+        np.abs(across) / (1 / 2 + LIMIT_SLACK), np.abs(down) / (scene.aspect / 2 + LIMIT_SLACK)
+    )
     inside = np.max(focal[:, None, None] * aside - beyond, axis=1)
     towards = -R[:, 2] @ (body.points - body.centre[:, None])
     return Sights(inside, towards, -R[:, 2] @ body.normals)
@@ -264,7 +266,7 @@ def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
     d = distance[:, None]
     away = np.sqrt(d * (d - 2 * seen.towards) + np.sum(rest**2, axis=0))
     cosine = (d * seen.facing - np.sum(rest * scene.body.normals, axis=0)) / away
-    return np.stack([d - seen.inside, cosine - np.cos(scene.rules.tilt) + SLACK])
+    return np.stack([d - seen.inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
 
 
 def clearances(scene: Scene, places: Array) -> Array:
@@ -279,9 +281,9 @@ def clearances(scene: Scene, places: Array) -> Array:
         middle, half = (low + high) / 2, (high - low) / 2
         aside = np.abs(np.mod(places[:, 0] - middle + np.pi, 2 * np.pi) - np.pi) - half
         # a whole turn has no way out to the side, nor one that holds a pole beyond the pole
-        sides = [aside if half < np.pi - SLACK else np.full(len(places), -_NEVER)]
-        sides += [bottom - places[:, 1]] if bottom > SLACK - np.pi / 2 else []
-        sides += [places[:, 1] - top] if top < np.pi / 2 - SLACK else []
+        sides = [aside if half < np.pi - LIMIT_SLACK else np.full(len(places), -_NEVER_RAD)]
+        sides += [bottom - places[:, 1]] if bottom > LIMIT_SLACK - np.pi / 2 else []
+        sides += [places[:, 1] - top] if top < np.pi / 2 - LIMIT_SLACK else []
         rows.append(np.max(sides, axis=0))
     return np.array(rows).reshape(-1, len(places))
 
@@ -298,7 +300,7 @@ def visible(scene: Scene, places: Array) -> Mask:
 
 def _parts(scene: Scene, count: int) -> list[slice]:
     """So many places in parts that fit into memory."""
-    step = max(1, _VALUES // (2 * scene.body.points.shape[1]))
+    step = max(1, _MAX_IMAGES // (2 * scene.body.points.shape[1]))
     return [slice(i, i + step) for i in range(0, count, step)]
 
 
@@ -309,20 +311,20 @@ def sees_enough(scene: Scene, places: Array) -> Mask:
 
 def enough(scene: Scene, seen: Mask) -> Mask:
     """Return which positions' views (places, markers) hold the required share, shape (places,)."""
-    return seen.mean(axis=1) >= scene.rules.in_view - SLACK
+    return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
 
 
 def free(scene: Scene, places: Array) -> Mask:
     """Return which positions are in bounds and outside forbidden regions, shape (places,)."""
     azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
     low, high = scene.rules.azimuths
-    turned = np.mod(azimuth - low + SLACK, 2 * np.pi) <= high - low + 2 * SLACK
-    inside = (high - low >= 2 * np.pi - SLACK) | turned
+    turned = np.mod(azimuth - low + LIMIT_SLACK, 2 * np.pi) <= high - low + 2 * LIMIT_SLACK
+    inside = (high - low >= 2 * np.pi - LIMIT_SLACK) | turned
     limits = (elevation, scene.rules.elevations), (distance, scene.rules.distances)
     for values, (least, most) in limits:
-        inside = inside & (values >= least * (1 - SLACK) - SLACK)
-        inside = inside & (values <= most * (1 + SLACK) + SLACK)
-    return np.asarray(inside & np.all(clearances(scene, places) >= -SLACK, axis=0))
+        inside = inside & (values >= least * (1 - LIMIT_SLACK) - LIMIT_SLACK)
+        inside = inside & (values <= most * (1 + LIMIT_SLACK) + LIMIT_SLACK)
+    return np.asarray(inside & np.all(clearances(scene, places) >= -LIMIT_SLACK, axis=0))
 
 
 def apart(scene: Scene, places: Array, others: Array) -> Mask:
@@ -330,7 +332,7 @@ def apart(scene: Scene, places: Array, others: Array) -> Mask:
     from scipy.spatial.distance import cdist
 
     gap = cdist(centres(scene, places), centres(scene, others))
-    return np.asarray(np.all(gap >= scene.rules.separation * (1 - SLACK), axis=1))
+    return np.asarray(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK), axis=1))
 
 
 def directions(scene: Scene, step: float) -> Array:
@@ -359,7 +361,7 @@ def candidates(scene: Scene, step: float) -> Array:
     found = []
     for focal in scene.focals:
         near = nearest(scene, grid, focal)
-        steps = np.linspace(0, 1, _LADDER)
+        steps = np.linspace(0, 1, _TRIED_DISTANCES)
         ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
         every = np.stack([at(grid, d, focal) for d in ladder])  # ladder, directions, 4
         flat = every.reshape(-1, 4)

@@ -30,14 +30,14 @@ from thesis_lib.studies.schema import with_provenance
 from thesis_lib.web.html import render_html, render_lines
 
 #: By goal: the quantity whose error a plan gives, and what that is a percentage of
-QUANTITIES = {
+QUANTITY_WORDS = {
     "shape": ("shape", "largest deflection of a marker"),
     "sound": ("field", "largest pressure on a plane, in a rigid wall"),
     "sound-plane": ("field", "largest pressure on the plane, in a rigid wall"),
     "sound-point": ("pressure", "pressure at the point, in a rigid wall"),
     "sound-power": ("power", "sound power in a rigid wall"),
 }
-FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
+PLAN_FILES = ("plan.nc", "plan.csv", "plan.svg", "plan.html")
 
 
 def write_plan(
@@ -64,7 +64,7 @@ def write_plan(
     list of str
         The summary, line by line.
     """
-    check_outputs(folder, [folder / name for name in FILES], [structure] if structure else [])
+    check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     start = time.perf_counter()
     body = None if structure is None else read_body(structure, request.modes)
     made = plan(request, body, tell)
@@ -131,7 +131,7 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
     """Return what was found, in a few lines."""
     request, best = plan_.request, plan_.options[plan_.chosen]
     simulated = plan_.verified[plan_.chosen].simulated
-    quantity, _ = QUANTITIES[request.goal]
+    quantity, _ = QUANTITY_WORDS[request.goal]
     kind = "mean" if request.objective == "mean" else "worst marker's"
     return render_lines(
         "planning/templates/plan.txt.j2",
@@ -166,7 +166,7 @@ def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str
         header=[name.replace("_", " ") for name in header],
         rows=rows,
         front=("svg", front.encode()),
-        reference=QUANTITIES[plan_.request.goal][1],
+        reference=QUANTITY_WORDS[plan_.request.goal][1],
         options=list(zip(plan_.options, plan_.verified, notes, strict=True)),
         cost=partial(_format_cost, plan_),
     )

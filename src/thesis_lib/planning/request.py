@@ -39,8 +39,8 @@ Count = Annotated[Whole, Field(ge=2, le=24)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
 Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
 Sector = tuple[Azimuth, Azimuth, Rise, Rise]
-PERIOD = 2.5  # frames that a period needs at least
-AUDIBLE = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
+MIN_FRAMES_PER_PERIOD = 2.5  # frames that a period needs at least
+AUDIBLE_TARGET = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
 SOUND_ONLY = 'allowed: "shape", or for the plate, with in_view 1 and objective "mean", a sound'
 
 
@@ -106,7 +106,7 @@ class PlanRequest(Study):
     frame_rates_hz: Several[Positive] = Field(
         [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
         description="frame rates that the cameras have; the lowest is taken that is "
-        f"{PERIOD:g} times the highest mode's frequency",
+        f"{MIN_FRAMES_PER_PERIOD:g} times the highest mode's frequency",
     )
     focal_lengths_mm: Several[Positive] = Field(
         [24.0], max_length=6, description="focal lengths to choose from, camera by camera"
@@ -229,7 +229,7 @@ class PlanRequest(Study):
 
     def frame_rate(self, body: Body) -> float:
         """Return the lowest frame rate in Hz that the highest mode allows."""
-        needed = PERIOD * float(body.frequencies.max())
+        needed = MIN_FRAMES_PER_PERIOD * float(body.frequencies.max())
         enough = [rate for rate in self.frame_rates_hz if rate >= needed * (1 - 1e-9)]
         if not enough:
             highest = int(np.argmax(body.frequencies))
@@ -267,7 +267,7 @@ class PlanRequest(Study):
                     "forbidden_sectors_deg",
                     "allowed: the least before the largest, azimuths at most 360° apart",
                 )
-        if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE:
+        if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE_TARGET:
             self.refuse("goal", SOUND_ONLY)
         if (self.point_mm is not None) != (self.goal == "sound-point"):
             self.refuse("point_mm", 'allowed: null, or with goal "sound-point" [X, Y, Z]')

@@ -15,7 +15,7 @@ from thesis_lib.planning.planner import Option, Plan
 from thesis_lib.planning.positions import centres
 from thesis_lib.studies.schema import declared, labelled
 
-COLUMNS = (
+CAMERA_COLUMNS = (
     "camera",
     "x_mm",
     "y_mm",
@@ -35,7 +35,7 @@ def camera_table(cube: xr.Dataset, option: int) -> str:
     one = cube.isel(option=option)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(CAMERA_COLUMNS)
     for i in range(int(one["n_cameras"])):
         camera = one.isel(camera=i)
         lengths = (1000 * camera["camera_position"].values).tolist()
@@ -52,7 +52,7 @@ OF_SOUND = declared("""
     shape_plan_error(option, mode) [percent] error of the sound by the law of the layout for the
         shape
 """)
-XYZ = ("x", "y", "z")
+AXIS_NAMES = ("x", "y", "z")
 
 VARIABLES = declared("""
     n_cameras(option) [1] number of cameras
@@ -124,7 +124,7 @@ def as_cube(plan: Plan) -> xr.Dataset:
     cube = xr.Dataset(
         coords={
             "mode": ("mode", list(body.modes), {"units": "1", "long_name": "mode number"}),
-            "axis": ("axis", list(XYZ), {"units": "1", "long_name": "axis"}),
+            "axis": ("axis", list(AXIS_NAMES), {"units": "1", "long_name": "axis"}),
         },
         attrs={
             "structure": body.name,

@@ -28,7 +28,7 @@ from thesis_lib.planning.errors import (
     variances,
 )
 from thesis_lib.planning.positions import (
-    TIE,
+    MAX_TIE_RATIO,
     Scene,
     apart,
     at,
@@ -40,13 +40,13 @@ from thesis_lib.planning.positions import (
 )
 from thesis_lib.vision.pinhole import hemisphere_directions
 
-STEPS = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
-_ROUNDS = 50  # of one step; ends long before
-_KEPT = 10_000_000  # numbers, which bounds the memory
-_KEY = 20  # numbers that the key of a row takes
-_SHORT, _LONG = (-1, 0, 1), (-10, 10)
-_PAIRS = (_SHORT, _SHORT), (_LONG, (-1, 1)), ((-1, 1), _LONG)
-_WAYS = np.array([way for steps in _PAIRS for way in itertools.product(*steps)])
+SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
+_MAX_ROUNDS = 50  # of one step; ends long before
+_MAX_STORED_NUMBERS = 10_000_000  # numbers, which bounds the memory
+_NUMBERS_PER_KEY = 20  # numbers that the key of a row takes
+_SHORT_STEPS, _LONG_STEPS = (-1, 0, 1), (-10, 10)
+_STEP_PAIRS = (_SHORT_STEPS, _SHORT_STEPS), (_LONG_STEPS, (-1, 1)), ((-1, 1), _LONG_STEPS)
+_SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools.product(*steps)])
 """Steps in azimuth and elevation, along slanted limits, too."""
 
 
@@ -66,14 +66,14 @@ class Once:
 
     def __call__(self, rows: Array) -> NDArray[Any]:
         """Return what the function gives for rows."""
-        if self.numbers > _KEPT:
+        if self.numbers > _MAX_STORED_NUMBERS:
             self.known, self.numbers = {}, 0
         keys = rows.copy().view(f"V{rows.itemsize * rows.shape[1]}")[:, 0].tolist()
         new = {key: row for row, key in enumerate(keys) if key not in self.known}
         if new:
             values = self.function(rows[list(new.values())])
             self.known.update(zip(new, values, strict=True))
-            self.numbers += values.size + _KEY * len(new)
+            self.numbers += values.size + _NUMBERS_PER_KEY * len(new)
         return np.array([self.known[key] for key in keys])
 
 
@@ -111,8 +111,8 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
         whether a place is about its own.
     """
     rules, n = about.scene.rules, len(layout)
-    aside, up = np.tile(_WAYS, (n, 1)).T
-    azimuth, elevation, distance, focal = np.repeat(layout, len(_WAYS), axis=0).T
+    aside, up = np.tile(_SEARCH_DIRECTIONS, (n, 1)).T
+    azimuth, elevation, distance, focal = np.repeat(layout, len(_SEARCH_DIRECTIONS), axis=0).T
     turn = step / np.maximum(np.cos(elevation), step)  # less of an angle near the pole
     across = positions.azimuths(azimuth + turn * aside, rules.azimuths)
     grid = np.column_stack([across, positions.angles(elevation + step * up, rules.elevations)])
@@ -122,7 +122,7 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
         near = about.nearest(np.column_stack([grid, focal]))
         far = [near, distance - by, distance, distance + by]
     every = np.concatenate([at(grid, positions.lengths(d, rules.distances), focal) for d in far])
-    camera = np.tile(np.repeat(np.arange(n), len(_WAYS)), len(far))
+    camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
     first = first[about.permitted(every[first])]
     whose = np.concatenate([np.arange(n), camera[first]]) == np.arange(n)[:, None]
@@ -133,7 +133,7 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
 def turned(scene: Scene, layout: Array, angle: float) -> Array:
     """Return a layout turned by an angle (rad) about the mean of the markers' normals."""
     mean = scene.body.normals.mean(axis=1)
-    axis = mean / max(np.linalg.norm(mean), TIE)
+    axis = mean / max(np.linalg.norm(mean), MAX_TIE_RATIO)
     sight = hemisphere_directions(layout[:, 0], layout[:, 1])
     sight = (
         sight * np.cos(angle)
@@ -149,14 +149,18 @@ def turned(scene: Scene, layout: Array, angle: float) -> Array:
 def settle(about: Surroundings, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
     best = together(about.information(layout), objective)
-    for step in STEPS:
+    for step in SEARCH_STEPS_RAD:
         # one by one they do not leave an arrangement that is better only if all are turned
-        for turn, reach in ((0.0, step), (step, STEPS[-1]), (-step, STEPS[-1])):
-            for _ in range(_ROUNDS):
+        for turn, reach in (
+            (0.0, step),
+            (step, SEARCH_STEPS_RAD[-1]),
+            (-step, SEARCH_STEPS_RAD[-1]),
+        ):
+            for _ in range(_MAX_ROUNDS):
                 start = turned(about.scene, layout, turn) if turn else layout
                 moved = _moved(about, start, reach, objective)
                 value = np.inf if moved is None else together(about.information(moved), objective)
-                if moved is None or not value < best * (1 - TIE):
+                if moved is None or not value < best * (1 - MAX_TIE_RATIO):
                     break
                 layout, best = moved, value
     return layout
@@ -186,7 +190,7 @@ def images(scene: Scene, layout: Array) -> list[Array]:
 def chosen_of(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
     """Choose the best layout; of equal ones and their images, that of the least rank."""
     costs = [layout_cost(scene, one, objective) for one in layouts]
-    most = min(costs, default=0.0) * (1 + TIE)
+    most = min(costs, default=0.0) * (1 + MAX_TIE_RATIO)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
     turned = [image for one in best for image in images(scene, one) if allowed(scene, image)]
     alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
@@ -245,7 +249,7 @@ def best_layouts(
         whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}
         layouts = [grid[list(one)] for one in whole]
         if whole:
-            least = min(whole.values()) * (1 + TIE)
+            least = min(whole.values()) * (1 + MAX_TIE_RATIO)
             smaller = list(min(one for one, value in whole.items() if value <= least))
         before = next((f for f in reversed(found) if f is not None), None)
         if before is not None:  # the settled smaller one and what adds most to it

@@ -16,13 +16,13 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.acoustics.planes import pistons
-from thesis_lib.acoustics.plate_sound import NODAL, PlateSound
+from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO, PlateSound
 from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import Medium, Pistons, transfer
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions
-from thesis_lib.planning.positions import TIE, Scene, apart, at, cameras, first_least
+from thesis_lib.planning.positions import MAX_TIE_RATIO, Scene, apart, at, cameras, first_least
 from thesis_lib.planning.search import Surroundings
 from thesis_lib.studies.fields import refuse
 from thesis_lib.studies.request import SoundPlanes
@@ -31,17 +31,21 @@ from thesis_lib.vision import rounding
 
 Sounds = Sequence[PlateSound]
 Goal = Literal["sound", "sound-plane", "sound-point", "sound-power"]
-SILENT = {
+SILENT_TEXTS = {
     "sound": "that are not silent on both planes, XZ and YZ",
     "sound-plane": "that are not silent on the plane",
     "sound-point": "that are heard at point_mm",
 }
 
-STEPS = np.radians([8, 4, 2])  # finer ones would fit one grid of pixels, not how markers lie on it
-TURNS = np.radians([-0.5, 0, 0.5])  # of the whole layout, over which costs are averaged
-_HELPS = 1e-3  # relative: what helps less is left alone
-_ROUNDS = 4
-_WAYS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
+SOUND_STEPS_RAD = np.radians(
+    [8, 4, 2]
+)  # finer ones would fit one grid of pixels, not how markers lie on it
+AVERAGED_TURNS_RAD = np.radians(
+    [-0.5, 0, 0.5]
+)  # of the whole layout, over which costs are averaged
+_MIN_IMPROVEMENT = 1e-3  # relative: what helps less is left alone
+_MAX_ROUNDS = 4
+_SEARCH_DIRECTIONS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
 
 
 @lru_cache(maxsize=4)
@@ -81,8 +85,8 @@ def sounds_of(
             refuse(
                 "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
             )
-        if goal in SILENT and np.isnan(one.largest).all():
-            refuse("modes", mode, f'allowed: modes {SILENT[goal]}, with goal "{goal}"')
+        if goal in SILENT_TEXTS and np.isnan(one.largest).all():
+            refuse("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
         found.append(one)
     return tuple(found)
 
@@ -93,7 +97,7 @@ def _at_point(
     """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
     row = transfer(parts, point, omega, medium)
     own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
-    largest = np.array([np.nan if own <= NODAL * disordered else own])
+    largest = np.array([np.nan if own <= MAX_NODAL_PRESSURE_RATIO * disordered else own])
     factor, resistance = np.stack([row.real, row.imag]), radiation_matrix(parts, omega, medium)
     return PlateSound(omega, reference, (), (factor,), largest, resistance)
 
@@ -115,7 +119,7 @@ def averaged(
     rounded alike is taken from how they lie at rest.
     """
     squares, rest = [], scene.body.points
-    for turn in TURNS:
+    for turn in AVERAGED_TURNS_RAD:
         P = cameras(scene, layout + [turn, 0, 0, 0], width).P
         C = 2 * rounding.deflection_covariance(P, rest, rest, rest_is_known=True)
         squares.append(_expected(sounds, [C] * len(sounds), goal) ** 2)
@@ -164,15 +168,15 @@ def moved(
     scene = about.scene
     rules, found = scene.rules, layout
     best = float(averaged(sounds, scene, found, width, goal).max())
-    for step in STEPS:
+    for step in SOUND_STEPS_RAD:
         still = 0  # cameras since the last move
-        for which in _ROUNDS * list(range(len(layout))):
+        for which in _MAX_ROUNDS * list(range(len(layout))):
             if still == len(layout):
                 break
             still += 1
             azimuth, elevation, _, focal = found[which]
-            aside = azimuth + step / max(np.cos(elevation), step) * _WAYS[:, 0]
-            up = positions.angles(elevation + step * _WAYS[:, 1], rules.elevations)
+            aside = azimuth + step / max(np.cos(elevation), step) * _SEARCH_DIRECTIONS[:, 0]
+            up = positions.angles(elevation + step * _SEARCH_DIRECTIONS[:, 1], rules.elevations)
             grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
             near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
             places = at(grid, near, focal)
@@ -180,8 +184,8 @@ def moved(
             places = places[about.permitted(places) & apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
             costs = np.array([averaged(sounds, scene, one, width, goal).max() for one in tried])
-            if len(costs) and costs.min() < best * (1 - _HELPS):
+            if len(costs) and costs.min() < best * (1 - _MIN_IMPROVEMENT):
                 least = first_least(costs)
                 found, best, still = tried[least], float(costs[least]), 0
     now, before = (predicted(sounds, scene, one, width, goal).max() for one in (found, layout))
-    return found if now < before * (1 - TIE) else layout
+    return found if now < before * (1 - MAX_TIE_RATIO) else layout

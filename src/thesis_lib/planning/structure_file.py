@@ -32,16 +32,16 @@ from thesis_lib.studies.schema import with_origin
 from thesis_lib.text import has_hidden, one_line
 from thesis_lib.vibration.structure import Structure, deflection_shape
 
-NEEDED = {
+NEEDED_FIELDS = {
     "x": ("point",),
     "y": ("point",),
     "z": ("point",),
     "shape": ("mode", "point"),
     "frequency": ("mode",),
 }
-NORMAL = ("nx", "ny", "nz")
-MOST = 1000
-LARGEST = 100.0  # m, as far as cameras may stand
+NORMAL_COLUMNS = ("nx", "ny", "nz")
+MAX_POINTS = 1000
+MAX_SIZE_M = 100.0  # m, as far as cameras may stand
 
 
 class MeshError(ParameterError):
@@ -59,17 +59,17 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     if has_hidden(path.name):  # the plan is named for it
         raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
     mesh = _opened(path)
-    for name, dims in NEEDED.items():
+    for name, dims in NEEDED_FIELDS.items():
         if name not in mesh.variables:
             raise _refusal(path, f"has no variable {name}", f"{name}({', '.join(dims)})")
-    has = [name for name in NORMAL if name in mesh.variables]
+    has = [name for name in NORMAL_COLUMNS if name in mesh.variables]
     if has and len(has) < 3:
         raise _refusal(path, f"has {', '.join(has)} alone", "all of nx, ny, nz, or none")
-    values = {name: _values(path, mesh, name, dims) for name, dims in NEEDED.items()}
+    values = {name: _values(path, mesh, name, dims) for name, dims in NEEDED_FIELDS.items()}
     values |= {name: _values(path, mesh, name, ("point",)) for name in has}
     points = np.stack([values["x"], values["y"], values["z"]])
     _check_points(path, points)
-    normals = np.stack([values[n] for n in NORMAL]) if has else np.zeros_like(points)
+    normals = np.stack([values[n] for n in NORMAL_COLUMNS]) if has else np.zeros_like(points)
     if not has:
         normals[2] = 1.0
     length = np.linalg.norm(normals, axis=0)
@@ -103,7 +103,9 @@ def _opened(path: Path) -> xr.Dataset:
         raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
-            mesh = file[[n for n in (*NEEDED, *NORMAL, "mode") if n in file.variables]]
+            mesh = file[
+                [n for n in (*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode") if n in file.variables]
+            ]
             if mesh.nbytes > HELD_BYTES:
                 held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
                 raise _refusal(path, held, "the markers, not all nodes of a mesh")
@@ -132,12 +134,12 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
 
 
 def _check_points(path: Path, points: Array) -> None:
-    if points.shape[1] > MOST:
-        allowed = f"at most {MOST}: the markers, not all nodes of a mesh"
+    if points.shape[1] > MAX_POINTS:
+        allowed = f"at most {MAX_POINTS}: the markers, not all nodes of a mesh"
         raise _refusal(path, f"has {points.shape[1]} points", allowed)
     size = float(np.max(np.abs(points)))
-    if size > LARGEST:
-        allowed = f"at most {LARGEST:g} m (metres, not mm)"
+    if size > MAX_SIZE_M:
+        allowed = f"at most {MAX_SIZE_M:g} m (metres, not mm)"
         raise _refusal(path, f"has a coordinate of {size:g} m", allowed)
     if len(np.unique(points, axis=1).T) < points.shape[1]:
         raise _refusal(path, "has two points at one place", "different places")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
 
-BELOW = "below"
+BELOW_PANEL = "below"
 """Prefix of the name of a panel that belongs to the one above it, also on a phone."""
 MARGIN_PT = 3.0
 MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a colour scale
@@ -30,7 +30,7 @@ def find_panels(figure: Figure) -> str:
         box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
         middle = (box[0] + box[2]) / 2
         above = [one for one in boxes if one[0] < middle < one[2] and one[1] < box[1]]
-        if above and str(artist.get_gid() or "").startswith(BELOW):
+        if above and str(artist.get_gid() or "").startswith(BELOW_PANEL):
             upper = max(above, key=lambda one: one[1])
             boxes[boxes.index(upper)] = _join(upper, box)
         else:

@@ -28,7 +28,7 @@ from thesis_lib.plotting.selection import (
     ranking,
     select,
 )
-from thesis_lib.plotting.style import HIGHLIGHT, REFERENCE, color, logarithmic, placed
+from thesis_lib.plotting.style import HIGHLIGHT_COLOR, REFERENCE_COLOR, color, logarithmic, placed
 from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -87,13 +87,24 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
             if least is None or most is None:  # a bound: the arrow points to what it allows
                 marker = "v" if least is None else "^"
                 axes.plot(
-                    [at - 0.3 * width, at + 0.3 * width], [claim.high] * 2, color=HIGHLIGHT, lw=1.2
+                    [at - 0.3 * width, at + 0.3 * width],
+                    [claim.high] * 2,
+                    color=HIGHLIGHT_COLOR,
+                    lw=1.2,
                 )
-                axes.plot(at, claim.high, marker, color=HIGHLIGHT, ms=5, label="thesis, bound")
+                axes.plot(
+                    at, claim.high, marker, color=HIGHLIGHT_COLOR, ms=5, label="thesis, bound"
+                )
                 continue
-            axes.plot([at, at], [least, most], color=HIGHLIGHT, lw=1.2)
+            axes.plot([at, at], [least, most], color=HIGHLIGHT_COLOR, lw=1.2)
             axes.plot(
-                at, (least + most) / 2, "D", mfc="white", color=HIGHLIGHT, ms=4, label="thesis"
+                at,
+                (least + most) / 2,
+                "D",
+                mfc="white",
+                color=HIGHLIGHT_COLOR,
+                ms=4,
+                label="thesis",
             )
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
@@ -169,12 +180,12 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
 
 
 def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
-    style = {"color": HIGHLIGHT, "lw": 1.6, "zorder": 5}
+    style = {"color": HIGHLIGHT_COLOR, "lw": 1.6, "zorder": 5}
     labels = [str(text) for text in part["label"].values]
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
         _draw(axes, np.array([0 * far, far]), **style)
-        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT)
+        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT_COLOR)
     elif varied == "aperture_deg":
         first, second = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))[:2]
         radius = float(np.linalg.norm(first))
@@ -189,7 +200,7 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
                 0.45 * radius * hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
             )
             _draw(axes, arc, **style)
-            _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
+            _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT_COLOR)
             return
         middle = first + second + [0, 0, 1e-9]
         angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
@@ -199,10 +210,10 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
         turn = np.linspace(-angle, angle, 41)[:, None]
         arc = 0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside)
         _draw(axes, arc, **style)
-        _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT)
+        _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT_COLOR)
     else:
         text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
-        axes.text(0.0, 0.0, text, color=HIGHLIGHT, transform=axes.transAxes, fontsize=8)
+        axes.text(0.0, 0.0, text, color=HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
 
 
 def _positions(setting: xr.Dataset) -> Array:
@@ -238,7 +249,7 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
-    axes["b"].plot(x, reference, color=REFERENCE, lw=3, label="reference")
+    axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
     for index, word in zip(chosen, ranking(part), strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"

@@ -70,12 +70,12 @@ def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_err
     """Return the bars of one error of a case and mode, by the error's name in the tables."""
     part = select(cube, case, mode)
     values = cubes.error(part, quantity)
-    predicted, plane = cubes.predicted(part, quantity), cubes.ERRORS[quantity][1]
+    predicted, plane = cubes.predicted(part, quantity), cubes.ERROR_VARIABLES[quantity][1]
     literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
     return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")
 
 
-_STATED = ("stated_low", "stated_high", "stated")
+_CLAIMED_FIELDS = ("stated_low", "stated_high", "stated")
 
 
 def errors_table(cube: xr.Dataset) -> pd.DataFrame:
@@ -130,8 +130,8 @@ def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
 
 def _stated(claim: Claim | None) -> dict[str, Any]:
     if claim is None:
-        return dict.fromkeys(_STATED)
-    return dict(zip(_STATED, (*claim.ends, claim.stated), strict=True))
+        return dict.fromkeys(_CLAIMED_FIELDS)
+    return dict(zip(_CLAIMED_FIELDS, (*claim.ends, claim.stated), strict=True))
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
@@ -146,7 +146,7 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     """
     part = select(cube, case, mode)
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
-    statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_STATED[:2])
+    statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_CLAIMED_FIELDS[:2])
     rows = [
         {
             "quantity": row["error"],
@@ -170,7 +170,9 @@ def _drawn(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
     values = part[name]
     if "trial" in values.dims:
         values = values.isel(trial=0)
-    of_tables = name in {v for v, _ in cubes.ERRORS.values()} or name.startswith("predicted_")
+    of_tables = name in {v for v, _ in cubes.ERROR_VARIABLES.values()} or name.startswith(
+        "predicted_"
+    )
     if values.dtype.kind != "f" or of_tables:
         return
     unit, labels = str(values.attrs.get("units", "1")), part["label"].values.astype(str)

@@ -29,11 +29,11 @@ from thesis_lib.arrays import Array
 from thesis_lib.plotting.panel_boxes import find_panels
 
 # Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
-COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
-REFERENCE = "#8a8a8a"
-HIGHLIGHT = "#B22222"
-INK = "#444444"
-STYLE: Any = {
+CYCLE_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
+REFERENCE_COLOR = "#8a8a8a"
+HIGHLIGHT_COLOR = "#B22222"
+INK_COLOR = "#444444"
+RC_STYLE: Any = {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
@@ -51,13 +51,13 @@ STYLE: Any = {
     "svg.hashsalt": "thesis",  # the same picture gives the same bytes
     "text.parse_math": False,  # a dollar in a reader's name is a dollar
 }
-POWERS = {"text.parse_math": True}
+MATH_STYLE = {"text.parse_math": True}
 """For figures with powers of ten at their axes, and without a reader's words."""
 
-_DIGITS = 9  # of a panel's place in its figure
+_BOX_DIGITS = 9  # of a panel's place in its figure
 _ONE_AT_A_TIME = threading.RLock()
 
-_LAYOUT = (
+_LAYOUT_FIELDS = (
     "sharex",
     "sharey",
     "squeeze",
@@ -70,7 +70,7 @@ _LAYOUT = (
 
 def color(index: int) -> str:
     """Return the colour of the `index`-th setting of a case; they repeat after six."""
-    return COLORS[index % len(COLORS)]
+    return CYCLE_COLORS[index % len(CYCLE_COLORS)]
 
 
 @contextlib.contextmanager
@@ -80,11 +80,11 @@ def in_style(changed: Any = None) -> Iterator[None]:
     Parameters
     ----------
     changed : dict, optional
-        Parameters of Matplotlib that differ from :data:`STYLE`.
+        Parameters of Matplotlib that differ from :data:`RC_STYLE`.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update({**STYLE, **(changed or {})})
+        matplotlib.rcParams.update({**RC_STYLE, **(changed or {})})
         yield
 
 
@@ -104,8 +104,8 @@ def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
 
 def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
     """Return a figure and its panels like ``pyplot.subplots``, but unknown to pyplot."""
-    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
-    panels = figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT if k in how})
+    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT_FIELDS})
+    panels = figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT_FIELDS if k in how})
     if how.get("sharey"):  # a phone shows each panel alone
         for axes in figure.axes:
             axes.tick_params(labelleft=True)
@@ -114,8 +114,8 @@ def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
 
 def mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
     """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
-    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT})
-    return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT if k in how})
+    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT_FIELDS})
+    return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT_FIELDS if k in how})
 
 
 def placed(
@@ -194,7 +194,7 @@ def _lay_out(figure: Figure) -> None:
         figure.set_layout_engine(None)
         for axes in figure.axes:  # the solver's last digits hang on addresses in memory
             place = axes.get_position(original=True).bounds
-            axes.set_position(tuple(round(each, _DIGITS) for each in place))
+            axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
 
 def svg(figure: Figure, changed: Any = None) -> str:
@@ -240,8 +240,8 @@ def _diverging(count: int = 129) -> tuple[str, ...]:
     return tuple("#" + "".join(f"{round(255 * c):02x}" for c in color) for color in srgb)
 
 
-DIVERGING = _diverging()
-_CMAP = ListedColormap(list(DIVERGING), "diverging")
+DIVERGING_COLORS = _diverging()
+_DIVERGING_MAP = ListedColormap(list(DIVERGING_COLORS), "diverging")
 
 
 def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
@@ -250,7 +250,7 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
     extent = (across[0] - half[0], across[-1] + half[0], up[0] - half[1], up[-1] + half[1])
     picture = axes.imshow(
         values,
-        _CMAP,
+        _DIVERGING_MAP,
         vmin=-limit,
         vmax=limit,
         extent=extent,
@@ -261,7 +261,7 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
     return picture
 
 
-STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 2, 5))
+TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 2, 5))
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
 
 
@@ -294,7 +294,7 @@ def draw_errors(axes: Axes, x: Any, y: Any, error: Any, ink: str, size: float = 
     axes.errorbar(x, y, error, fmt="o", color=ink, ms=size, lw=1)
 
 
-def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = STEPS) -> None:
+def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = TICK_STEPS) -> None:
     """Make both axes logarithmic, with these ticks."""
     logarithmic(axes.xaxis, [float(tick) for tick in x])
     logarithmic(axes.yaxis, y)

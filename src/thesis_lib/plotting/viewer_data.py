@@ -13,13 +13,13 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.plotting.selection import Bars, error_bars, select
-from thesis_lib.plotting.style import COLORS, DIVERGING
+from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.fields import unit
 
-LENS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
+LENS_FIELDS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """What the images of ideal cameras with whole pixels rest on; filmed studies have no such lens."""
-DRAWN = 4  # significant digits of what is only drawn
+DRAWN_DIGITS = 4  # significant digits of what is only drawn
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 
 
@@ -51,7 +51,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
             for mode in modes
         ],
         "words": {"draws": said["draws"], "predicts": said["predicts"]},
-        "colors": list(COLORS),
+        "colors": list(CYCLE_COLORS),
         "cases": [
             {
                 "name": case,
@@ -67,10 +67,10 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     else:
         _add_shapes(data, cube)
     asked = json.loads(said["parameters"])
-    if kind != "sound" and asked.keys() >= set(LENS):
-        data["lens"] = {name: asked[name] for name in LENS}
+    if kind != "sound" and asked.keys() >= set(LENS_FIELDS):
+        data["lens"] = {name: asked[name] for name in LENS_FIELDS}
     if kind != "beam":
-        data["colormap"] = list(DIVERGING)
+        data["colormap"] = list(DIVERGING_COLORS)
     return data
 
 
@@ -140,8 +140,8 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
     return {
-        "measured_mm": _rounded(result["measured_deflection"] * 1000, DRAWN),
-        "point_error": _rounded(result["point_error"], DRAWN),
+        "measured_mm": _rounded(result["measured_deflection"] * 1000, DRAWN_DIGITS),
+        "point_error": _rounded(result["point_error"], DRAWN_DIGITS),
         **_bar(bars["mean_error"], index),
     }
 

@@ -2,7 +2,8 @@
 
 A result depends on its request, the library and the lock file. So no kernel that a reader has
 installed is used, no configuration or start-up file of IPython is read, nothing is imported from
-the working directory or from ``PYTHONPATH``, and of the environment only :data:`PASSED` is left.
+the working directory or from ``PYTHONPATH``, and of the environment only
+:data:`PASSED_VARIABLES` is left.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ from typing import Any
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
 
-from thesis_lib.asides import QUIET
+from thesis_lib.asides import QUIET_VARIABLE
 from thesis_lib.files import shipped
 from thesis_lib.runs.surroundings import fixed_environment
 
-OPTIONS = ("--HistoryManager.enabled=False",)  # no file of past inputs, which kernels would share
+KERNEL_OPTIONS = (
+    "--HistoryManager.enabled=False",
+)  # no file of past inputs, which kernels would share
 MAX_SOCKET_LENGTH = 103  # characters of a socket's path, on macOS
-PASSED = (
+PASSED_VARIABLES = (
     "PATH", "TMPDIR", "TEMP", "TMP", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT",
     "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "OPENCV_CPU_DISABLE",
     "NUMBA_CPU_NAME",  # these five let libraries compute as on an older processor
@@ -32,7 +35,7 @@ PASSED = (
 
 def kernel_environment(given: Mapping[str, str], home: Path) -> dict[str, str]:
     """Return the environment of a kernel whose home and only files are in the folder `home`."""
-    passed = {name: given[name] for name in PASSED if name in given}
+    passed = {name: given[name] for name in PASSED_VARIABLES if name in given}
     git = Path(given.get("HOME", os.sep)) / ".gitconfig"  # which owners of checkouts are trusted
     own = {
         "HOME": str(home),
@@ -42,7 +45,7 @@ def kernel_environment(given: Mapping[str, str], home: Path) -> dict[str, str]:
         "PYTHONSAFEPATH": "1",
         "LANG": "C.UTF-8",
         "GIT_CONFIG_GLOBAL": str(git),
-        QUIET: "1",
+        QUIET_VARIABLE: "1",
     }
     source = shipped() / "src"
     if source.is_dir():  # the kernel imports the checkout that the command runs from

@@ -25,7 +25,7 @@ from thesis_lib.studies.request import Study, command, given
 from thesis_lib.web.html import render_html
 from thesis_lib.web.markdown import escape
 
-FOLDER = "data"
+DATA_FOLDER = "data"
 """Folder of the rendered book that holds the cubes and the numbers of the figures."""
 
 
@@ -122,7 +122,7 @@ def add_provenance(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool
 
     def link(table: Any, file: str) -> str:
         if in_book:
-            return f"../{FOLDER}/{quote(file)}"
+            return f"../{DATA_FOLDER}/{quote(file)}"
         text = base64.b64encode(plotted.as_csv(table).encode()).decode()
         return f"data:text/csv;charset=utf-8;base64,{text}"
 
@@ -142,7 +142,7 @@ def add_provenance(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool
         cells.append(cell)
         if lines := lines_under(cell):
             cells.append(nbformat.v4.new_markdown_cell("\n".join(lines), id=f"{cell.id}-data"))
-    place = f"../{FOLDER}/{name}.nc" if in_book else f"{name}.nc"
+    place = f"../{DATA_FOLDER}/{name}.nc" if in_book else f"{name}.nc"
     text = f"## Data and provenance\n\n{fold_out(about, place, link(errors, f'{name}.csv'))}"
     cells.append(nbformat.v4.new_markdown_cell(text, id=f"{name}-provenance"))
     notebook.cells = cells

@@ -17,14 +17,14 @@ from thesis_lib.text import has_hidden, one_line
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
 
-REFUSED, FAILED, INTERRUPTED = 2, 1, 130
+REFUSED_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 2, 1, 130
 LONGEST_FILE = 80  # characters of the names of files in the folders that are written
 
 
 class Refused(click.ClickException):
     """The request was wrong: one line, exit status 2, nothing written."""
 
-    exit_code = REFUSED
+    exit_code = REFUSED_STATUS
 
 
 def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
@@ -66,7 +66,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     A name that is a folder's stands for the figure sets in it.
     """
     from thesis_lib.figure_sets import outside
-    from thesis_lib.figure_sets.registry import CHAPTERS, model_of
+    from thesis_lib.figure_sets.registry import CHAPTER_SETS, model_of
     from thesis_lib.studies.request import ParameterError, check_names, validated
 
     studies, notes = [], []
@@ -74,7 +74,9 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
         expanded = [
             one
             for name in names
-            for one in (outside.load(Path(name)) if is_folder(name) else CHAPTERS.get(name, [name]))
+            for one in (
+                outside.load(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
+            )
         ]
         models = [model_of(name) for name in dict.fromkeys(expanded)]
         known = {key for model in models for key in model.model_fields}
@@ -110,7 +112,7 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     for name in others:
         click.echo(schedulers.alone(name), err=True)
     schedulers.check(scheduler)
-    os.environ[schedulers.ENVIRONMENT] = scheduler
+    os.environ[schedulers.SCHEDULER_VARIABLE] = scheduler
 
 
 def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:

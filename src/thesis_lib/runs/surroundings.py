@@ -16,11 +16,11 @@ from thesis_lib.files import cache_folder, remove_temporary
 
 MIN_OPEN_FILES = 128  # a run needs some 90 at a time
 MAX_WAIT_FOR_THREADS_S = 1.0
-_SIGNALS = [
+_HANDLED_SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 ]
-_THREADS = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR")]
-_THREADS += ["VECLIB_MAXIMUM_THREADS"]
+_THREAD_VARIABLES = [f"{of}_NUM_THREADS" for of in ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR")]
+_THREAD_VARIABLES += ["VECLIB_MAXIMUM_THREADS"]
 
 
 class SurroundingsError(RuntimeError):
@@ -65,7 +65,10 @@ def fixed_environment() -> dict[str, str]:
 
     Matplotlib's list of fonts is the project's, too, not the reader's.
     """
-    return {**dict.fromkeys(_THREADS, "1"), "MPLCONFIGDIR": str(cache_folder() / "matplotlib")}
+    return {
+        **dict.fromkeys(_THREAD_VARIABLES, "1"),
+        "MPLCONFIGDIR": str(cache_folder() / "matplotlib"),
+    }
 
 
 def prepare() -> None:
@@ -84,7 +87,7 @@ def prepare() -> None:
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
     sys.unraisablehook = threading.excepthook = _ignore
-    for number in _SIGNALS[1:]:
+    for number in _HANDLED_SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
 
@@ -95,7 +98,7 @@ def _ignore(_: Any) -> None:
 
 def stop(status: int) -> NoReturn:
     """End at once: kill the processes of this one, so that its threads remove what they wrote."""
-    for number in _SIGNALS:
+    for number in _HANDLED_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     try:
         _end_children()

@@ -11,11 +11,11 @@ import pandas as pd
 import xarray as xr
 
 from thesis_lib.studies.cubes import (
-    ERRORS,
-    KEYS,
-    LISTS,
-    SHORT,
-    STATISTICS,
+    ERROR_VARIABLES,
+    LISTED_VARIABLES,
+    ROW_KEYS,
+    SHORT_LABELS,
+    STATISTIC_NAMES,
     band_text,
     listed_by,
     percent_text,
@@ -24,8 +24,11 @@ from thesis_lib.studies.cubes import (
 from thesis_lib.studies.published import read_published
 from thesis_lib.text import one_line
 
-SAME = {4: 2.5e-4, 8: 1e-9}  # of the largest value, by bytes: how far rounded files and machines go
-SHOWN = 12  # names in a list
+MAX_EQUAL_DIFFERENCES = {
+    4: 2.5e-4,
+    8: 1e-9,
+}  # of the largest value, by bytes: how far rounded files and machines go
+MAX_LISTED_NAMES = 12  # names in a list
 
 
 def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
@@ -37,7 +40,7 @@ def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     for key in ("claim", "quantity"):
         if key in new:
             return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
-    keys, old = [*KEYS, "error"], old.astype({"value": float})
+    keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
     table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
@@ -59,8 +62,8 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             for r in table[~same].itertuples()
         ]
         return lines or [f"no difference from {old_name} ({len(table)} quantities compared)"]
-    old = table[[f"{name}_old" for name in STATISTICS]]
-    changed = ~np.isclose(table[STATISTICS], old, rtol=1e-4, equal_nan=True)
+    old = table[[f"{name}_old" for name in STATISTIC_NAMES]]
+    changed = ~np.isclose(table[STATISTIC_NAMES], old, rtol=1e-4, equal_nan=True)
     if not changed.any():
         return [f"no difference from {old_name} ({len(table)} errors compared)"]
     header = (
@@ -74,7 +77,7 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
         change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
         lines.append(
             f"{row.case:>6} {row.label:>12} {row.mode:>4} "
-            f"{SHORT[row.error]:>5} | "
+            f"{SHORT_LABELS[row.error]:>5} | "
             f"{new:>20} | {old:>20} | {change:>7} | "
             f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
             f"{' *' if row.apart else ''}"
@@ -104,8 +107,8 @@ def all_difference_lines(
     """
     lines = difference_lines(cube, other, name)
     if other is None:
-        known = {*KEYS, *(name for name, _ in ERRORS.values())}
-        known |= set(LISTS.get(listed_by(cube), ()))
+        known = {*ROW_KEYS, *(name for name, _ in ERROR_VARIABLES.values())}
+        known |= set(LISTED_VARIABLES.get(listed_by(cube), ()))
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
     found = _Found()
@@ -155,7 +158,7 @@ class _Found:
 
 def _shared(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """Return the part of a cube that another has, too: settings, modes, and the first trials."""
-    keys = [name for name in KEYS if name != "mode"]
+    keys = [name for name in ROW_KEYS if name != "mode"]
     if all(name in one.variables for one in (cube, other) for name in keys):
         here, there = (
             list(zip(*(one[name].values.tolist() for name in keys), strict=True))
@@ -178,7 +181,7 @@ def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
     if kinds <= {"f", "i", "u"} and "f" in kinds:
         size = min(one.dtype.itemsize for one in (new, old) if one.dtype.kind == "f")
         finite = np.abs(np.where(np.isfinite(old), old, 0.0))
-        allowed = SAME.get(size, 1e-9) * (finite.max() if finite.size else 0.0)
+        allowed = MAX_EQUAL_DIFFERENCES.get(size, 1e-9) * (finite.max() if finite.size else 0.0)
         return ~np.isclose(new, old, rtol=0, atol=allowed, equal_nan=True)
     if not kinds <= {"i", "u", "b"}:
         new, old = new.astype(str), old.astype(str)
@@ -186,8 +189,8 @@ def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 
 def _names(names: list[str]) -> str:
-    more = len(names) - SHOWN
-    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_LISTED_NAMES
+    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _request_lines(cube: xr.Dataset, other: xr.Dataset) -> Iterator[str]:

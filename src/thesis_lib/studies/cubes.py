@@ -10,48 +10,52 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 
-ERRORS = {  # name in the tables: variable, and plane if it has one
+ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
     "max_point_error": ("max_point_error", None),
     "plane_error_xz": ("plane_error", "XZ"),
     "plane_error_yz": ("plane_error", "YZ"),
     "power_error": ("power_error", None),
 }
-SHORT = {
+SHORT_LABELS = {
     "mean_error": "mean",
     "max_point_error": "peak",
     "plane_error_xz": "XZ",
     "plane_error_yz": "YZ",
     "power_error": "power",
 }
-LISTS = {  # by its dimension, what is compared of a cube whose results are a list
+LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose results are a list
     "claim": ("claim", "verdict"),
     "quantity": ("quantity", "value", "unit"),
 }
-KEYS = ["case", "value", "label", "pair_order", "mode"]
-STATISTICS = ["trial_0", "median", "low", "high"]
-BAND = (0.05, 0.5, 0.95)  # quantiles of the trials
+ROW_KEYS = ["case", "value", "label", "pair_order", "mode"]
+STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
+BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 
 def listed_by(cube: xr.Dataset) -> str:
     """Along which dimension a cube lists its results; empty if it holds errors of settings."""
-    return next((name for name in LISTS if name in cube.dims), "")
+    return next((name for name in LISTED_VARIABLES if name in cube.dims), "")
 
 
 def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
     """Return the errors that a cube holds in %, by their names in the tables."""
-    return {name: error(cube, name) for name, (variable, _) in ERRORS.items() if variable in cube}
+    return {
+        name: error(cube, name)
+        for name, (variable, _) in ERROR_VARIABLES.items()
+        if variable in cube
+    }
 
 
 def error(cube: xr.Dataset, name: str) -> xr.DataArray:
     """One of them."""
-    variable, plane = ERRORS[name]
+    variable, plane = ERROR_VARIABLES[name]
     return cube[variable] if plane is None else cube[variable].sel(plane=plane)
 
 
 def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
     """Return what is predicted of an error by its name in the tables, in %."""
-    variable, plane = ERRORS[error]
+    variable, plane = ERROR_VARIABLES[error]
     own = f"predicted_{variable}"  # of a cube with errors of several kinds
     values = cube[own if own in cube else "predicted_error"]
     return values if plane is None else values.sel(plane=plane)
@@ -64,7 +68,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     a cube that lists quantities: each with its value and unit.
     """
     if name := listed_by(cube):
-        return pd.DataFrame({column: cube[column].values for column in LISTS[name]})
+        return pd.DataFrame({column: cube[column].values for column in LISTED_VARIABLES[name]})
     rows: list[dict[str, Any]] = []
     for quantity, values in errors(cube).items():
         literal = values.isel(trial=0).transpose("setting", "mode").values
@@ -94,10 +98,10 @@ def band(values: xr.DataArray) -> Any:
     They are (3, setting, ...), NaN without such trials. One setting is read at a time.
     """
     here = values.transpose("setting", ..., "trial")
-    bands = np.full((len(BAND), *here.shape[:-1]), np.nan)
+    bands = np.full((len(BAND_QUANTILES), *here.shape[:-1]), np.nan)
     for setting in range(here.sizes["setting"] if here.sizes["trial"] > 1 else 0):
         drawn = here.isel(setting=setting).values[..., 1:]
-        bands[:, setting] = np.quantile(drawn, BAND, axis=-1)
+        bands[:, setting] = np.quantile(drawn, BAND_QUANTILES, axis=-1)
     return bands
 
 

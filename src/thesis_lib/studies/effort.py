@@ -12,8 +12,8 @@ from pathlib import Path
 from thesis_lib.files import shipped, whole_file
 from thesis_lib.text import damaged, duration
 
-FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
-MINUTE = 60.0
+EFFORT_FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
+MINUTE_S = 60.0
 
 
 class EffortError(ValueError):
@@ -31,7 +31,7 @@ class Effort:
     @property
     def kind(self) -> str:
         """Return the scale of the waiting time: ``seconds`` or ``minutes``."""
-        return "minutes" if self.seconds >= MINUTE else "seconds"
+        return "minutes" if self.seconds >= MINUTE_S else "seconds"
 
     @property
     def time(self) -> str:
@@ -84,7 +84,7 @@ def peak_memory_mb() -> float:
 def of(notebook: Path) -> Effort:
     """Return the effort that an executed notebook carries."""
     kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
-    return Effort(*(float(kept[name]) for name in FIELDS[1:]))
+    return Effort(*(float(kept[name]) for name in EFFORT_FIELDS[1:]))
 
 
 def published_path() -> Path:
@@ -107,10 +107,10 @@ def read(path: Path | None = None) -> dict[str, Effort]:
     with path.open(encoding="utf-8", newline="", errors="replace") as stream:
         rows = csv.DictReader(stream, strict=True)
         try:
-            if tuple(rows.fieldnames or ()) != FIELDS:
+            if tuple(rows.fieldnames or ()) != EFFORT_FIELDS:
                 raise KeyError
             for row in rows:
-                found[row["figure_set"]] = Effort(*(float(row[name]) for name in FIELDS[1:]))
+                found[row["figure_set"]] = Effort(*(float(row[name]) for name in EFFORT_FIELDS[1:]))
         except (KeyError, ValueError, TypeError, csv.Error):
             raise EffortError(damaged(path, max(rows.line_num, 1), "cannot be read")) from None
     return found
@@ -126,7 +126,7 @@ def write(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Pa
 
     def fill(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream, lineterminator="\n").writerows([FIELDS, *rows])
+            csv.writer(stream, lineterminator="\n").writerows([EFFORT_FIELDS, *rows])
 
     whole_file(path, fill)
     return path

@@ -22,7 +22,7 @@ from pydantic_core import PydanticCustomError
 
 from thesis_lib.text import one_line
 
-UNITS = {
+FIELD_UNITS = {
     "_mm": "mm",
     "_deg": "°",
     "_px": "px",
@@ -46,7 +46,7 @@ def unit(field: str) -> str:
     >>> unit("distances_mm"), unit("azimuth_deg"), unit("speed_of_sound_m_s"), unit("seed")
     ('mm', '°', 'm/s', '')
     """
-    return next((unit for suffix, unit in UNITS.items() if field.endswith(suffix)), "")
+    return next((unit for suffix, unit in FIELD_UNITS.items() if field.endswith(suffix)), "")
 
 
 # Refusals.
@@ -243,7 +243,7 @@ def _count(limits: Sequence[Any]) -> str:
     return f"at least {least} " if least > 1 else ""
 
 
-_BOUNDS = {
+_BOUND_KEYS = {
     "gt": " above",
     "gtlt": " and below",
     "gtle": ", at most",
@@ -257,11 +257,11 @@ _BOUNDS = {
 
 def _between(limits: Sequence[Any]) -> str:
     """Return bounds in words, such as " above 0, at most 100000"."""
-    at = {key: getattr(one, key) for one in limits for key in _BOUNDS if hasattr(one, key)}
+    at = {key: getattr(one, key) for one in limits for key in _BOUND_KEYS if hasattr(one, key)}
     low = next((key for key in ("gt", "ge") if key in at), "")
     high = next((key for key in ("lt", "le") if key in at), "")
     told = [(low, at.get(low)), (low + high, at.get(high))]
-    words = [f"{_BOUNDS[key]} {bound:.12g}" for key, bound in told if bound is not None]
+    words = [f"{_BOUND_KEYS[key]} {bound:.12g}" for key, bound in told if bound is not None]
     return "".join(words).replace("e+", "e")
 
 

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from thesis_lib.files import shipped
 
-PACKAGES = (
+RESULT_PACKAGES = (
     "numpy", "scipy", "scikit-fem", "numba", "xarray", "pandas", "h5py",
     "opencv-python-headless", "av",
 )  # fmt: skip
@@ -19,7 +19,7 @@ PACKAGES = (
 def installed_versions() -> dict[str, str]:
     """Return the versions of the packages that results are computed with, of those installed."""
     found = {}
-    for name in PACKAGES:
+    for name in RESULT_PACKAGES:
         with suppress(PackageNotFoundError):
             found[name] = version(name)
     return found

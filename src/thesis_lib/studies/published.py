@@ -29,16 +29,16 @@ def _count(given: str) -> int:
     return int(given) if given.isascii() and given.isdigit() else int("no number")
 
 
-ERRORS: Columns = {
+ERROR_COLUMNS: Columns = {
     **dict.fromkeys(("case", "pair_order", "label", "error"), _text),
     "mode": _count,
-    **dict.fromkeys(("value", *cubes.STATISTICS), float),
+    **dict.fromkeys(("value", *cubes.STATISTIC_NAMES), float),
 }
-COLUMNS: dict[str, Columns] = {  # by what a list is of
+LIST_COLUMNS: dict[str, Columns] = {  # by what a list is of
     name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
-    for name, columns in cubes.LISTS.items()
+    for name, columns in cubes.LISTED_VARIABLES.items()
 }
-KEYS = (*cubes.KEYS, "error"), ("quantity",), ("claim",)
+PUBLISHED_KEYS = (*cubes.ROW_KEYS, "error"), ("quantity",), ("claim",)
 
 
 def published_path(name: str) -> Path:
@@ -67,8 +67,8 @@ def read_published(name: str) -> pd.DataFrame | None:
     path = published_path(name)
     if not path.is_file():
         return None
-    table = pd.DataFrame(read_table(path, COLUMNS.get(_first_column(path), ERRORS)))
-    key = next(list(keys) for keys in KEYS if set(keys) <= set(table.columns))
+    table = pd.DataFrame(read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS)))
+    key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
     if (twice := table.duplicated(key)).any():
         raise damaged(path, int(twice.idxmax()) + 2, "is there twice")
     return table

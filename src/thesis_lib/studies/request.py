@@ -34,9 +34,9 @@ from thesis_lib.text import listed, one_line
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, resonance
 
-CHOOSES = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
+CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
-SHARED = (
+SHARED_FIELDS = (
     "focal_length_mm",
     "sensor_width_mm",
     "amplitude_mm",
@@ -98,7 +98,7 @@ class Study(Fields):
         model = type(self)
         if model.folder or any(info.is_required() for info in model.model_fields.values()):
             return False
-        printed, fields = model(), set(model.model_fields) - CHOOSES
+        printed, fields = model(), set(model.model_fields) - CHOOSING_FIELDS
         return all(getattr(self, name) == getattr(printed, name) for name in fields)
 
     @property
@@ -167,7 +167,7 @@ def describe(model: type[Study]) -> list[dict[str, str]]:
         }
         for name, info in sorted(
             model.model_fields.items(),
-            key=lambda item: (item[0] in Study.model_fields, item[0] in SHARED),
+            key=lambda item: (item[0] in Study.model_fields, item[0] in SHARED_FIELDS),
         )
     ]
 
@@ -224,7 +224,7 @@ def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
 Markers = Annotated[Whole, Field(ge=2, le=60)]
 Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
 PlanePoints = Annotated[Whole, Field(ge=2, le=500)]
-READING = reading("sound")
+SOUND_READING = reading("sound")
 
 
 class PlateMarkers(Fields):
@@ -242,22 +242,23 @@ class SoundPlanes(PlateMarkers):
     """Parameters of the sound field."""
 
     speed_of_sound_m_s: Positive = Field(
-        READING["speed_of_sound_m_s"], description="speed of sound in the fluid"
+        SOUND_READING["speed_of_sound_m_s"], description="speed of sound in the fluid"
     )
     air_density_kg_m3: Positive = Field(
-        READING["air_density_kg_m3"], description="density of the fluid"
+        SOUND_READING["air_density_kg_m3"], description="density of the fluid"
     )
     plane_half_width_mm: Positive = Field(
-        READING["plane_half_width_mm"], description="the planes reach |X|, |Y| up to this"
+        SOUND_READING["plane_half_width_mm"], description="the planes reach |X|, |Y| up to this"
     )
     plane_bottom_mm: Positive = Field(
-        READING["plane_bottom_mm"], description="lowest height of the planes"
+        SOUND_READING["plane_bottom_mm"], description="lowest height of the planes"
     )
     plane_top_mm: Positive = Field(
-        READING["plane_top_mm"], description="greatest height of the planes, above plane_bottom_mm"
+        SOUND_READING["plane_top_mm"],
+        description="greatest height of the planes, above plane_bottom_mm",
     )
     plane_shape: tuple[PlanePoints, PlanePoints] = Field(
-        tuple(READING["plane_shape"]), description="points along X or Y, and along Z"
+        tuple(SOUND_READING["plane_shape"]), description="points along X or Y, and along Z"
     )
 
     @property

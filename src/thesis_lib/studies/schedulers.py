@@ -23,11 +23,17 @@ from typing import Any
 
 from thesis_lib.files import library_digest
 
-ENVIRONMENT = "THESIS_SCHEDULER"
-PROCESSES = "processes"
-ALLOWED = f"allowed: {PROCESSES}, or tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler"
+SCHEDULER_VARIABLE = "THESIS_SCHEDULER"
+PROCESS_SCHEDULER = "processes"
+ALLOWED_TEXT = (
+    f"allowed: {PROCESS_SCHEDULER}, or tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler"
+)
 MAX_WAIT_S = 10.0  # for a scheduler, and for its first worker
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of BLAS, one a process
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+)  # of BLAS, one a process
 
 
 class SchedulerError(RuntimeError):
@@ -45,18 +51,18 @@ def checked(scheduler: str) -> str:
     match = re.fullmatch(
         r"t(?:cp|ls)://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", scheduler, re.ASCII
     )
-    if scheduler != PROCESSES and not (match and 0 < int(match[1]) < 2**16):
-        raise ValueError(f"given {scheduler!r:.80}, {ALLOWED}")
+    if scheduler != PROCESS_SCHEDULER and not (match and 0 < int(match[1]) < 2**16):
+        raise ValueError(f"given {scheduler!r:.80}, {ALLOWED_TEXT}")
     return scheduler
 
 
 def from_environment() -> str:
     """Return the scheduler that ``THESIS_SCHEDULER`` asks for, or empty."""
-    given = os.environ.get(ENVIRONMENT, "")
+    given = os.environ.get(SCHEDULER_VARIABLE, "")
     try:
         return checked(given) if given else ""
     except ValueError as error:
-        raise ValueError(f"{ENVIRONMENT}: {error}") from None
+        raise ValueError(f"{SCHEDULER_VARIABLE}: {error}") from None
 
 
 def alone(name: str) -> str:
@@ -66,7 +72,7 @@ def alone(name: str) -> str:
 
 def check(scheduler: str) -> None:
     """Refuse, before anything starts, a scheduler that cannot be used."""
-    if scheduler != PROCESSES:
+    if scheduler != PROCESS_SCHEDULER:
         with _cluster(scheduler):
             pass
 
@@ -75,14 +81,14 @@ def map_in_order(
     work: Callable[[Any], Any], pieces: Sequence[Any], scheduler: str
 ) -> Iterator[Any]:
     """Yield what workers make of pieces, in the order of the pieces; or raise SchedulerError."""
-    with _processes() if scheduler == PROCESSES else _cluster(scheduler) as executor:
+    with _processes() if scheduler == PROCESS_SCHEDULER else _cluster(scheduler) as executor:
         yield from executor.map(work, pieces)
 
 
 @contextmanager
 def _processes() -> Iterator[Executor]:
     """Start processes that speak through pipes which nobody else can open."""
-    for name in THREADS:
+    for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")  # which spawned processes inherit
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     try:

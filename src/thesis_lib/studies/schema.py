@@ -35,7 +35,7 @@ from thesis_lib.studies.request import Study
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
 
-_LINE = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]+)\] (?P<words>.+)")
+_LINE_PATTERN = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]+)\] (?P<words>.+)")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def declared(lines: str) -> dict[str, Variable]:
     """
     found: dict[str, Variable] = {}
     for line in re.sub(r"\n\s+", " ", dedent(lines).strip()).splitlines():
-        said = _LINE.fullmatch(line)
+        said = _LINE_PATTERN.fullmatch(line)
         if said is None or said["name"] in found:
             raise ValueError(f"given {line!r}, allowed: name(dimensions) [unit] words, once each")
         dims = tuple(filter(None, said["dims"].split(", ")))
@@ -174,14 +174,16 @@ FIELD_COORDINATES = declared("""
     u(u) [m] X on plane XZ, Y on plane YZ
     z(z) [m] height above the plate
 """)
-SHORT = {"measured_deflection": "float32"}
+SHORT_TYPES = {"measured_deflection": "float32"}
 """Type on disk where it is not float64, in which rounding would not matter."""
-CAMERAS = declared("""
+CAMERA_VARIABLES = declared("""
     camera_distance(setting, camera) [m] camera distance
     camera_azimuth(setting, camera) [degree] camera azimuth
     camera_elevation(setting, camera) [degree] camera elevation
 """)
-REFERENCE = declared("reference_deflection(mode, point) [m] reference deflection of the markers")
+REFERENCE_VARIABLE = declared(
+    "reference_deflection(mode, point) [m] reference deflection of the markers"
+)
 
 
 def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
@@ -214,7 +216,7 @@ def of_settings(
 ) -> dict[str, Any]:
     """Label the results of settings in the order of a table, and where cameras stand."""
     values = {
-        name: np.array([one[name] for one in results]).astype(SHORT.get(name, "float64"))
+        name: np.array([one[name] for one in results]).astype(SHORT_TYPES.get(name, "float64"))
         for name in table
     }
     return labelled(values, table, over=["setting"]) | camera_places(settings)
@@ -228,7 +230,7 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
         there = slice(len(setting.directions_deg))
         table[0, i, there] = setting.distance_mm / 1000
         table[1:, i, there] = np.transpose(setting.directions_deg)
-    return labelled(dict(zip(CAMERAS, table, strict=True)), CAMERAS)
+    return labelled(dict(zip(CAMERA_VARIABLES, table, strict=True)), CAMERA_VARIABLES)
 
 
 def filmed(
@@ -282,7 +284,7 @@ def coordinates(
 
 # Attributes: what a cube is, and how it was made.
 
-THESIS = "thesis on flexural vibration measurement with multiple cameras"
+THESIS_TITLE = "thesis on flexural vibration measurement with multiple cameras"
 RUN_DEPENDENT = ("commit", "created", "run_time_s", "peak_memory_mb")
 
 
@@ -309,7 +311,7 @@ def with_provenance(
     """
     cube = described(cube, study).assign_attrs(
         title=study.title,
-        **({"references": f"{THESIS}, {study.section}"} if study.section else {}),
+        **({"references": f"{THESIS_TITLE}, {study.section}"} if study.section else {}),
         figure_set=study.name,
         parameters=json.dumps(study.request),
         parameters_hash=study.digest,

@@ -21,16 +21,18 @@ from numpy.typing import NDArray
 from thesis_lib.files import whole_file
 from thesis_lib.studies.blocks import HELD_BYTES
 
-BITS = {  # of a rounded mantissa
+MANTISSA_BITS = {  # of a rounded mantissa
     np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
     np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: what is compared
 }
-STEPS = 2**11  # at least, of a large field's largest value: each is within 0.024 % of that
-_ROUNDED = "_QuantizeBitRoundNumberOfSignificantBits"
+MIN_FIELD_STEPS = (
+    2**11
+)  # at least, of a large field's largest value: each is within 0.024 % of that
+_ROUNDED_ATTRIBUTE = "_QuantizeBitRoundNumberOfSignificantBits"
 _SMALL_BYTES = 4096  # up to here compressing costs more than it saves: HDF5 then keeps an index
-_HDF5 = threading.RLock()  # the HDF5 library crashes if two threads use it at once
-_TEXTS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
-_PACKED = 100  # times that what a file holds may be larger than it
+_HDF5_LOCK = threading.RLock()  # the HDF5 library crashes if two threads use it at once
+_TEXT_OPTIONS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
+_MAX_PACKING_RATIO = 100  # times that what a file holds may be larger than it
 _STEPPED_BYTES = 2**19  # above it, drawn numbers are stored as multiples of a step
 
 
@@ -69,7 +71,7 @@ def write(
         whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
         encoding[name] = encoding.get(name, {}) | whole
 
-    with _HDF5:
+    with _HDF5_LOCK:
         image = _image(cube, encoding)
         whole_file(path, lambda part: part.write_bytes(image))
 
@@ -90,7 +92,7 @@ def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str
 
 def _is_rounded(values: xr.Variable | xr.DataArray) -> bool:
     """Return whether a compact cube holds a variable rounded."""
-    return values.dtype in BITS and bool(_compression(values))
+    return values.dtype in MANTISSA_BITS and bool(_compression(values))
 
 
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
@@ -103,7 +105,7 @@ def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
     largest = float(np.fmax.reduce(np.abs(values.values), axis=None, initial=0.0))
     if not 0 < largest < np.inf:
         return None
-    return np.float32(2.0 ** math.floor(math.log2(largest / STEPS)))
+    return np.float32(2.0 ** math.floor(math.log2(largest / MIN_FIELD_STEPS)))
 
 
 def _in_steps(step: np.float32) -> dict[str, Any]:
@@ -118,13 +120,13 @@ def _rounded(values: xr.Variable) -> xr.Variable:
 
 def _said(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
     """Return the netCDF library's attributes of a rounded variable."""
-    return {_ROUNDED: np.int32(BITS[values.dtype])}
+    return {_ROUNDED_ATTRIBUTE: np.int32(MANTISSA_BITS[values.dtype])}
 
 
 def _nearest(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     """Numbers rounded to ``BITS`` bits of mantissa, as the netCDF library's *BitRound* does."""
     whole = np.dtype(f"u{values.itemsize}").type
-    dropped = whole(np.finfo(values.dtype).nmant - BITS[values.dtype])
+    dropped = whole(np.finfo(values.dtype).nmant - MANTISSA_BITS[values.dtype])
     bits = np.ascontiguousarray(values).view(whole) + (whole(1) << (dropped - whole(1)))
     rounded = ((bits >> dropped) << dropped).view(values.dtype)
     return np.where(np.isfinite(values), rounded, values)
@@ -148,14 +150,14 @@ class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations
 def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
     """Refuse a small file that would fill the memory: a cube is packed no tighter than this."""
     claimed = sum(math.prod(v.shape) * np.dtype(v.dtype).itemsize for v in file.variables.values())
-    if claimed > max(HELD_BYTES, _PACKED * path.stat().st_size):
+    if claimed > max(HELD_BYTES, _MAX_PACKING_RATIO * path.stat().st_size):
         size, held = path.stat().st_size / 1e6, claimed / 1e6
         raise CubeError(f"{path}: not a cube of this project ({size:.3g} MB say {held:.3g} MB)")
 
 
 def attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a netCDF file as a whole, without its variables."""
-    with _HDF5, h5netcdf.File(path) as file:
+    with _HDF5_LOCK, h5netcdf.File(path) as file:
         return dict(file.attrs)
 
 
@@ -166,7 +168,7 @@ def opened(path: Path) -> xr.Dataset:
         raise CubeError(f"{path}: {kind}; give a cube (.nc) that `thesis run` has written")
     try:
         with (
-            _HDF5,
+            _HDF5_LOCK,
             _Indexed(path) as indexed,
             h5netcdf.File(indexed, decode_vlen_strings=True) as file,
         ):

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
     from skfem import MeshTri
 
-SIMPLY_SUPPORTED, CLAMPED, FREE = "simply supported", "clamped", "free"
-SUPPORTS = (SIMPLY_SUPPORTED, CLAMPED, FREE)
+SIMPLY_SUPPORTED, CLAMPED_EDGE, FREE_EDGE = "simply supported", "clamped", "free"
+SUPPORTS = (SIMPLY_SUPPORTED, CLAMPED_EDGE, FREE_EDGE)
 
 
 @dataclass(frozen=True, eq=False)

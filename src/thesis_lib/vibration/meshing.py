@@ -28,16 +28,16 @@ from thesis_lib.vibration.polygons import (
 if TYPE_CHECKING:
     from skfem import MeshTri
 
-ROUND = 24  # least number of pieces of a circle
-CLOSE = 0.6  # least distance of a grid point from the boundary, over the element size
-FEW, MOST = 200, 60_000  # triangles
+MIN_CIRCLE_PIECES = 24  # least number of pieces of a circle
+MIN_BOUNDARY_RATIO = 0.6  # least distance of a grid point from the boundary, over the element size
+MIN_TRIANGLES, MAX_TRIANGLES = 200, 60_000  # triangles
 
 
 def pieces(hole: Hole, size: float) -> Array:
     """Divide a hole's boundary into pieces about `size` long; their corners, (pieces, 2)."""
     if not isinstance(hole, Circle):
         return _cut(hole, size)
-    count = max(ROUND, int(np.ceil(2 * np.pi * hole.radius / size)))
+    count = max(MIN_CIRCLE_PIECES, int(np.ceil(2 * np.pi * hole.radius / size)))
     turn = 2 * np.pi * np.arange(count) / count
     return np.stack([hole.x + hole.radius * np.cos(turn), hole.y + hole.radius * np.sin(turn)], 1)
 
@@ -93,8 +93,9 @@ def triangles(
     from scipy.spatial import Delaunay
 
     count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
-    if not FEW <= count <= MOST:
-        allowed = f"sizes that make {FEW} to {MOST} triangles (this one makes {count:.0f})"
+    if not MIN_TRIANGLES <= count <= MAX_TRIANGLES:
+        made = f"this one makes {count:.0f}"
+        allowed = f"sizes that make {MIN_TRIANGLES} to {MAX_TRIANGLES} triangles ({made})"
         raise ShapeError("element_size", f"{size:g} m", allowed)
     loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
@@ -150,15 +151,15 @@ def _points(
         for ring in rings:
             gap = np.hypot(*(ring[:, 0] - ring[:, 1]))
             others = (other for other in holes if other is not hole)
-            taken.append(_free(ring, outline, others, CLOSE * gap))
+            taken.append(_free(ring, outline, others, MIN_BOUNDARY_RATIO * gap))
         if rings and isinstance(hole, Circle):
-            reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + CLOSE * size
+            reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + MIN_BOUNDARY_RATIO * size
             away = np.hypot(inside[0] - hole.x, inside[1] - hole.y) > reach
             inside = inside[:, away]
             for other in range(len(loops), len(taken) - len(rings)):  # rings of other holes
                 far = np.hypot(taken[other][0] - hole.x, taken[other][1] - hole.y) > reach
                 taken[other] = taken[other][:, far]
-    taken.append(_free(inside, outline, holes, CLOSE * size))
+    taken.append(_free(inside, outline, holes, MIN_BOUNDARY_RATIO * size))
     return np.concatenate(taken, axis=1)
 
 

@@ -20,8 +20,12 @@ from skfem.element import DiscreteField
 
 from thesis_lib.arrays import Array, IntArray
 
-SIDES = ((0, 1), (1, 2), (2, 0))  # corners of each, in scikit-fem's order, and as one walks around
-OPPOSITE = (2, 0, 1)
+SIDE_CORNERS = (
+    (0, 1),
+    (1, 2),
+    (2, 0),
+)  # corners of each, in scikit-fem's order, and as one walks around
+OPPOSITE_CORNERS = (2, 0, 1)
 
 
 class Morley(ElementTriMorley):  # type: ignore[misc]
@@ -47,7 +51,7 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
         if i < 3:
             shares = np.sum(g[i] * g, axis=1) / squares  # (3, triangles)
         else:
-            (start, end), side = SIDES[i - 3], OPPOSITE[i - 3]
+            (start, end), side = SIDE_CORNERS[i - 3], OPPOSITE_CORNERS[i - 3]
             # for both triangles alike to the right of who walks to the corner of higher number
             outward = np.sign(corners[end] - corners[start]) * np.sign(ux * vy - uy * vx)
             shares = np.zeros_like(squares)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.vibration.finite_elements import (
-    CLAMPED,
+    CLAMPED_EDGE,
     SIMPLY_SUPPORTED,
     SUPPORTS,
     PlateModes,
@@ -43,7 +43,7 @@ from thesis_lib.vibration.polygons import (
     is_within,
 )
 
-BATCH = 10  # modes found at a time
+MODES_PER_BATCH = 10  # modes found at a time
 ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it
 
 
@@ -177,15 +177,15 @@ def _batch(panel: Panel, batches: int) -> PlateModes:
     sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
     for edge, support in zip(edges(panel.outline), panel.supports, strict=True):
         sides[support].append(facets_along(mesh, *edge))
-    clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED, SIMPLY_SUPPORTED))
-    return plate_modes(mesh, clamped, supported, panel.poisson, batches * BATCH)
+    clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED_EDGE, SIMPLY_SUPPORTED))
+    return plate_modes(mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH)
 
 
 def _found(panel: Panel, n_modes: int) -> PlateModes:
     """At least so many modes, found once."""
     if n_modes < 1:
         raise ShapeError("n_modes", n_modes, "1 or more")
-    return _batch(panel, math.ceil(n_modes / BATCH))
+    return _batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
 
 
 # What makes a panel.
@@ -246,7 +246,7 @@ def _check_supports(panel: Panel) -> None:
     held = np.array(sides)[supported].reshape(-1, 2)
     near = ON_EDGE * max(panel.extent)
     on_a_line = len(held) < 3 or np.linalg.matrix_rank(held[1:] - held[0], tol=near) < 2
-    if CLAMPED not in panel.supports and on_a_line:
+    if CLAMPED_EDGE not in panel.supports and on_a_line:
         allowed = "a clamped edge, or simply supported ones that are not on one line"
         raise ShapeError("supports", panel.supports, allowed)
 

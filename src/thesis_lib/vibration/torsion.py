@@ -10,10 +10,10 @@ import numpy as np
 
 from thesis_lib.vibration.beam import Beam
 
-POISSON = 0.31  # Table 3.1
+POISSON_RATIO = 0.31  # Table 3.1
 
 
-def rigidity(beam: Beam, poisson: float = POISSON) -> float:
+def rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
     """GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
     b, h = beam.width, beam.thickness
     shear = beam.youngs_modulus / (2 * (1 + poisson))
@@ -26,7 +26,7 @@ def inertia(beam: Beam) -> float:
     return beam.density * b * h * (b**2 + h**2) / 12
 
 
-def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON) -> float:
+def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON_RATIO) -> float:
     """Natural angular frequency in rad/s of a torsional mode."""
     wave = (2 * mode - 1) * np.pi / (2 * beam.length)
     return float(wave * np.sqrt(rigidity(beam, poisson) / inertia(beam)))
@@ -38,7 +38,7 @@ def twist(
     omega: float,
     force: float = 1.0,
     modes: int = 1,
-    poisson: float = POISSON,
+    poisson: float = POISSON_RATIO,
 ) -> float:
     """Deflection in m of the tip's edges by a harmonic force beside the axis.
 

@@ -26,15 +26,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.vision.triangulation import UPPER, centred, checked, checked_frames, triangulate
+from thesis_lib.vision.triangulation import (
+    UPPER_INDICES,
+    centred,
+    checked,
+    checked_frames,
+    triangulate,
+)
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
 # Newton steps after which a polytope counts as empty: of 144,249 feasible ones all were done by 25.
-_STEPS = 30
-_MARGIN = 0.1  # share of a slab that the start is away from its faces, or is made to be
-_CENTRED = 1e-5  # Newton decrement below which the step is the last: its error is the square
-_FINISHED = 0.25  # share of points that are done before they are put aside: moving costs, too
-_QUADRATIC = 0.25  # Newton decrement below which full steps converge
+_MAX_STEPS = 30
+_MARGIN_RATIO = 0.1  # share of a slab that the start is away from its faces, or is made to be
+_MAX_CENTRED_DECREMENT = (
+    1e-5  # Newton decrement below which the step is the last: its error is the square
+)
+_MIN_FINISHED_SHARE = (
+    0.25  # share of points that are done before they are put aside: moving costs, too
+)
+_MAX_QUADRATIC_DECREMENT = 0.25  # Newton decrement below which full steps converge
 
 
 @dataclass(frozen=True)
@@ -132,7 +142,7 @@ class _Slabs:
         self.half_width = half_width
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
         a = P[:, :, :3]
-        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER[0], UPPER[1]]
+        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER_INDICES[0], UPPER_INDICES[1]]
         turned = -(outer + outer.swapaxes(1, 2))
         parts = [outer[:, 0, 0], outer[:, 1, 1], turned[:, 0, 2], turned[:, 1, 2], outer[:, 2, 2]]
         self.hessian = np.concatenate(parts).T.copy()
@@ -185,9 +195,9 @@ class _Slabs:
         uv = pixels.take(active, axis=3).reshape(len(pixels), 2, -1).swapaxes(0, 1) - self.middle
         edges = np.stack([uv - self.half_width, uv + self.half_width])
         s = self.slacks(edges, x.reshape(3, -1))
-        widened = np.maximum(_MARGIN * np.abs(s[0] + s[1]) - s, 0)
+        widened = np.maximum(_MARGIN_RATIO * np.abs(s[0] + s[1]) - s, 0)
         tau = 1.0 - _all(widened == 0, frames)
-        for number in range(_STEPS):
+        for number in range(_MAX_STEPS):
             if not len(active):
                 return
             wanted = self.slacks(edges, x.reshape(3, -1))
@@ -201,15 +211,15 @@ class _Slabs:
             inside = tau == 0
             length = np.where(
                 inside,
-                np.where(decrement < _QUADRATIC, 1, 1 / (1 + shrink)),
+                np.where(decrement < _MAX_QUADRATIC_DECREMENT, 1, 1 / (1 + shrink)),
                 np.minimum(1, 0.95 / np.maximum(shrink, 1e-9)),
             )
             x += length * step
             tau *= 1 - length
-            done = inside & (decrement < _CENTRED)
+            done = inside & (decrement < _MAX_CENTRED_DECREMENT)
             done &= _all(wanted > 0, frames)  # slacks of an empty polytope can drown in rounding
-            last = number == _STEPS - 1
-            if last or np.count_nonzero(done) > _FINISHED * len(done):
+            last = number == _MAX_STEPS - 1
+            if last or np.count_nonzero(done) > _MIN_FINISHED_SHARE * len(done):
                 points[:, :, active[done]] = x[:, :, done]
                 feasible[active[done]] = True
                 left, every = ~done, np.tile(~done, frames)

@@ -23,10 +23,17 @@ from thesis_lib.arrays import Array
 
 Numbers = tuple[float, float, float, float]
 
-BLOCK = 256  # points: their normal equations and images in 12 cameras fill a first or second cache
+BLOCK_POINTS = (
+    256  # points: their normal equations and images in 12 cameras fill a first or second cache
+)
 # Where rows of BLOCK numbers begin in a block's memory: points (x y z); matrices, upper triangles
 # (xx xy xz yy yz zz); right sides; inverse depths.
-_MATRIX, _RIGHT, _INVERSE, _END = 3 * BLOCK, 9 * BLOCK, 12 * BLOCK, 13 * BLOCK
+_MATRIX_AT, _RIGHT_AT, _INVERSE_AT, _WORK_SIZE = (
+    3 * BLOCK_POINTS,
+    9 * BLOCK_POINTS,
+    12 * BLOCK_POINTS,
+    13 * BLOCK_POINTS,
+)
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -50,19 +57,19 @@ def solve(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> 
     principal points `middle` (2, cameras, 1), all contiguous, by so many Gauss–Newton steps.
     """
     n, m = pixels.shape[0], pixels.shape[2]
-    images = np.zeros(2 * n * BLOCK)
-    block = np.zeros(_END)
-    for start in range(0, m, BLOCK):
-        size = min(BLOCK, m - start)  # beyond it the last block computes what nobody reads
+    images = np.zeros(2 * n * BLOCK_POINTS)
+    block = np.zeros(_WORK_SIZE)
+    for start in range(0, m, BLOCK_POINTS):
+        size = min(BLOCK_POINTS, m - start)  # beyond it the last block computes what nobody reads
         block[:] = 0
         _add_linear(P, middle, pixels[:, :, start : start + size], images, block)
         _add_solution(block)
         for _ in range(steps):
-            block[_MATRIX:] = 0
+            block[_MATRIX_AT:] = 0
             _add_reprojection(P, images, block)
             _add_solution(block)
         for k in range(3):
-            points[k, start : start + size] = block[k * BLOCK : k * BLOCK + size]
+            points[k, start : start + size] = block[k * BLOCK_POINTS : k * BLOCK_POINTS + size]
 
 
 @_compiled
@@ -73,13 +80,13 @@ def _add_linear(P: Array, middle: Array, pixels: Array, images: Array, block: Ar
     row as an argument it reads points one by one, at half the speed.
     """
     for c in range(P.shape[0]):
-        row, u0, v0 = 2 * c * BLOCK, middle[0, c, 0], middle[1, c, 0]
+        row, u0, v0 = 2 * c * BLOCK_POINTS, middle[0, c, 0], middle[1, c, 0]
         for i in range(pixels.shape[2]):
             images[row + i] = pixels[c, 0, i] - u0
-            images[row + BLOCK + i] = pixels[c, 1, i] - v0
+            images[row + BLOCK_POINTS + i] = pixels[c, 1, i] - v0
         (ax, ay, az, ab), (bx, by, bz, bb), (cx, cy, cz, cb) = _rows(P[c])
-        for i in range(BLOCK):
-            u, v = images[row + i], images[row + BLOCK + i]
+        for i in range(BLOCK_POINTS):
+            u, v = images[row + i], images[row + BLOCK_POINTS + i]
             of_u = ax - u * cx, ay - u * cy, az - u * cz, u * cb - ab
             of_v = bx - v * cx, by - v * cy, bz - v * cz, v * cb - bb
             _add_equations(block, i, of_u, of_v)
@@ -92,16 +99,21 @@ def _add_reprojection(P: Array, images: Array, block: Array) -> None:
     The divisions of all points come first, so that nothing waits for them.
     """
     for c in range(P.shape[0]):
-        row = 2 * c * BLOCK
+        row = 2 * c * BLOCK_POINTS
         (ax, ay, az, ab), (bx, by, bz, bb), (cx, cy, cz, cb) = _rows(P[c])
-        for i in range(BLOCK):
-            x, y, z = block[i], block[BLOCK + i], block[2 * BLOCK + i]
-            block[_INVERSE + i] = 1 / (cb + cx * x + cy * y + cz * z)
-        for i in range(BLOCK):
-            x, y, z, w = block[i], block[BLOCK + i], block[2 * BLOCK + i], block[_INVERSE + i]
+        for i in range(BLOCK_POINTS):
+            x, y, z = block[i], block[BLOCK_POINTS + i], block[2 * BLOCK_POINTS + i]
+            block[_INVERSE_AT + i] = 1 / (cb + cx * x + cy * y + cz * z)
+        for i in range(BLOCK_POINTS):
+            x, y, z, w = (
+                block[i],
+                block[BLOCK_POINTS + i],
+                block[2 * BLOCK_POINTS + i],
+                block[_INVERSE_AT + i],
+            )
             h = w * (ab + ax * x + ay * y + az * z)
             g = w * (bb + bx * x + by * y + bz * z)
-            u, v = images[row + i], images[row + BLOCK + i]
+            u, v = images[row + i], images[row + BLOCK_POINTS + i]
             of_u = w * (ax - h * cx), w * (ay - h * cy), w * (az - h * cz), u - h
             of_v = w * (bx - g * cx), w * (by - g * cy), w * (bz - g * cz), v - g
             _add_equations(block, i, of_u, of_v)
@@ -120,15 +132,25 @@ def _rows(P: Array) -> tuple[Numbers, Numbers, Numbers]:
 def _add_equations(block: Array, i: int, of_u: Numbers, of_v: Numbers) -> None:
     """Add two equations (x, y, z)·X = right to the normal equations of point i."""
     (ux, uy, uz, ur), (vx, vy, vz, vr) = of_u, of_v  # sums from the left: one instruction a product
-    block[_MATRIX + i] = block[_MATRIX + i] + ux * ux + vx * vx
-    block[_MATRIX + BLOCK + i] = block[_MATRIX + BLOCK + i] + ux * uy + vx * vy
-    block[_MATRIX + 2 * BLOCK + i] = block[_MATRIX + 2 * BLOCK + i] + ux * uz + vx * vz
-    block[_MATRIX + 3 * BLOCK + i] = block[_MATRIX + 3 * BLOCK + i] + uy * uy + vy * vy
-    block[_MATRIX + 4 * BLOCK + i] = block[_MATRIX + 4 * BLOCK + i] + uy * uz + vy * vz
-    block[_MATRIX + 5 * BLOCK + i] = block[_MATRIX + 5 * BLOCK + i] + uz * uz + vz * vz
-    block[_RIGHT + i] = block[_RIGHT + i] + ux * ur + vx * vr
-    block[_RIGHT + BLOCK + i] = block[_RIGHT + BLOCK + i] + uy * ur + vy * vr
-    block[_RIGHT + 2 * BLOCK + i] = block[_RIGHT + 2 * BLOCK + i] + uz * ur + vz * vr
+    block[_MATRIX_AT + i] = block[_MATRIX_AT + i] + ux * ux + vx * vx
+    block[_MATRIX_AT + BLOCK_POINTS + i] = block[_MATRIX_AT + BLOCK_POINTS + i] + ux * uy + vx * vy
+    block[_MATRIX_AT + 2 * BLOCK_POINTS + i] = (
+        block[_MATRIX_AT + 2 * BLOCK_POINTS + i] + ux * uz + vx * vz
+    )
+    block[_MATRIX_AT + 3 * BLOCK_POINTS + i] = (
+        block[_MATRIX_AT + 3 * BLOCK_POINTS + i] + uy * uy + vy * vy
+    )
+    block[_MATRIX_AT + 4 * BLOCK_POINTS + i] = (
+        block[_MATRIX_AT + 4 * BLOCK_POINTS + i] + uy * uz + vy * vz
+    )
+    block[_MATRIX_AT + 5 * BLOCK_POINTS + i] = (
+        block[_MATRIX_AT + 5 * BLOCK_POINTS + i] + uz * uz + vz * vz
+    )
+    block[_RIGHT_AT + i] = block[_RIGHT_AT + i] + ux * ur + vx * vr
+    block[_RIGHT_AT + BLOCK_POINTS + i] = block[_RIGHT_AT + BLOCK_POINTS + i] + uy * ur + vy * vr
+    block[_RIGHT_AT + 2 * BLOCK_POINTS + i] = (
+        block[_RIGHT_AT + 2 * BLOCK_POINTS + i] + uz * ur + vz * vr
+    )
 
 
 @_compiled
@@ -137,20 +159,26 @@ def _add_solution(block: Array) -> None:
 
     With three divisions, each of which takes as long as ten products.
     """
-    for i in range(BLOCK):
-        xy, xz = block[_MATRIX + BLOCK + i], block[_MATRIX + 2 * BLOCK + i]
-        yy, yz = block[_MATRIX + 3 * BLOCK + i], block[_MATRIX + 4 * BLOCK + i]
-        by_x = 1 / block[_MATRIX + i]
+    for i in range(BLOCK_POINTS):
+        xy, xz = (
+            block[_MATRIX_AT + BLOCK_POINTS + i],
+            block[_MATRIX_AT + 2 * BLOCK_POINTS + i],
+        )
+        yy, yz = (
+            block[_MATRIX_AT + 3 * BLOCK_POINTS + i],
+            block[_MATRIX_AT + 4 * BLOCK_POINTS + i],
+        )
+        by_x = 1 / block[_MATRIX_AT + i]
         yx, zx = xy * by_x, xz * by_x
         by_y = 1 / (yy - yx * xy)
         rest = yz - yx * xz
         zy = rest * by_y
-        by_z = 1 / (block[_MATRIX + 5 * BLOCK + i] - zx * xz - zy * rest)
-        x = block[_RIGHT + i]
-        y = block[_RIGHT + BLOCK + i] - yx * x
-        z = (block[_RIGHT + 2 * BLOCK + i] - zx * x - zy * y) * by_z
+        by_z = 1 / (block[_MATRIX_AT + 5 * BLOCK_POINTS + i] - zx * xz - zy * rest)
+        x = block[_RIGHT_AT + i]
+        y = block[_RIGHT_AT + BLOCK_POINTS + i] - yx * x
+        z = (block[_RIGHT_AT + 2 * BLOCK_POINTS + i] - zx * x - zy * y) * by_z
         y = y * by_y - zy * z
         x = x * by_x - yx * y - zx * z
         block[i] += x
-        block[BLOCK + i] += y
-        block[2 * BLOCK + i] += z
+        block[BLOCK_POINTS + i] += y
+        block[2 * BLOCK_POINTS + i] += z

@@ -30,12 +30,14 @@ from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.rounding import difference_variance
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
-ISOTROPIC = np.arcsin(np.sqrt(2 / 3))  # angle of the cone on which all directions are alike, rad
+ISOTROPIC_ANGLE_RAD = np.arcsin(
+    np.sqrt(2 / 3)
+)  # angle of the cone on which all directions are alike, rad
 # Largest motion that the closed forms accept, as a fraction of the distance: up to it they are
 # within 1 % of the law with the gains of the moved point, for pairs 5° to 85° high and 8° to 180°
 # wide.
 MAX_MOTION_FRACTION = 0.01
-_TERMS = 400  # of the series of a rounding error
+_SERIES_TERMS = 400  # of the series of a rounding error
 
 
 def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
@@ -282,7 +284,7 @@ def swing_error(amplitude_px: ArrayLike) -> Array:
     from scipy.special import jv
 
     a = np.asarray(amplitude_px, float)
-    k = np.arange(1, _TERMS + 1)
+    k = np.arange(1, _SERIES_TERMS + 1)
     series = np.sum((jv(1, 2 * np.pi * k * a[..., None]) / k) ** 2, axis=-1)
     return np.asarray(np.sqrt(2 * series) / np.pi)
 
@@ -323,7 +325,7 @@ def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
     term = np.asarray(weights, float) * turn
     total = np.zeros(term.shape[:-1])
-    for k in range(1, _TERMS + 1):
+    for k in range(1, _SERIES_TERMS + 1):
         total += np.abs(term.sum(axis=-1)) ** 2 / k**2
         term *= turn
     return np.asarray(np.sqrt(total / 2) / np.pi)

@@ -23,9 +23,9 @@ from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
 
 ONE_FRAME = 1 / 12  # variance of one rounded coordinate in px²
-_HARMONICS = 2000  # without motion or shake the rest is 1/(2π²k) = 2.5e-5 px²
-_TOGETHER = 100  # harmonics at a time, which bounds the memory
-_LATTICE = 60  # radius of the plane's harmonics; beyond it their mean is summed
+_HARMONIC_COUNT = 2000  # without motion or shake the rest is 1/(2π²k) = 2.5e-5 px²
+_HARMONICS_PER_PASS = 100  # harmonics at a time, which bounds the memory
+_LATTICE_RADIUS = 60  # radius of the plane's harmonics; beyond it their mean is summed
 
 
 def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> Array:
@@ -150,11 +150,11 @@ def disc_variance(diameter_px: float) -> float:
     """
     if not 2 <= diameter_px < np.inf:
         raise ValueError(f"diameter_px: given {diameter_px}, allowed: a number from 2, in px")
-    line = np.arange(-_LATTICE, _LATTICE + 1.0)
+    line = np.arange(-_LATTICE_RADIUS, _LATTICE_RADIUS + 1.0)
     k = np.hypot(line, line[:, None])
-    k = k[(k > 0) & (k <= _LATTICE)]
+    k = k[(k > 0) & (k <= _LATTICE_RADIUS)]
     near = np.sum((jv(2, np.pi * diameter_px * k) / k) ** 2) / (2 * np.pi**2)
-    far = 1 / (np.pi**3 * diameter_px * _LATTICE)  # J₂² is 1/(π²D|k|) in the mean
+    far = 1 / (np.pi**3 * diameter_px * _LATTICE_RADIUS)  # J₂² is 1/(π²D|k|) in the mean
     return float(near + far)
 
 
@@ -166,8 +166,8 @@ def _sum(
         _checked("amplitude_px", amplitude_px), _checked("shake_px", shake_px)
     )
     total = np.zeros(a.shape)
-    for first in range(1, _HARMONICS + 1, _TOGETHER):
-        k = np.arange(first, first + _TOGETHER, dtype=float).reshape(-1, *[1] * a.ndim)
+    for first in range(1, _HARMONIC_COUNT + 1, _HARMONICS_PER_PASS):
+        k = np.arange(first, first + _HARMONICS_PER_PASS, dtype=float).reshape(-1, *[1] * a.ndim)
         total += np.sum(
             square(k, a) * np.exp(-((2 * np.pi * k * s) ** 2)) / (np.pi * k) ** 2, axis=0
         )

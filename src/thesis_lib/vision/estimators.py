@@ -31,7 +31,7 @@ from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
 # Points (3, ...) from projection matrices, images (cameras, 2, ...) and their noise in px.
-RULES: dict[str, Callable[[Array, Array, float], Array]] = {
+ESTIMATOR_RULES: dict[str, Callable[[Array, Array, float], Array]] = {
     "linear": lambda P, uv, noise: triangulate(P, uv, steps=0),
     "least-squares": lambda P, uv, noise: triangulate(P, uv),
     "analytic-centre": lambda P, uv, noise: analytic_centre(P, uv).points,
@@ -40,16 +40,19 @@ RULES: dict[str, Callable[[Array, Array, float], Array]] = {
     "joint-interval": lambda P, uv, noise: joint_interval(P, uv, noise).points,
 }
 ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")  # that ask for no noise
-SIZE, FOCAL_PX = (320, 180), 24 / 36 * 320  # the thesis's smallest sensor and its lens
-EXTENT = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
-MOTION = 0.01  # displacements: up to this, in m
+CHECK_SIZE_PX, CHECK_FOCAL_PX = (
+    (320, 180),
+    24 / 36 * 320,
+)  # the thesis's smallest sensor and its lens
+CHECK_EXTENT_M = (0.05, 0.05)  # markers: |x|, |y| up to this, in m
+CHECK_MOTION_M = 0.01  # displacements: up to this, in m
 
 
 def random_hemisphere(
     rng: np.random.Generator,
     distances: ArrayLike,
-    focal_px: float = FOCAL_PX,
-    size: tuple[int, int] = SIZE,
+    focal_px: float = CHECK_FOCAL_PX,
+    size: tuple[int, int] = CHECK_SIZE_PX,
 ) -> CameraArray:
     """Cameras at given distances (cameras,) in m, directions even over the hemisphere."""
     distances = np.asarray(distances, float)
@@ -61,8 +64,8 @@ def random_hemisphere(
 def moved_markers(rng: np.random.Generator, markers: int) -> Array:
     """Markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
     points = np.zeros((3, 2, markers))
-    points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(EXTENT)[:, None, None]
-    points[2, 1] = rng.uniform(-MOTION, MOTION, markers)
+    points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(CHECK_EXTENT_M)[:, None, None]
+    points[2, 1] = rng.uniform(-CHECK_MOTION_M, CHECK_MOTION_M, markers)
     return points
 
 
@@ -70,7 +73,7 @@ def estimates(
     P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS, noise_px: float = 0.0
 ) -> Array:
     """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
-    return np.stack([RULES[rule](P, uv, noise_px) for rule in rules])
+    return np.stack([ESTIMATOR_RULES[rule](P, uv, noise_px) for rule in rules])
 
 
 def deflection_errors(
@@ -78,8 +81,8 @@ def deflection_errors(
     layouts: int = 100,
     markers: int = 100,
     noise_px: float = 0.0,
-    focal_px: float = FOCAL_PX,
-    size: tuple[int, int] = SIZE,
+    focal_px: float = CHECK_FOCAL_PX,
+    size: tuple[int, int] = CHECK_SIZE_PX,
     seed: int = 0,
     rules: Sequence[str] = ESTIMATORS,
 ) -> Array:

@@ -43,18 +43,26 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import UPPER, checked, checked_frames, jacobian, triangulate
+from thesis_lib.vision.triangulation import (
+    UPPER_INDICES,
+    checked,
+    checked_frames,
+    jacobian,
+    triangulate,
+)
 
 LEAST_PX = 1e-3  # noise that is assumed at least: slabs have thin walls
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
-_SWEEPS = 5  # over all sites: the mean is then off by hundredths of its standard deviation
-_DAMPED = 0.8  # share of the way to their new values that sites go
-_FREE = 1e-4  # least share of a coordinate's precision that is left without its site
-_CERTAIN = 8.0  # standard deviations from a face that is as good as infinitely far
-_OUTSIDE = 5.0  # σ that a coordinate may be outside of its pixel
-_KNEE, _ROOT = 5.0, (2 * np.pi) ** 0.5
-_TWICE = np.array([1, 2, 2, 1, 2, 1])[:, None]  # how often entries of a triangle are in the matrix
-_FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # a matrix from its upper triangle
+_MAX_SWEEPS = 5  # over all sites: the mean is then off by hundredths of its standard deviation
+_DAMPING_RATIO = 0.8  # share of the way to their new values that sites go
+_MIN_FREE_PRECISION = 1e-4  # least share of a coordinate's precision that is left without its site
+_MAX_SIGMAS = 8.0  # standard deviations from a face that is as good as infinitely far
+_MAX_OUTSIDE_SIGMAS = 5.0  # σ that a coordinate may be outside of its pixel
+_KNEE_SIGMAS, _ROOT_TWO_PI = 5.0, (2 * np.pi) ** 0.5
+_ENTRY_COUNTS = np.array([1, 2, 2, 1, 2, 1])[
+    :, None
+]  # how often entries of a triangle are in the matrix
+_FULL_INDICES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # a matrix from its upper triangle
 
 
 @dataclass(frozen=True)
@@ -123,37 +131,37 @@ def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Arr
     about[:2] = start[:2].mean(axis=1, keepdims=True)
     J = jacobian(P, about.reshape(3, -1)).reshape(-1, 3, frames * m).swapaxes(0, 1)
     middle = (pixels - project(P, about)).reshape(J.shape[1:])  # of the pixels, from `about`
-    squares = np.stack([J[i] * J[j] for i, j in zip(*UPPER, strict=True)])
+    squares = np.stack([J[i] * J[j] for i, j in zip(*UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
     tau = np.full(middle.shape, 1 / (variance + 1 / 12))
     nu = tau * middle
     x, C, plain = start, start, start
-    for sweep in range(_SWEEPS + 1):
+    for sweep in range(_MAX_SWEEPS + 1):
         right = np.einsum("ikm,km->im", J, nu)
         x, C, volume = _solved(np.einsum("akm,km->am", squares, tau), right, frames)
         u = np.einsum("ikm,im->km", J, x)
         if sweep == 0:
             plain = C
-        if sweep == _SWEEPS:
+        if sweep == _MAX_SWEEPS:
             break
-        v = np.einsum("akm,am->km", squares, C * _TWICE)
-        free = np.maximum(1 - tau * v, _FREE)
+        v = np.einsum("akm,am->km", squares, C * _ENTRY_COUNTS)
+        free = np.maximum(1 - tau * v, _MIN_FREE_PRECISION)
         V = v / free
         M = (u - v * nu) / free
         log_mass, G, H = pixel_mass(middle - M, V + variance)
-        if sweep == _SWEEPS - 1:  # where sites have settled their last changes hardly matter
+        if sweep == _MAX_SWEEPS - 1:  # where sites have settled their last changes hardly matter
             spent = nu * (V * nu + 2 * M) - tau * M * M
             sites = np.sum(log_mass - (np.log(free) + free * spent) / 2, axis=0)
             sites += np.sum(right * x, axis=0) / 2
             evidence = sites.reshape(frames, m).sum(axis=0) + volume
         kept = 1 - V * H
-        tau += _DAMPED * (H / kept - tau)
-        nu += _DAMPED * ((G + M * H) / kept - nu)
+        tau += _DAMPING_RATIO * (H / kept - tau)
+        nu += _DAMPING_RATIO * ((G + M * H) / kept - nu)
     outside = np.abs(middle - u).reshape(-1, frames, m).max(axis=(0, 1)) - 0.5
-    feasible = outside < _OUTSIDE * np.sqrt(variance)
+    feasible = outside < _MAX_OUTSIDE_SIGMAS * np.sqrt(variance)
     points = np.where(feasible, about + x.reshape(about.shape), start)
     C = np.where(np.tile(feasible, frames), C, plain)
-    return points, C[_FULL].reshape(3, 3, frames, m), evidence, feasible
+    return points, C[_FULL_INDICES].reshape(3, 3, frames, m), evidence, feasible
 
 
 def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Array]:
@@ -163,22 +171,22 @@ def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Arra
     """
     scale = 1 / np.sqrt(variance)
     off = np.abs(distance) * scale
-    alpha, beta = np.maximum(off - scale / 2, -_CERTAIN), off + scale / 2
+    alpha, beta = np.maximum(off - scale / 2, -_MAX_SIGMAS), off + scale / 2
     ratio = np.exp((alpha - beta) * (alpha + beta) / 2)  # φ(β) / φ(α)
     near = _tail(np.abs(alpha))
     inside = np.minimum(alpha, 0)
-    near = np.where(alpha < 0, _ROOT * np.exp(inside * inside / 2) - near, near)
+    near = np.where(alpha < 0, _ROOT_TWO_PI * np.exp(inside * inside / 2) - near, near)
     mass = near - ratio * _tail(beta)
     pull = (1 - ratio) / mass
     H = pull * pull - (alpha - beta * ratio) / mass
-    log_mass = np.log(mass / _ROOT) - alpha * alpha / 2
+    log_mass = np.log(mass / _ROOT_TWO_PI) - alpha * alpha / 2
     return log_mass, np.copysign(pull * scale, distance), H * scale * scale
 
 
 def _tail(x: Array) -> Array:
     """Mills' ratio (1 − Φ(x)) / φ(x) for x from 0, to 1e-14 and four times as fast as SciPy's."""
     first, *others = _tail_coefficients()
-    t = 1 - 2 * _KNEE / (x + _KNEE)
+    t = 1 - 2 * _KNEE_SIGMAS / (x + _KNEE_SIGMAS)
     total = np.full_like(t, first)
     for coefficient in others:
         total *= t
@@ -197,7 +205,7 @@ def _tail_coefficients() -> list[float]:
     s = 20 * (1 + nodes)
     chebyshev = np.polynomial.chebyshev
     t = chebyshev.chebpts1(21)
-    x = (_KNEE * (1 + t) / (1 - t))[:, None]
+    x = (_KNEE_SIGMAS * (1 + t) / (1 - t))[:, None]
     scaled = np.exp(-x / (1 + x) * s - (s / (1 + x)) ** 2 / 2) @ (20 * weights)
     return chebyshev.cheb2poly(chebyshev.chebfit(t, scaled, 20))[::-1].tolist()
 

@@ -1,8 +1,8 @@
 """Real cameras: each with its own intrinsics and lens distortion (Brown–Conrady).
 
 Pixels are counted as in the rest of the library: from the sensor's top-left corner, so the centre
-of the first pixel is at (0.5, 0.5). OpenCV counts from that centre; :data:`HALF` converts, and
-nothing but the modules that call OpenCV needs it. Counted from the corner, K scales with the
+of the first pixel is at (0.5, 0.5). OpenCV counts from that centre; :data:`HALF_PIXEL` converts,
+and nothing but the modules that call OpenCV needs it. Counted from the corner, K scales with the
 resolution and nothing else.
 
 Distortion acts on normalised coordinates (x, y) = (X/Z, Y/Z) with r² = x² + y²:
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 
-HALF = 0.5  # a pixel's centre in our coordinates minus that in OpenCV's, px
+HALF_PIXEL = 0.5  # a pixel's centre in our coordinates minus that in OpenCV's, px
 
 
 @dataclass(frozen=True)

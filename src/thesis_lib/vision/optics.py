@@ -15,7 +15,9 @@ from thesis_lib.vision.pinhole import CameraArray, pixelate
 
 FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to
 _RED_OR_BLUE = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]]) / 4
-_GREEN = np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4  # every other pixel
+_GREEN_WEIGHTS = (
+    np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4
+)  # every other pixel
 
 
 # Formats and angles (2.2.3, 2.4).
@@ -246,7 +248,7 @@ def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
     masks = bayer_masks(raw.shape, pattern)
     result = np.empty((*raw.shape, 3))
     for colour in range(3):
-        kernel = _GREEN if colour == 1 else _RED_OR_BLUE
+        kernel = _GREEN_WEIGHTS if colour == 1 else _RED_OR_BLUE
         mask = masks[..., colour].astype(float)
         with np.errstate(invalid="ignore"):  # a picture of one row lacks a colour: NaN
             mean = _filtered(raw * mask, kernel) / _filtered(mask, kernel)

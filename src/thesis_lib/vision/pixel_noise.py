@@ -24,9 +24,11 @@ from thesis_lib.vision.interval import LEAST_PX, interval, pixel_mass
 from thesis_lib.vision.triangulation import covariance
 
 MOST_PX = 1.0  # noise that is looked for
-_STEPS = 16  # of an integral over σ
-_REACH = 10  # σ beyond a pixel's faces, where the integral ends
-_LIKELY = 1.92  # fall of the logarithm of the likelihood at the ends of an interval of 95 %
+_SIGMA_STEPS = 16  # of an integral over σ
+_REACH_SIGMAS = 10  # σ beyond a pixel's faces, where the integral ends
+_LIKELIHOOD_FALL = (
+    1.92  # fall of the logarithm of the likelihood at the ends of an interval of 95 %
+)
 
 
 def information(sigma_px: float) -> float:
@@ -39,8 +41,8 @@ def information(sigma_px: float) -> float:
     """
     if not 0 < sigma_px < np.inf:
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number above 0, in px")
-    step = min(sigma_px / _STEPS, 0.5 / _STEPS)
-    number = np.ceil((0.5 + _REACH * sigma_px) / step)
+    step = min(sigma_px / _SIGMA_STEPS, 0.5 / _SIGMA_STEPS)
+    number = np.ceil((0.5 + _REACH_SIGMAS * sigma_px) / step)
     log_p, slope, _ = pixel_mass(step * np.arange(-number, number + 1), sigma_px**2)
     return float(np.sum(slope**2 * np.exp(log_p)) * step)
 
@@ -106,11 +108,11 @@ def estimated_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
 
     def end(inside: float, outside: float) -> float:
         """Return the position towards an end at which the evidence has fallen so far."""
-        if top - evidence(outside) < _LIKELY:
+        if top - evidence(outside) < _LIKELIHOOD_FALL:
             return outside
         while abs(outside - inside) > LEAST_PX / 2:
             middle = (inside + outside) / 2
-            likely = top - evidence(middle) < _LIKELY
+            likely = top - evidence(middle) < _LIKELIHOOD_FALL
             inside, outside = (middle, outside) if likely else (inside, middle)
         return (inside + outside) / 2
 

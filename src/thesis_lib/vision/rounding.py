@@ -23,7 +23,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
 
-_TERMS = 1000  # of a Fourier series
+_SERIES_TERMS = 1000  # of a Fourier series
 
 
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
@@ -98,7 +98,7 @@ def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Ar
     """
     if noise_px == 0:
         return difference_variance(displacement_px)
-    k = np.arange(1, min(np.ceil(1 / noise_px), _TERMS) + 1)
+    k = np.arange(1, min(np.ceil(1 / noise_px), _SERIES_TERMS) + 1)
     terms = -np.exp(-((2 * np.pi * k * noise_px) ** 2)) / (np.pi * k) ** 2
     cosine = np.cos(2 * np.pi * np.asarray(displacement_px, float))
     return np.asarray(np.polynomial.chebyshev.chebval(cosine, [1 / 6, *terms]))

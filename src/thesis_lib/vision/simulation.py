@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.vision.estimators import RULES
+from thesis_lib.vision.estimators import ESTIMATOR_RULES
 from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 
 LEAST_SQUARES = "least-squares"
@@ -29,7 +29,7 @@ def heights(
 
     They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
     """
-    points = RULES[estimator](P, uv, noise_px)
+    points = ESTIMATOR_RULES[estimator](P, uv, noise_px)
     return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
 
 

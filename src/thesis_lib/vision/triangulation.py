@@ -25,11 +25,13 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 
-UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
+UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
 _COMPILED_ABOVE = 10**6  # points: loading compiled code costs less than it gains (first: seconds)
-_MOVED = 1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
+_MAX_FIXED_MOTION = (
+    1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
+)
 
 
 def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
@@ -167,7 +169,7 @@ class _NormalEquations:
         n = len(P)
         P, self.middle = centred(P)
         a, b = P[:, :, :3], P[:, :, 3:]
-        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER[0], UPPER[1]]
+        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER_INDICES[0], UPPER_INDICES[1]]
         constant = outer[:, 0, 0] + outer[:, 1, 1]
         varying = [
             -(outer[:, 0, 2] + outer[:, 2, 0]),
@@ -219,7 +221,7 @@ class _NormalEquations:
             hg *= w
             if step == 0:
                 nearest = np.fmax.reduce(np.abs(w), axis=None)
-            if step == 0 or moved * nearest > _MOVED:
+            if step == 0 or moved * nearest > _MAX_FIXED_MOTION:
                 np.multiply(w, w, out=w2)
                 np.multiply(w2, hg, out=w2hg)
                 np.multiply(w2hg, hg, out=spare)

@@ -13,21 +13,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-ASSETS = Path(__file__).parent / "assets"
-KINDS = ("beam", "plate", "sound")
-_IMPORT = re.compile(r'^import (?:(?:(\w+)|\{[^}]*\}) from )?"\./(\w+)\.js";\n', re.MULTILINE)
+ASSETS_FOLDER = Path(__file__).parent / "assets"
+VIEWER_KINDS = ("beam", "plate", "sound")
+_IMPORT_PATTERN = re.compile(
+    r'^import (?:(?:(\w+)|\{[^}]*\}) from )?"\./(\w+)\.js";\n', re.MULTILINE
+)
 
 
 def asset(name: str) -> str:
     """Return the text of a file of the front ends."""
-    return (ASSETS / name).read_text(encoding="utf-8")
+    return (ASSETS_FOLDER / name).read_text(encoding="utf-8")
 
 
 COLOURS_CSS = asset("colours.css")
 VIEWER_CSS = COLOURS_CSS + asset("viewer.css")
-_INDENT = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
-WITHOUT = "This viewer needs JavaScript; the figures below show the same results."
-_FRAGMENT = """\
+_INDENT_PATTERN = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
+NO_SCRIPT_TEXT = "This viewer needs JavaScript; the figures below show the same results."
+_FRAGMENT_TEMPLATE = """\
 <div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
 <noscript>%(without)s</noscript>
 </div>
@@ -63,21 +65,21 @@ def joined(front: str, *kinds: str) -> str:
     What is called a worker is written as text: a page opened from a folder may load no other file,
     but can start one from what it holds.
     """
-    modules = {kind: "" for kind in KINDS if kind not in kinds}
+    modules = {kind: "" for kind in VIEWER_KINDS if kind not in kinds}
 
     def add(name: str, wanted: str = "") -> None:
         if name in modules:
             return
         if name.endswith("_worker") and wanted:
-            program = _INDENT.sub("", joined(name))
+            program = _INDENT_PATTERN.sub("", joined(name))
             modules[name] = f"const {wanted} = {json.dumps(program)};\n"
             return
         modules[name] = ""  # a part stands behind those it needs, also if they need each other
         text = asset(f"{name}.js")
-        for default, needed in _IMPORT.findall(text):
+        for default, needed in _IMPORT_PATTERN.findall(text):
             add(needed, default)
         del modules[name]
-        text = re.sub(r"^export (?!default )", "", _IMPORT.sub("", text), flags=re.M)
+        text = re.sub(r"^export (?!default )", "", _IMPORT_PATTERN.sub("", text), flags=re.M)
         modules[name] = (
             text.replace("\nexport default ", f"\nconst {wanted} = ") if wanted else text
         )
@@ -101,7 +103,7 @@ def static_html(
     esm: str,
     css: str,
     state: Mapping[str, object],
-    without: str = WITHOUT,
+    without: str = NO_SCRIPT_TEXT,
     prints: bool = False,
 ) -> str:
     """Write a widget as a self-contained HTML fragment that needs no kernel, server or network.
@@ -124,7 +126,7 @@ def static_html(
     text = json.dumps(plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
-    css, body = (_INDENT.sub("", part).strip() for part in (css, body))
+    css, body = (_INDENT_PATTERN.sub("", part).strip() for part in (css, body))
     parts = {"id": key, "css": css, "esm": body, "state": text}
     printed = " data-tl-print" if prints else ""
-    return _FRAGMENT % {**parts, "without": html.escape(without), "prints": printed}
+    return _FRAGMENT_TEMPLATE % {**parts, "without": html.escape(without), "prints": printed}

@@ -17,7 +17,7 @@ from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, un
 from thesis_lib.web.fragment import asset
 
 Picture = tuple[str, bytes]  # kind of file and content
-_ROOT = Path(__file__).parents[1]
+_TEMPLATE_ROOT = Path(__file__).parents[1]
 
 
 def render_html(template: str, **values: object) -> str:
@@ -37,7 +37,7 @@ def render_lines(template: str, **values: object) -> list[str]:
 @cache
 def _environment() -> jinja2.Environment:
     made = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_ROOT),
+        loader=jinja2.FileSystemLoader(_TEMPLATE_ROOT),
         autoescape=jinja2.select_autoescape(["html.j2"]),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

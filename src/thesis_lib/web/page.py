@@ -25,25 +25,25 @@ from thesis_lib.asides import aside
 from thesis_lib.files import sha256, workplace
 from thesis_lib.web.html import render_html
 
-MATHJAX = "mathjax/tex-svg-full.js"
+MATHJAX_PATH = "mathjax/tex-svg-full.js"
 """Path of MathJax inside ``build/assets``: one file, drawing with SVG, without fonts to load."""
-PACKAGES = {
+NPM_PACKAGES = {
     "mathjax": ("es5/tex-svg-full.js", "LICENSE"),
     "minisearch": ("dist/umd/index.js", "LICENSE.txt"),
 }
 """What pages need of each package; it stands in the folder of the package's name."""
-INSTALLED = ".installed.json"
+INSTALLED_RECORD = ".installed.json"
 """Record of what was installed there."""
 
-_MIMETYPES = [
+_MIME_ORDER = [
     "text/html", "image/svg+xml", "image/png", "image/jpeg", "image/gif", "text/markdown",
     "text/latex", "text/plain",
 ]  # fmt: skip
-_TEMPLATES = Path(__file__).with_name("templates")
-_ROLE = re.compile(r"\{([\w:]+)\}`([^`]+)`")
-_TARGET = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
+_TEMPLATE_FOLDER = Path(__file__).with_name("templates")
+_ROLE_PATTERN = re.compile(r"\{([\w:]+)\}`([^`]+)`")
+_TARGET_PATTERN = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
-_LABELLED = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
+_LABELLED_PATTERN = re.compile(r"\$\$\s*\(([\w:.-]+)\)")
 
 
 class BookError(RuntimeError):
@@ -75,9 +75,9 @@ def export_notebook(notebook: Path, title: str) -> str:
     text = _Text("\n".join(prose))
     exporter = HTMLExporter(
         template_name="notebook",
-        extra_template_basedirs=[str(_TEMPLATES)],
+        extra_template_basedirs=[str(_TEMPLATE_FOLDER)],
         filters={"markdown": text.html, "output_markdown": partial(text.html, own=False)},
-        config=Config({"NbConvertBase": {"display_data_priority": _MIMETYPES}}),
+        config=Config({"NbConvertBase": {"display_data_priority": _MIME_ORDER}}),
     )
     body, _ = exporter.from_notebook_node(executed)
     mathjax = mathjax_path()
@@ -96,7 +96,7 @@ def _frame(title: str, body: str, mathjax: str = "") -> str:
 
 def mathjax_path() -> Path:
     """Return where MathJax is once a book was rendered."""
-    return workplace() / "build" / "assets" / MATHJAX
+    return workplace() / "build" / "assets" / MATHJAX_PATH
 
 
 def damaged_assets(assets: Path) -> str:
@@ -110,7 +110,7 @@ def damaged_assets(assets: Path) -> str:
 def installed_assets(assets: Path) -> dict[str, Any]:
     """Return what is installed in a folder: the digest of the lock, and that of each file."""
     try:
-        found = json.loads((assets / INSTALLED).read_text(encoding="utf-8"))
+        found = json.loads((assets / INSTALLED_RECORD).read_text(encoding="utf-8"))
         return {"lock": str(found["lock"]), "files": dict(found["files"])}
     except (OSError, ValueError, LookupError, TypeError):
         return {"lock": "", "files": {}}
@@ -128,7 +128,7 @@ class _Text:
     """Markdown of one notebook: the part of MyST that makes sense on a page of its own."""
 
     def __init__(self, prose: str) -> None:
-        self.equations = {name: i for i, name in enumerate(_LABELLED.findall(prose), 1)}
+        self.equations = {name: i for i, name in enumerate(_LABELLED_PATTERN.findall(prose), 1)}
         self.parser = self._parser(html=True)
         self.of_outputs = self._parser(html=False)
 
@@ -155,12 +155,12 @@ class _Text:
         hold a reader's words, and stays text.
         """
         parser = self.parser if own else self.of_outputs
-        html = str(parser.render(_ROLE.sub(self._role, source)))
+        html = str(parser.render(_ROLE_PATTERN.sub(self._role, source)))
         return _BOOK_LINK.sub(r"\1", html)
 
     def _role(self, match: re.Match[str]) -> str:
         role, content = match.groups()
-        given = _TARGET.fullmatch(content)
+        given = _TARGET_PATTERN.fullmatch(content)
         words, target = given.groups() if given else ("", content)
         if role == "eq" and target in self.equations:
             return f"[({self.equations[target]})](#equation-{target})"

@@ -8,9 +8,9 @@ from typing import Any
 import anywidget
 import traitlets
 
-from thesis_lib.web.fragment import KINDS, VIEWER_CSS, asset, joined, plain, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, VIEWER_KINDS, asset, joined, plain, static_html
 
-_ESM = joined("viewer", *KINDS)
+_VIEWER_SCRIPT = joined("viewer", *VIEWER_KINDS)
 FORM_CSS = VIEWER_CSS + asset("rerun.css")
 
 
@@ -93,7 +93,7 @@ class Viewer(anywidget.AnyWidget):
         :func:`thesis_lib.notebook.form.form_of`.
     """
 
-    _esm = _ESM
+    _esm = _VIEWER_SCRIPT
     _css = VIEWER_CSS
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
@@ -112,9 +112,9 @@ class Viewer(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
-        esm = joined("viewer", kind) if kind in KINDS else _ESM
+        esm = joined("viewer", kind) if kind in VIEWER_KINDS else _VIEWER_SCRIPT
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
         page = static_html(esm, VIEWER_CSS, state)
-        if self.form and kind in KINDS:
+        if self.form and kind in VIEWER_KINDS:
             page = static_html(form_esm(kind), FORM_CSS, {**state, "form": self.form})
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

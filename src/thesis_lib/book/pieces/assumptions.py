@@ -12,12 +12,12 @@ from thesis_lib.facts.readings import assumptions
 from thesis_lib.files import whole_text
 from thesis_lib.templates import render
 
-CHAPTERS = {  # pieces of the page: subjects, whose first names the piece
+CHAPTER_SUBJECTS = {  # pieces of the page: subjects, whose first names the piece
     "assumptions-simulation": ("beam", "plate"),
     "assumptions-sound": ("sound",),
     "assumptions-experiment": ("experiment", "lab"),
 }
-SUBJECTS = ("beam", "plate", "sound", "experiment", "lab")
+ASSUMPTION_SUBJECTS = ("beam", "plate", "sound", "experiment", "lab")
 
 
 def _values(item: dict[str, Any]) -> dict[str, Any]:
@@ -35,13 +35,14 @@ def list_assumptions(subjects: tuple[str, ...]) -> str:
     items = [
         _values(item)
         for item in assumptions()
-        if next(subject for subject in SUBJECTS if subject in item["subjects"]) in subjects
+        if next(subject for subject in ASSUMPTION_SUBJECTS if subject in item["subjects"])
+        in subjects
     ]
     return render(__file__, "assumptions", items=items)
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    name: partial(list_assumptions, subjects) for name, subjects in CHAPTERS.items()
+    name: partial(list_assumptions, subjects) for name, subjects in CHAPTER_SUBJECTS.items()
 }
 
 

@@ -14,7 +14,7 @@ from thesis_lib.templates import render
 
 Row = Mapping[str, Any]
 
-NUMPY, COMPILED, CERES = (
+NUMPY_ROW, COMPILED_ROW, CERES_ROW = (
     "thesis_lib, NumPy",
     "thesis_lib, compiled",
     "pycolmap, Ceres, points alone",
@@ -22,7 +22,7 @@ NUMPY, COMPILED, CERES = (
 OWN_PACKAGES = ("", "numba")  # needed by no peer
 PLANNED_POINTS = 10**9
 CHUNK_POINTS = 2**20  # that a worker holds at a time
-WORKERS = (1, 2, 8, 32)
+WORKER_COUNTS = (1, 2, 8, 32)
 NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
 
 
@@ -71,7 +71,7 @@ def fastest_peer(rows: Sequence[Row], cameras: int, refined: bool) -> Row | None
 
 def _limit_share(row: Row | None) -> float | None:
     """Return the part of one core's limit that the library reaches, None of others."""
-    own = row is not None and row["name"] in (NUMPY, COMPILED)
+    own = row is not None and row["name"] in (NUMPY_ROW, COMPILED_ROW)
     return rate(row) / row["limit"] if row is not None and own else None
 
 
@@ -84,7 +84,7 @@ def compare_contenders(run: Row) -> dict[str, Any]:
                 **row,
                 "rate": rate(row),
                 "to_peer": ratio(row, fastest_peer(rows, row["cameras"], row["refined"])),
-                "to_ceres": ratio(row, find(rows, row["cameras"], True, CERES))
+                "to_ceres": ratio(row, find(rows, row["cameras"], True, CERES_ROW))
                 if row["refined"]
                 else None,
                 "share": _limit_share(row),
@@ -99,12 +99,12 @@ def compare_targets(run: Row) -> dict[str, Any]:
     rows = run["triangulation"]
     counts = []
     for n in sorted({row["cameras"] for row in rows}):
-        ceres = find(rows, n, True, CERES)
-        compiled = find(rows, n, True, COMPILED)
+        ceres = find(rows, n, True, CERES_ROW)
+        compiled = find(rows, n, True, COMPILED_ROW)
         values = {
             "cameras": n,
-            "linear": ratio(find(rows, n, False, NUMPY), fastest_peer(rows, n, False)),
-            "refined": ratio(find(rows, n, True, NUMPY), ceres),
+            "linear": ratio(find(rows, n, False, NUMPY_ROW), fastest_peer(rows, n, False)),
+            "refined": ratio(find(rows, n, True, NUMPY_ROW), ceres),
             "compiled": ratio(compiled, ceres),
             "share": _limit_share(compiled),
         }
@@ -123,7 +123,7 @@ def estimate_limits(run: Row) -> dict[str, Any]:
                 "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
             }
             for row in run["triangulation"]
-            if row["name"] == NUMPY
+            if row["name"] == NUMPY_ROW
         ]
     }
 
@@ -138,7 +138,7 @@ def plan_points(run: Row) -> dict[str, Any]:
     """Plan time and memory of a thousand million refined points, at the measured rates."""
     rows = []
     for row in run["triangulation"]:
-        if row["refined"] and row["name"] in (NUMPY, COMPILED):
+        if row["refined"] and row["name"] in (NUMPY_ROW, COMPILED_ROW):
             seconds = PLANNED_POINTS / (1e6 * rate(row))
             read_bytes = 1e9 * run["limits"]["bandwidth"] * seconds
             values = {
@@ -151,7 +151,7 @@ def plan_points(run: Row) -> dict[str, Any]:
                 "fed": read_bytes / (row["bytes"] * PLANNED_POINTS),
             }
             rows.append(values)
-    return {"rows": rows, "workers": WORKERS}
+    return {"rows": rows, "workers": WORKER_COUNTS}
 
 
 def compare_trackers(run: Row) -> dict[str, Any]:
@@ -181,7 +181,7 @@ def format_share(share: float) -> str:
     return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
-VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
+BENCHMARK_VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
     "machine": ("machine", lambda run: {}),
     "targets": ("triangulation", compare_targets),
     "comparison": ("triangulation", compare_contenders),
@@ -197,12 +197,12 @@ VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
 def tabulate(part: str, run: Row | None = None) -> str:
     """Fill in a part of the page from a run, by default the published one."""
     run = read() if run is None else run
-    needs, values = VALUES[part]
+    needs, values = BENCHMARK_VALUES[part]
     if needs not in run:
         return NOT_YET
     return render(__file__, f"benchmarks-{part}", run=run, **values(run))
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"benchmarks-{part}": partial(tabulate, part) for part in VALUES},
+    **{f"benchmarks-{part}": partial(tabulate, part) for part in BENCHMARK_VALUES},
 }

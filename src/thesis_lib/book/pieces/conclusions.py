@@ -14,8 +14,8 @@ from scipy.stats import spearmanr
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.factors import (
     FACTORS,
-    MEAN,
-    PLANES,
+    MEAN_ERRORS,
+    PLANE_ERRORS,
     SOUND_STUDIES,
     Effect,
     end_ratio,
@@ -34,7 +34,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.entries import from_cube
-from thesis_lib.ledger.trends import MATERIAL
+from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.templates import render
@@ -42,7 +42,7 @@ from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance
 
-WORDS = {
+FACTOR_WORDS = {
     "closer": "closer",
     "wider": "wider apart",
     "lower": "lower",
@@ -124,13 +124,19 @@ def count_trends(opened: Cubes) -> str:
     entries = {e.id: e for e in from_cube(opened["claims"]) if e.kind == "trend"}
     parameter = {trend.id: trend.parameter for trend in read_trends()}
     parts = {
-        WORDS[name]: [e for id, e in entries.items() if parameter.get(id, "").startswith(start)]
+        FACTOR_WORDS[name]: [
+            e for id, e in entries.items() if parameter.get(id, "").startswith(start)
+        ]
         for name, start in LEDGER_PARAMETERS.items()
     }
     used = {e.id for part in parts.values() for e in part}
     parts["anything else"] = [e for id, e in entries.items() if id not in used]
     agreeing = [e for e in entries.values() if e.verdict == "agrees"]
-    level = [e for e in parts[WORDS["wider"]] if e.verdict == "agrees" and e.stated in LEVEL_TRENDS]
+    level = [
+        e
+        for e in parts[FACTOR_WORDS["wider"]]
+        if e.verdict == "agrees" and e.stated in LEVEL_TRENDS
+    ]
     totals = ledger.totals([*entries.values()])
     return render(
         __file__,
@@ -144,7 +150,7 @@ def count_trends(opened: Cubes) -> str:
         rendered=sum(not e.counted for e in entries.values()),
         agree=len(agreeing),
         agree_counted=sum(e.counted for e in agreeing),
-        wider=WORDS["wider"],
+        wider=FACTOR_WORDS["wider"],
         level=len(level),
     )
 
@@ -212,14 +218,14 @@ def tabulate_experiment(opened: Cubes) -> str:
         for case in dict.fromkeys(cube["case"].values.tolist()):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN),))
+            alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN_ERRORS),))
             (effect,) = estimate_effects(opened, alone)
             part = select(cube, case, 1)
             drawn = part["mean_error"].transpose("setting", "trial").values[:, 1:]
             labels = part["label"].values
             claimed = [c.stated for c in (claim[0], claim[-1]) if c and case == "matched"]
             row = {
-                "conclusion": WORDS[factor],
+                "conclusion": FACTOR_WORDS[factor],
                 "case": case,
                 "labels": labels,
                 "medians": np.median(drawn, axis=1),
@@ -253,7 +259,7 @@ def tabulate_costs(opened: Cubes) -> str:
             if name in ("closer", "finer", "more"):  # whose errors are a power of the factor
                 halving = 2 ** (-1 / float(np.median(one.exponents)))
             row = {
-                "conclusion": WORDS[name],
+                "conclusion": FACTOR_WORDS[name],
                 "symbol": factor.symbol,
                 "effect": one,
                 "ratio": np.median(one.ratios),
@@ -342,9 +348,9 @@ def tabulate_equal_pixels(_: Cubes) -> str:
         __file__,
         "conclusions-pixels",
         found=found,
-        worse=[one for one in found if one.ratio > 1 + MATERIAL],
-        better=sum(one.ratio < 1 - MATERIAL for one in found),
-        material=MATERIAL,
+        worse=[one for one in found if one.ratio > 1 + MIN_MATERIAL_FALL],
+        better=sum(one.ratio < 1 - MIN_MATERIAL_FALL for one in found),
+        material=MIN_MATERIAL_FALL,
         median=np.median([one.ratio for one in found]),
     )
 
@@ -367,8 +373,8 @@ def tabulate_wishes(opened: Cubes) -> str:
         coarse=value_of("lab-equal-pixels", _last_settings),
         modes=value_of("lab-modes", _mode_errors),
         torsion=value_of("lab-modes", _torsion),
-        plate=value_of("lab-plate", partial(_change_ratios, quantities=MEAN)),
-        plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=PLANES)),
+        plate=value_of("lab-plate", partial(_change_ratios, quantities=MEAN_ERRORS)),
+        plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=PLANE_ERRORS)),
         ledger=value_of("claims", _symmetry_entry),
         shape=value_of("shape-l", partial(_case_errors, case="4e")),
     )

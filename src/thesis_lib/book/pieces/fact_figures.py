@@ -14,10 +14,10 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.optics.tables import flows
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import (
-    COLORS,
-    HIGHLIGHT,
-    INK,
-    REFERENCE,
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    INK_COLOR,
+    REFERENCE_COLOR,
     color,
     draw_map,
     logarithmic,
@@ -31,7 +31,7 @@ from thesis_lib.vibration.structure import (
     resonance,
 )
 
-WIDTHS = (320, 640, 1280, 1920)
+WIDTHS_PX = (320, 640, 1280, 1920)
 
 
 def draw_response() -> Figure:
@@ -52,7 +52,7 @@ def draw_response() -> Figure:
     left.legend()
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
-        right.plot(1000 * beam.markers[0], w, color=COLORS[i + 2], label=f"peak {mode}")
+        right.plot(1000 * beam.markers[0], w, color=CYCLE_COLORS[i + 2], label=f"peak {mode}")
     right.set(title="(b) the shape behind each peak", xlabel="x in mm", ylabel="of its largest")
     right.legend()
     return drawing
@@ -69,9 +69,9 @@ def draw_deflections() -> Figure:
         axes.plot(hertz, peak, "o-", color=color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
         span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
-        axes.axhline(span, color=INK, linewidth=1, linestyle=("--", ":")[n])
+        axes.axhline(span, color=INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
         words = f"a pixel of {width} across, 500 mm away"
-        axes.text(1900, span * 1.15, words, color=INK, fontsize=8, ha="right")
+        axes.text(1900, span * 1.15, words, color=INK_COLOR, fontsize=8, ha="right")
     logarithmic(axes.xaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     logarithmic(axes.yaxis, [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10])
     axes.set(xlabel="natural frequency in Hz", ylabel="largest deflection in mm")
@@ -83,9 +83,9 @@ def draw_rates() -> Figure:
     """Draw frames per second against pixels of a frame, at the same pixels per second."""
     drawing, axes = subplots(figsize=(6.4, 2.6), layout="constrained")
     widths, fps = np.array([(width, rate) for width, _, rate in flows()]).T
-    axes.plot(widths, fps, "o-", color=COLORS[0], label="frames per second")
-    axes.plot(widths, fps / 2, "s--", color=COLORS[4], label="highest frequency, Hz")
-    logarithmic(axes.xaxis, WIDTHS)
+    axes.plot(widths, fps, "o-", color=CYCLE_COLORS[0], label="frames per second")
+    axes.plot(widths, fps / 2, "s--", color=CYCLE_COLORS[4], label="highest frequency, Hz")
+    logarithmic(axes.xaxis, WIDTHS_PX)
     logarithmic(axes.yaxis, [20, 50, 100, 200, 500, 1000, 2000])
     axes.set(xlabel="pixels across a frame", ylabel="per second")
     axes.legend()
@@ -100,7 +100,7 @@ def draw_beam_modes() -> Figure:
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
         hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
         axes.plot(1000 * beam.markers[0], w, ".-", color=color(i), label=_mode_label(mode, hertz))
-    axes.axhline(0, color=REFERENCE, linewidth=1)
+    axes.axhline(0, color=REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
     axes.legend()
     return drawing
@@ -129,10 +129,12 @@ def draw_alias() -> Figure:
     slow = hertz - rate * np.round(hertz / rate)
     for one, style in ((hertz, "-"), (slow, "--")):
         word = "true" if one == hertz else "seen"
-        tone = COLORS[0] if word == "true" else HIGHLIGHT
+        tone = CYCLE_COLORS[0] if word == "true" else HIGHLIGHT_COLOR
         label = f"{word}: {abs(one):.3g} Hz"
         axes.plot(t, np.cos(2 * np.pi * one * t), style, color=tone, linewidth=1, label=label)
-    axes.plot(seen, np.cos(2 * np.pi * hertz * seen), "o", color=INK, label=f"{rate:g} frames/s")
+    axes.plot(
+        seen, np.cos(2 * np.pi * hertz * seen), "o", color=INK_COLOR, label=f"{rate:g} frames/s"
+    )
     axes.set(xlabel="time in s", ylabel="motion", ylim=(-1.2, 2.1), yticks=[-1, 0, 1])
     axes.legend(ncols=3, loc="upper center")
     return drawing
@@ -162,7 +164,7 @@ def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
         rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
         axes.add_patch(rim)
     length = setups.beam().length * 500 / far
-    axes.plot([-length, length], [0, 0], color=REFERENCE, lw=3, solid_capstyle="butt")
+    axes.plot([-length, length], [0, 0], color=REFERENCE_COLOR, lw=3, solid_capstyle="butt")
     seen: set[object] = set()
     for i, setting in enumerate(settings):
         for direction in setting.directions_deg:

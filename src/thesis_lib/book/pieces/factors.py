@@ -29,8 +29,8 @@ from thesis_lib.plotting.selection import select
 from thesis_lib.studies import cubes
 
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
-MEAN = ("mean_error",)
-PLANES = ("plane_error_xz", "plane_error_yz")
+MEAN_ERRORS = ("mean_error",)
+PLANE_ERRORS = ("plane_error_xz", "plane_error_yz")
 SOUND_STUDIES = ("distance", "aperture", "resolution", "arrays")
 
 
@@ -53,43 +53,46 @@ def _cosine(degrees: Array) -> Array:
 
 def _simulated(study: str, *cases: str) -> tuple[Source, ...]:
     return tuple(
-        (subject, f"{subject}-{study}", cases, PLANES if subject == "sound" else MEAN)
+        (subject, f"{subject}-{study}", cases, PLANE_ERRORS if subject == "sound" else MEAN_ERRORS)
         for subject in ("beam", "plate", "sound")
     )
 
 
 def _rendered_plate(case: str) -> tuple[Source, ...]:
     return (
-        ("plate, rendered", "lab-plate", (case,), MEAN),
-        ("sound, rendered", "lab-plate", (case,), PLANES),
+        ("plate, rendered", "lab-plate", (case,), MEAN_ERRORS),
+        ("sound, rendered", "lab-plate", (case,), PLANE_ERRORS),
     )
 
 
 FACTORS: dict[str, Factor] = {
     "closer": Factor(
         "distance, mm", "d", -1,
-        (*_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN),
+        (*_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN_ERRORS),
          *_rendered_plate("distance")),
     ),
     "wider": Factor(
         "aperture, °", "α", 1,
-        (*_simulated("aperture", "2a", "2c"), ("beam, rendered", "lab-layout", ("aperture",), MEAN),
+        (*_simulated("aperture", "2a", "2c"),
+         ("beam, rendered", "lab-layout", ("aperture",), MEAN_ERRORS),
          *_rendered_plate("aperture")),
     ),
     "lower": Factor(
         "elevation, °", "cos φ", -1,
         (*_simulated("aperture", "2b", "2d"),
-         ("beam, rendered", "lab-elevation", ("three-rows",), MEAN), *_rendered_plate("elevation")),
+         ("beam, rendered", "lab-elevation", ("three-rows",), MEAN_ERRORS),
+         *_rendered_plate("elevation")),
         _cosine,
     ),
     "finer": Factor(
         "width of the sensor, px", "W", 1,
-        (*_simulated("resolution"), ("experiment", "experiment-resolution", ("matched",), MEAN),
+        (*_simulated("resolution"),
+         ("experiment", "experiment-resolution", ("matched",), MEAN_ERRORS),
          *_rendered_plate("resolution")),
     ),
     "more": Factor(
         "number of cameras", "N", 1,
-        (*_simulated("arrays"), ("experiment", "experiment-cameras", ("matched",), MEAN),
+        (*_simulated("arrays"), ("experiment", "experiment-cameras", ("matched",), MEAN_ERRORS),
          *_rendered_plate("cameras")),
     ),
 }  # fmt: skip

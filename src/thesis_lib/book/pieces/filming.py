@@ -13,13 +13,13 @@ from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, Assessment, assess, describe
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.feasibility.prediction import alias
-from thesis_lib.measure.messages import LIMIT
+from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.templates import render
 from thesis_lib.vision import cone_law
 from thesis_lib.vision.optics import depth_of_field
 
-LAYOUTS = {
+PHONE_LAYOUTS = {
     "two on one side, 20° apart": (-10, 10),
     "two on one side, 90° apart": (-45, 45),
     "two that face each other": (0, 180),
@@ -28,15 +28,15 @@ LAYOUTS = {
     "four, as in the thesis": (10, -10, 170, 190),
 }
 ELEVATIONS_DEG = (5, 15, 25, 35, 50, 70)
-SHUTTERS = (60, 125, 250, 500, 1000)  # parts of a second
+SHUTTERS_PER_S = (60, 125, 250, 500, 1000)  # parts of a second
 FREQUENCIES_HZ = (5, 25, 100)
 F_NUMBERS = (2.8, 5.6, 11)
 WIDTHS_PX = (1280, 1920)
 STEADY_S = (1, 10, 60)
 ALIASED_HZ, FRAME_RATE_HZ = 110.0, 60.0
-MOTIONS_PX = (2.0, 1.0, LIMIT["small-motion"], 0.1)
-LOSSLESS, COMPRESSED = "lossless", "H.264, crf 23"
-PLATE: dict[str, Any] = {
+MOTIONS_PX = (2.0, 1.0, CHECK_LIMITS["small-motion"], 0.1)
+LOSSLESS_NAME, COMPRESSED_NAME = "lossless", "H.264, crf 23"
+EXAMPLE_PLATE: dict[str, Any] = {
     "cameras": 4,
     "structure.kind": "plate",
     "structure.length_mm": 600,
@@ -46,7 +46,7 @@ PLATE: dict[str, Any] = {
     "excitation.amplitude_mm": 0.2,
 }
 """A plate, for which the page answers whether phones will do."""
-PHONES: dict[str, dict[str, Any]] = {
+PHONE_CAMERAS: dict[str, dict[str, Any]] = {
     "full HD": {},
     "4K": {"cameras.width_px": 3840, "cameras.height_px": 2160},
 }
@@ -71,10 +71,10 @@ def _format_share(share: float) -> str:
 
 def state_rule() -> str:
     """State how many pixels of motion are enough, by the errors of films."""
-    whole = float(cone_law.cone_deflection_error(1, 1, PLATE["cameras"], np.pi / 2))
+    whole = float(cone_law.cone_deflection_error(1, 1, EXAMPLE_PLATE["cameras"], np.pi / 2))
     errors_px = {
-        "as a phone compresses it": film_error_px(COMPRESSED),
-        "without loss": film_error_px(LOSSLESS),
+        "as a phone compresses it": film_error_px(COMPRESSED_NAME),
+        "without loss": film_error_px(LOSSLESS_NAME),
         "rounded to whole pixels, as in the thesis": whole,
     }
     films = [
@@ -86,16 +86,18 @@ def state_rule() -> str:
 
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
-    assessed = {name: assess(draft_manifest(PLATE | phone)) for name, phone in PHONES.items()}
+    assessed = {
+        name: assess(draft_manifest(EXAMPLE_PLATE | phone)) for name, phone in PHONE_CAMERAS.items()
+    }
     steady_s = assessed["full HD"].rig.steady_s
     return render(
         __file__,
         "film-answer",
         rows=[_phone_values(name, one) for name, one in assessed.items()],
-        frequency_hz=PLATE["excitation.frequency_hz"],
-        known_hz=LIMIT["alias"] / steady_s,
-        command=format_command(PLATE),
-        for_4k=" ".join(f"-p {name}={value}" for name, value in PHONES["4K"].items()),
+        frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
+        known_hz=CHECK_LIMITS["alias"] / steady_s,
+        command=format_command(EXAMPLE_PLATE),
+        for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
         check=describe(assessed["full HD"]),
     )
 
@@ -108,9 +110,9 @@ def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
         "pixel_mm": one.table[0].ground_sample_mm,
         "motion_px": moved,
         "enough": "small-motion" not in {warning.code for warning in one.warnings},
-        "compressed": _format_share(film_error_px(COMPRESSED) / moved),
-        "lossless": _format_share(film_error_px(LOSSLESS) / moved),
-        "whole": _format_share(one.rig.rounding[1] / PLATE["excitation.amplitude_mm"]),
+        "compressed": _format_share(film_error_px(COMPRESSED_NAME) / moved),
+        "lossless": _format_share(film_error_px(LOSSLESS_NAME) / moved),
+        "whole": _format_share(one.rig.rounding[1] / EXAMPLE_PLATE["excitation.amplitude_mm"]),
     }
 
 
@@ -140,7 +142,7 @@ def tabulate_layouts() -> str:
     return render(
         __file__,
         "film-layouts",
-        rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in LAYOUTS.items()],
+        rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in PHONE_LAYOUTS.items()],
         fit_s=assess_layout((0, 180), 25.0).rig.steady_s,
         camera=_camera(),
         centre_noise_px=CENTRE_NOISE_PX,
@@ -170,12 +172,14 @@ def _amplitude_loss(turns: float) -> float | None:
 
 def tabulate_exposure() -> str:
     """Tabulate what shutters take from the amplitude."""
-    limit = LIMIT["long-exposure"]
+    limit = CHECK_LIMITS["long-exposure"]
     return render(
         __file__,
         "film-exposure",
         frequencies_hz=FREQUENCIES_HZ,
-        rows=[(n, [_amplitude_loss(hertz / n) for hertz in FREQUENCIES_HZ]) for n in SHUTTERS],
+        rows=[
+            (n, [_amplitude_loss(hertz / n) for hertz in FREQUENCIES_HZ]) for n in SHUTTERS_PER_S
+        ],
         limit=limit,
         limit_loss=_amplitude_loss(limit),
     )
@@ -189,10 +193,10 @@ def tabulate_alias() -> str:
         rate_hz=FRAME_RATE_HZ,
         frequency_hz=ALIASED_HZ,
         alias_hz=alias(ALIASED_HZ, FRAME_RATE_HZ),
-        turns=LIMIT["alias"],
-        turns_loss=_amplitude_loss(LIMIT["alias"]),
+        turns=CHECK_LIMITS["alias"],
+        turns_loss=_amplitude_loss(CHECK_LIMITS["alias"]),
         steady_s=STEADY_S,
-        edge_turns=LIMIT["alias-edge"],
+        edge_turns=CHECK_LIMITS["alias-edge"],
     )
 
 
@@ -200,7 +204,9 @@ def tabulate_focus() -> str:
     """Tabulate the depths that apertures keep sharp."""
     camera, outlook = _camera(), assess(example_manifest(example_rig())).table
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
-    circles_mm = [LIMIT["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX]
+    circles_mm = [
+        CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX
+    ]
     rows = [
         (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
         for stop in F_NUMBERS
@@ -211,7 +217,7 @@ def tabulate_focus() -> str:
         widths_px=WIDTHS_PX,
         rows=rows,
         camera=camera,
-        sharp_px=LIMIT["depth-of-field"],
+        sharp_px=CHECK_LIMITS["depth-of-field"],
         nearest_mm=min(one.nearest_mm for one in outlook),
         farthest_mm=max(one.farthest_mm for one in outlook),
     )
@@ -219,7 +225,7 @@ def tabulate_focus() -> str:
 
 def describe_markers() -> str:
     """Describe what markers must look like."""
-    return render(__file__, "film-markers", limit=LIMIT)
+    return render(__file__, "film-markers", limit=CHECK_LIMITS)
 
 
 def show_check() -> str:

@@ -16,7 +16,7 @@ from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import audible
 from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
-from thesis_lib.figure_sets.planner.parameters import THESIS
+from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.figure_sets.planner.tables import coarse, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
@@ -27,8 +27,8 @@ from thesis_lib.plotting.selection import error_bars, select, stated
 from thesis_lib.studies import cubes
 from thesis_lib.templates import render
 
-GROUPS = ("beam", "plate", "sound")
-ADVICE = {
+FINDING_GROUPS = ("beam", "plate", "sound")
+ADVICE_TRENDS = {
     "closer": "closer",
     "wider": "farther apart",
     "lower": "lower",
@@ -102,7 +102,7 @@ def _met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
         name = cube.attrs["figure_set"]
         own = met.setdefault(name, {})
         for check in verdicts.check(cube, claims.claims_of(name)):
-            own.setdefault(cubes.SHORT[check.claim.quantity], []).append(check.inside)
+            own.setdefault(cubes.SHORT_LABELS[check.claim.quantity], []).append(check.inside)
     return met
 
 
@@ -312,7 +312,7 @@ def describe_planner(opened: Cubes) -> str:
     """Describe what planning gains over the best of the thesis's layouts."""
     cube = opened["planner"]
     gains = []
-    for body, question in THESIS.items():
+    for body, question in THESIS_QUESTIONS.items():
         own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
         planned = coarse(cube, question)["expected_error"].values
         gain = 100 * (1 - planned[: len(own)] / own)
@@ -324,7 +324,7 @@ def describe_planner(opened: Cubes) -> str:
 def tabulate_advice(opened: Cubes) -> str:
     """Tabulate the five pieces of advice: what they bring, and whether they hold."""
     rows = []
-    for name, advice in ADVICE.items():
+    for name, advice in ADVICE_TRENDS.items():
         by = {
             one.group: {
                 "median": np.median(one.ratios),
@@ -334,7 +334,7 @@ def tabulate_advice(opened: Cubes) -> str:
             for one in estimate_effects(opened, FACTORS[name])
         }
         rows.append({"advice": advice, "by": by})
-    groups = [group for group in GROUPS if any(group in row["by"] for row in rows)]
+    groups = [group for group in FINDING_GROUPS if any(group in row["by"] for row in rows)]
     return render(__file__, "conclusions-result", rows=rows, groups=groups)
 
 
@@ -374,7 +374,7 @@ def _rms(cube: xr.Dataset) -> Array:
     return rms
 
 
-RESULTS: dict[str, Callable[[Cubes], str]] = {
+RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
     "beam-result": partial(describe_body, "beam"),
     "plate-result": partial(describe_body, "plate"),
     "laboratory-result": describe_laboratory,
@@ -390,7 +390,7 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
         f"{subject}-results": partial(describe_chapter, subject)
         for subject in ("beam", "plate", "sound", "experiment")
     },
-    **RESULTS,
+    **RESULT_PIECES,
     "lab-repeats": describe_repeats,
     "sound-scatter": tabulate_sound_scatter,
     "sound-layouts": tabulate_sound_layouts,

@@ -25,8 +25,8 @@ from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.plotting.selection import error_bars, select
 from thesis_lib.plotting.style import (
-    COLORS,
-    INK,
+    CYCLE_COLORS,
+    INK_COLOR,
     color,
     in_style,
     logarithmic,
@@ -34,17 +34,20 @@ from thesis_lib.plotting.style import (
     svg,
 )
 
-MODE = 3  # of the curves over what is varied
-TICKS = {"aperture": (16, 60, 110, 160), "arrays": (2, 4, 6, 8, 12)}  # else what was computed
+DRAWN_MODE = 3  # of the curves over what is varied
+TICKS_OF_SETS = {
+    "aperture": (16, 60, 110, 160),
+    "arrays": (2, 4, 6, 8, 12),
+}  # else what was computed
 # Parameters of a study between whose values the law is drawn, at so many settings: with fewer its
 # line would hide what it does between the settings of the thesis.
-BETWEEN = {
+BETWEEN_WORDS = {
     "distance": ("distances_mm",),
     "aperture": ("half_apertures_deg", "elevations_deg"),
     "resolution": ("widths_px",),
 }
 LAW_SETTINGS = 101
-LABELS = {
+AXIS_LABELS = {
     "distance": "distance in mm",
     "aperture": "aperture in °",
     "resolution": "pixels across the picture",
@@ -63,10 +66,10 @@ def densify_law(of: str, cube: xr.Dataset) -> xr.Dataset | None:
 
     None where the settings are numbers of cameras, between which there are none.
     """
-    if of not in BETWEEN:
+    if of not in BETWEEN_WORDS:
         return None
     asked = json.loads(cube.attrs["parameters"])
-    for name in BETWEEN[of]:
+    for name in BETWEEN_WORDS[of]:
         ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
         asked[name] = (np.rint(ends).astype(int) if of == "resolution" else ends).tolist()
     return compute.run(camera_study(cube.attrs["figure_set"], asked | {"trials": 0, "cube": ""}))
@@ -77,8 +80,8 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
     cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), densify_law(of, cube)
     for i, case in enumerate(cases):
-        part = select(cube, case, MODE)
-        bars, order = error_bars(cube, case, MODE), np.argsort(part["value"].values)
+        part = select(cube, case, DRAWN_MODE)
+        bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
         (low, _, high), rms = bars.band[:, order], _rms(part)[order]
         shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
@@ -89,11 +92,11 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
         if fine is None:
             axes.plot(at, bars.predicted[order], "_", color=color(i), markersize=10)
         else:
-            law = select(fine, case, MODE).sortby("value")
+            law = select(fine, case, DRAWN_MODE).sortby("value")
             axes.plot(law["value"] * shift, law["predicted_error"], color=color(i), linewidth=1)
-    logarithmic(axes.xaxis, TICKS.get(of, np.unique(cube["value"]).tolist()))
+    logarithmic(axes.xaxis, TICKS_OF_SETS.get(of, np.unique(cube["value"]).tolist()))
     logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
-    axes.set(xlabel=LABELS[of], ylabel=f"mean error in mode {MODE}, %")
+    axes.set(xlabel=AXIS_LABELS[of], ylabel=f"mean error in mode {DRAWN_MODE}, %")
     if len(cases) > 1:
         drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
     return drawing
@@ -127,9 +130,9 @@ def draw_distances(cube: xr.Dataset) -> Figure:
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
         part, bars = select(cube, case, 1), error_bars(cube, case, 1)
         values, (low, _, high) = part["value"].values, bars.band
-        axes.vlines(values, low, high, color=COLORS[0])
-        axes.plot(values, _rms(part), "o", color=COLORS[0], label="rendered frames")
-        law = {"color": INK, "markersize": 14, "label": "law, one noise for all"}
+        axes.vlines(values, low, high, color=CYCLE_COLORS[0])
+        axes.plot(values, _rms(part), "o", color=CYCLE_COLORS[0], label="rendered frames")
+        law = {"color": INK_COLOR, "markersize": 14, "label": "law, one noise for all"}
         axes.plot(values, bars.predicted, "_", **law)
         logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
         logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2])
@@ -167,11 +170,11 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     for i, case in enumerate(cases):
         part = select(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, _rms(part), "o-", color=COLORS[0])
-        axes.plot(place, part["rounded_error"], "_", color=COLORS[4], markersize=8)
+        axes.plot(place, _rms(part), "o-", color=CYCLE_COLORS[0])
+        axes.plot(place, part["rounded_error"], "_", color=CYCLE_COLORS[4], markersize=8)
     handles = [
-        Line2D([], [], color=COLORS[0], marker="o", label="fitted centres"),
-        Line2D([], [], color=COLORS[4], marker="_", ls="", label="whole pixels, by the law"),
+        Line2D([], [], color=CYCLE_COLORS[0], marker="o", label="fitted centres"),
+        Line2D([], [], color=CYCLE_COLORS[4], marker="_", ls="", label="whole pixels, by the law"),
     ]
     axes.legend(handles=handles, loc="upper center", ncols=2)
     axes.set_xticks(range(len(cases)), cases)
@@ -194,7 +197,7 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     **{
         f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
         for body in ("beam", "plate")
-        for what in LABELS
+        for what in AXIS_LABELS
     },
     **{
         f"cameras-{name}.svg": ("cameras", partial(_draw_own, name))
@@ -209,7 +212,7 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     "motions-plate.svg": ("lab-plate", draw_plate_errors),
 }
 """By file: the figure set whose cube is drawn, and what draws it."""
-NAMES = (*OF_CUBES, *FACT_FIGURES)
+FIGURE_NAMES = (*OF_CUBES, *FACT_FIGURES)
 
 
 def cube_of(name: str) -> str:
@@ -217,7 +220,7 @@ def cube_of(name: str) -> str:
     return OF_CUBES[name][0] if name in OF_CUBES else "facts"
 
 
-def write(made: Sequence[Path], folder: Path, names: Iterable[str] = NAMES) -> None:
+def write(made: Sequence[Path], folder: Path, names: Iterable[str] = FIGURE_NAMES) -> None:
     """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
     cubes = {path.stem: path for path in made}
     for name in names:

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from thesis_lib.book.pieces import filming
 from thesis_lib.files import whole_text
-from thesis_lib.measure.messages import CHECKS, NEW, NOTES, UNCHECKED
+from thesis_lib.measure.messages import CHECK_GROUPS, NEW_MESSAGES, NOTE_GROUPS, UNCHECKED_MESSAGES
 from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.manifest_model import (
     BoardSpec,
@@ -26,7 +26,7 @@ from thesis_lib.measure.recordings.manifest_model import (
 from thesis_lib.studies.fields import allowed_text, unit
 from thesis_lib.templates import render
 
-PARTS: dict[str, type[BaseModel]] = {
+MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "manifest": Manifest,
     "structure": Structure,
     "markers": Markers,
@@ -40,7 +40,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "sweep": Sweep,
 }
 
-NOTE_GROUPS = {
+GROUP_OF_PIECE = {
     "notes": "shape",
     "notes-modes": "modes",
     "notes-sound": "sound",
@@ -55,9 +55,9 @@ def list_fields(part: str) -> str:
     Parameters
     ----------
     part : str
-        A name of :data:`PARTS`.
+        A name of :data:`MANIFEST_PARTS`.
     """
-    model = PARTS[part]
+    model = MANIFEST_PARTS[part]
     fields = [
         {
             "name": name,
@@ -94,13 +94,13 @@ def _format_value(value: Any) -> str:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"record-{part}": partial(list_fields, part) for part in PARTS},
-    "record-warnings": partial(render, __file__, "record-warnings", groups=CHECKS),
-    "record-unchecked": partial(render, __file__, "record-lines", lines=UNCHECKED),
-    "record-new": partial(render, __file__, "record-lines", lines=NEW),
+    **{f"record-{part}": partial(list_fields, part) for part in MANIFEST_PARTS},
+    "record-warnings": partial(render, __file__, "record-warnings", groups=CHECK_GROUPS),
+    "record-unchecked": partial(render, __file__, "record-lines", lines=UNCHECKED_MESSAGES),
+    "record-new": partial(render, __file__, "record-lines", lines=NEW_MESSAGES),
     **{
-        f"record-{name}": partial(render, __file__, "record-notes", notes=NOTES[group])
-        for name, group in NOTE_GROUPS.items()
+        f"record-{name}": partial(render, __file__, "record-notes", notes=NOTE_GROUPS[group])
+        for name, group in GROUP_OF_PIECE.items()
     },
     **filming.PIECES,
 }

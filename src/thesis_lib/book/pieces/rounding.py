@@ -12,12 +12,12 @@ from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
 from thesis_lib.vision.triangulation import gain
 
-SET = "beam-distance"
+ROUNDING_SET = "beam-distance"
 
 
 def describe_example(opened: Cubes) -> str:
     """Work the law out for the last marker, the first mode and setting of ``beam-distance``."""
-    cube, study = opened[SET].isel(setting=0, mode=0, point=-1), camera_study(SET)
+    cube, study = opened[ROUNDING_SET].isel(setting=0, mode=0, point=-1), camera_study(ROUNDING_SET)
     setting, structure = study.settings()[0], study.structure
     cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
     shape = deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
@@ -36,7 +36,7 @@ def describe_example(opened: Cubes) -> str:
         marker=len(shape),
         moves_mm=1e3 * shape[-1],
         distance_mm=setting.distance_mm,
-        figure_set=SET,
+        figure_set=ROUNDING_SET,
         rows=rows,
         total=np.sum(g**2 * variance),
         law_mm=1e3 * np.sqrt(deflection_variance(cameras.P, rest, deflected)),

@@ -16,13 +16,13 @@ from thesis_lib import files
 from thesis_lib.book.missing import write_placeholder
 from thesis_lib.templates import render
 
-_INCLUDED = re.compile(r"executed/(fig-[\w-]+)\.md")
+_INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
 
 
 def names(pages: Iterable[Path]) -> list[str]:
     """Return names of the figures that `pages` show."""
     texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
-    return sorted({name for text in texts for name in _INCLUDED.findall(text)})
+    return sorted({name for text in texts for name in _INCLUDE_PATTERN.findall(text)})
 
 
 def write(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:

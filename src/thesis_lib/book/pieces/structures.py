@@ -16,7 +16,7 @@ from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import CHAPTERS, STUDIES
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES
 from thesis_lib.planning import errors
 from thesis_lib.planning.positions import at
 from thesis_lib.planning.report import command, write_plan
@@ -34,9 +34,9 @@ from thesis_lib.vibration.structure import (
 from thesis_lib.vision import cone_law
 
 GRAVITY = 9.80665
-MODES = (1, 2, 3)
+EXAMPLE_MODES = (1, 2, 3)
 MARKER_GRIDS = ((12, 8), (15, 10), (24, 16), (36, 24))
-EXAMPLE = PlanRequest(
+EXAMPLE_PLAN = PlanRequest(
     body="plate", plate_mm=(600, 400, 3), counts=[4], resolutions_px=[(1920, 1080)]
 )
 """The request that the planner's page makes, step by step."""
@@ -46,14 +46,14 @@ SMALL_MM = 0.2  # the largest deflection of many a reader's structure
 def show_plan(_: Cubes) -> str:
     """Show a plan: the command, what it prints, where cameras stand; and a small motion."""
     with TemporaryDirectory() as name:
-        printed = write_plan(EXAMPLE, Path(name) / "plan")
+        printed = write_plan(EXAMPLE_PLAN, Path(name) / "plan")
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
     return render(
         __file__,
         "planner-example",
-        sizes_mm=EXAMPLE.plate_mm,
-        amplitude_mm=EXAMPLE.amplitude_mm,
-        command=command(EXAMPLE),
+        sizes_mm=EXAMPLE_PLAN.plate_mm,
+        amplitude_mm=EXAMPLE_PLAN.amplitude_mm,
+        command=command(EXAMPLE_PLAN),
         printed=printed,
         cameras=cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]],
         small_mm=SMALL_MM,
@@ -63,11 +63,11 @@ def show_plan(_: Cubes) -> str:
 
 def _small_motion_error(cameras: pd.DataFrame) -> float:
     """Predict the error in % of the planned cameras for a motion far below a pixel."""
-    scene = EXAMPLE.scene()
+    scene = EXAMPLE_PLAN.scene()
     scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
     grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
     layout = at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
-    point = errors.predicted(scene, layout, EXAMPLE.resolutions_px[0][0])
+    point = errors.predicted(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
     return float(errors.counted(point, "mean").max())
 
 
@@ -81,7 +81,7 @@ def tabulate_modes(structure: Structure, unit: str, scale: float) -> str:
             "overlap": modal_overlap(structure, resonance(structure, mode)),
             "distance": single_mode_distance(structure, mode),
         }
-        for mode in MODES
+        for mode in EXAMPLE_MODES
     ]
     return render(__file__, "structure-model", modes=modes, unit=unit, scale=scale)
 
@@ -122,7 +122,7 @@ def tabulate_levels(_: Cubes) -> str:
     request, plate = camera_study("sound-distance"), setups.plate()
     parts = planes.pistons(plate)
     modes = []
-    for mode in MODES:
+    for mode in EXAMPLE_MODES:
         omega, peak = resonance(plate, mode), peak_deflection(plate, mode)
         velocity = omega * peak * plate.mode_shapes([mode], plate.markers)[0]
         velocity = velocity / plate.shape_peak(mode)
@@ -152,7 +152,7 @@ def tabulate_costs(_: Cubes) -> str:
 
 def list_parameters(_: Cubes) -> str:
     """List the parameters of every figure set, to be folded out."""
-    names = [name for chapter in CHAPTERS.values() for name in chapter]
+    names = [name for chapter in CHAPTER_SETS.values() for name in chapter]
     figure_sets = [(name, describe(STUDIES[name])) for name in names]
     return render(__file__, "parameters", figure_sets=figure_sets)
 

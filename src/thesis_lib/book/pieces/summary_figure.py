@@ -15,24 +15,24 @@ from thesis_lib import files
 from thesis_lib.book.pieces.factors import FACTORS, Curve, Factor, read_curves
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.plotting.style import COLORS, in_style, subplots, svg
+from thesis_lib.plotting.style import CYCLE_COLORS, in_style, subplots, svg
 
-NAME = "conclusions.svg"
-GROUPS = dict(
+FIGURE_FILE = "conclusions.svg"
+PANEL_GROUPS = dict(
     zip(
         ("beam", "plate", "sound", "experiment"),
-        COLORS[:2] + COLORS[2:3] + COLORS[4:5],
+        CYCLE_COLORS[:2] + CYCLE_COLORS[2:3] + CYCLE_COLORS[4:5],
         strict=True,
     )
 )
-TITLES = {
+PANEL_TITLES = {
     "closer": "(a) distance, mm",
     "wider": "(b) aperture, °",
     "lower": "(c) elevation, °",
     "finer": "(d) width, px",
     "more": "(e) cameras",
 }
-TICKS = {
+PANEL_TICKS = {
     "closer": (500, 750, 1000, 1500),
     "wider": (20, 50, 150),
     "lower": (5, 10, 20, 60),
@@ -93,8 +93,8 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
 
 
 def _axis(axes: Axes, name: str, factor: Factor) -> None:
-    axes.set(xscale="log", title=TITLES[name])
-    axes.xaxis.set_major_locator(FixedLocator(TICKS[name]))
+    axes.set(xscale="log", title=PANEL_TITLES[name])
+    axes.xaxis.set_major_locator(FixedLocator(PANEL_TICKS[name]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     if factor.better < 0:  # to the right is what should measure better
@@ -102,11 +102,11 @@ def _axis(axes: Axes, name: str, factor: Factor) -> None:
 
 
 def _color(group: str) -> str:
-    return GROUPS[group.partition(",")[0]]
+    return PANEL_GROUPS[group.partition(",")[0]]
 
 
 def _legend() -> list[Line2D]:
-    lines = [Line2D([], [], color=color, label=name) for name, color in GROUPS.items()]
+    lines = [Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()]
     grey = "#555555"
     rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
     stated = Line2D(
@@ -132,4 +132,4 @@ def write(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
     opened = {path.stem: cube_file.read(path) for path in used(made)}
     text = svg(draw(opened))
-    files.whole_text(folder / NAME, text)
+    files.whole_text(folder / FIGURE_FILE, text)

@@ -13,7 +13,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.templates import render
 
-CHAPTERS = {**{number: number for number in "123456"}, "appendices": "ABCDEF"}
+CHAPTER_FILES = {**{number: number for number in "123456"}, "appendices": "ABCDEF"}
 
 
 def tabulate_chapter(name: str) -> str:
@@ -21,7 +21,7 @@ def tabulate_chapter(name: str) -> str:
     kinds: dict[str, list[dict[str, Any]]] = {"figure": [], "table": [], "equation": []}
     for entry in read_index():
         kind, number = entry.item.split()
-        if number[0] in CHAPTERS[name]:
+        if number[0] in CHAPTER_FILES[name]:
             values = {
                 "number": number,
                 "what": entry.what,
@@ -63,7 +63,7 @@ def _is_documented(name: str) -> bool:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    f"thesis-index-{n}": partial(tabulate_chapter, n) for n in CHAPTERS
+    f"thesis-index-{n}": partial(tabulate_chapter, n) for n in CHAPTER_FILES
 }
 
 

@@ -45,7 +45,7 @@ def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
     return text
 
 
-LABORATORY = {  # pieces: figure set, and its template
+LABORATORY_PIECES = {  # pieces: figure set, and its template
     "lab-elevation-results": ("lab-elevation", "optima"),
     "lab-layout-results": ("lab-layout", "results"),
     "lab-equal-pixels-results": ("lab-equal-pixels", "results"),
@@ -93,7 +93,7 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **findings.PIECES,
     **structures.PIECES,
     **rounding.PIECES,
-    **{name: partial(_laboratory, *of) for name, of in LABORATORY.items()},
+    **{name: partial(_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
     "sound-sum": sound.sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions.PIECES,

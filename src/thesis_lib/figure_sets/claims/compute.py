@@ -30,9 +30,9 @@ from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import declared, labelled
 
-CHAPTERS = (3, 4, 6)  # simulated
-FACTORS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-DRAWS = 50  # trials that stand for the thesis
+SIMULATED_CHAPTERS = (3, 4, 6)  # simulated
+FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+THESIS_DRAWS = 50  # trials that stand for the thesis
 
 VARIABLES = declared("""
     power_claims(chapter) [1] stated values
@@ -77,20 +77,20 @@ def compute_power(
     `cube_of` returns the cube of a figure set, or why there is none. Claims of other chapters, and
     those that cannot be judged, are left out.
     """
-    total, expected = np.zeros(len(CHAPTERS), int), np.zeros(len(CHAPTERS))
-    scaled = np.zeros((len(CHAPTERS), len(FACTORS)), int)
+    total, expected = np.zeros(len(SIMULATED_CHAPTERS), int), np.zeros(len(SIMULATED_CHAPTERS))
+    scaled = np.zeros((len(SIMULATED_CHAPTERS), len(FACTOR_LEVELS)), int)
     for claim in stated:
-        cube = cube_of(claim.figure_set) if claim.chapter in CHAPTERS else ""
+        cube = cube_of(claim.figure_set) if claim.chapter in SIMULATED_CHAPTERS else ""
         if isinstance(cube, str) or isinstance(verdicts.judge(cube, claim), str):
             continue
-        at = CHAPTERS.index(claim.chapter)
+        at = SIMULATED_CHAPTERS.index(claim.chapter)
         errors = verdicts.errors(cube, claim)
         band = cubes.band(errors)[::2]
-        trials = errors.transpose("setting", "trial").values[:, 1 : 1 + DRAWS]
+        trials = errors.transpose("setting", "trial").values[:, 1 : 1 + THESIS_DRAWS]
         total[at] += 1
         expected[at] += np.mean([met(claim_from_errors(claim, one), band) for one in trials.T])
-        scaled[at] += [met(claim, band, factor) for factor in FACTORS]
+        scaled[at] += [met(claim, band, factor) for factor in FACTOR_LEVELS]
     values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
-    factor = labelled({"factor": list(FACTORS)}, VARIABLES)
-    coords = {"chapter": ("chapter", list(CHAPTERS)), **factor}
+    factor = labelled({"factor": list(FACTOR_LEVELS)}, VARIABLES)
+    coords = {"chapter": ("chapter", list(SIMULATED_CHAPTERS)), **factor}
     return xr.Dataset(labelled(values, VARIABLES), coords)

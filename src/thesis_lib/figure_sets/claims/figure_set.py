@@ -4,9 +4,9 @@ from thesis_lib.figure_sets.claims.parameters import Claims
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs, Product
 from thesis_lib.studies.request import Study
 
-ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
-OWN_RUNS = Product(module=f"{__package__}.own_runs", rooms=ROOMS, kept=True)
-OTHER_READINGS = Product(module=f"{__package__}.readings", rooms=ROOMS, kept=True)
+LEDGER_ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
+OWN_RUNS = Product(module=f"{__package__}.own_runs", rooms=LEDGER_ROOMS, kept=True)
+OTHER_READINGS = Product(module=f"{__package__}.readings", rooms=LEDGER_ROOMS, kept=True)
 
 
 def needs(asked: Claims) -> Inputs:
@@ -26,7 +26,7 @@ FIGURE_SETS = [
         request=Claims,
         chapter="",
         module=f"{__package__}.compute",
-        rooms=ROOMS,
+        rooms=LEDGER_ROOMS,
         needs=needs,
         reads=reads,
     )

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from thesis_lib.ledger.entries import Entry, from_cube
-from thesis_lib.plotting.style import COLORS, REFERENCE, subplots
+from thesis_lib.plotting.style import CYCLE_COLORS, REFERENCE_COLOR, subplots
 
-MARKS = {  # verdict: colour and shape, so that neither says it alone
-    "agrees": (COLORS[0], "o"),
-    "within scatter": (COLORS[5], "D"),
-    "differs": (COLORS[4], "^"),
+VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
+    "agrees": (CYCLE_COLORS[0], "o"),
+    "within scatter": (CYCLE_COLORS[5], "D"),
+    "differs": (CYCLE_COLORS[4], "^"),
 }
 
 
@@ -34,8 +34,8 @@ def chapter(cube: xr.Dataset, number: int) -> Figure:
 def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     ends = [e.least for e in part] + [e.most for e in part] + [e.high for e in part]
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
-    axes.plot(span, span, color=REFERENCE, lw=1, zorder=1)
-    for verdict, (color, shape) in MARKS.items():
+    axes.plot(span, span, color=REFERENCE_COLOR, lw=1, zorder=1)
+    for verdict, (color, shape) in VERDICT_MARKS.items():
         chosen = [e for e in part if e.verdict == verdict]
         if not chosen:
             continue
@@ -74,17 +74,19 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     ratios = [np.log2(e.median / np.sqrt(e.least * e.most)) for e in part]
     edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
     bins = np.arange(-edge, edge + 0.01, 0.25)
-    stacks = [[r for r, e in zip(ratios, part, strict=True) if e.verdict == v] for v in MARKS]
+    stacks = [
+        [r for r, e in zip(ratios, part, strict=True) if e.verdict == v] for v in VERDICT_MARKS
+    ]
     axes.hist(
         stacks,
         bins=list(bins),
         stacked=True,
-        label=list(MARKS),
-        color=[color for color, _ in MARKS.values()],
+        label=list(VERDICT_MARKS),
+        color=[color for color, _ in VERDICT_MARKS.values()],
     )
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
-    axes.axvline(0, color=REFERENCE, lw=1)
+    axes.axvline(0, color=REFERENCE_COLOR, lw=1)
     axes.axvline(float(np.median(ratios)), color="#222222", lw=1, ls="--")
     axes.text(
         0.98,
@@ -112,7 +114,7 @@ def readings(cube: xr.Dataset) -> Figure:
     drawing, axes = subplots(figsize=(7.6, 0.5 + 0.22 * len(names)), layout="constrained")
     place = np.arange(len(names))[::-1]
     left = np.zeros(len(names))
-    for number, color, part in zip((3, 4, 6), COLORS, inside.T, strict=False):
+    for number, color, part in zip((3, 4, 6), CYCLE_COLORS, inside.T, strict=False):
         axes.barh(place, part, 0.75, left, color=color, label=f"chapter {number}")
         left += part
     axes.axvline(left[0], color="#222222", lw=0.8, ls="--")

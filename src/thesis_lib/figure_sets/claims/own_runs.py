@@ -32,9 +32,9 @@ from thesis_lib.vision.simulation import measure, percent_errors
 
 TILTS_DEG = (0, 15, 30, 45)
 WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs
-LOW_DEG, HIGH_DEG, FAR = 10, 60, 2
+LOW_DEG, HIGH_DEG, FAR_RATIO = 10, 60, 2
 ASKEW_PLATE = "plate-askew"
-ASKEW = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
+ASKEW_MODES = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
 
 VARIABLES = declared("""
     errors(series, setting, trial) [percent] error of the random trials
@@ -136,7 +136,7 @@ def _corners(structure: str) -> Source:
         pairs = halves if n == "many" else middle
         cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
         layouts[f"{n} {phi} {half}"] = [cameras]
-    runs = [_layouts(structure, layouts, distance_mm=d) for d in (near, FAR * near)]
+    runs = [_layouts(structure, layouts, distance_mm=d) for d in (near, FAR_RATIO * near)]
 
     def read(made: Sequence[xr.Dataset]) -> list[Series]:
         near_, far = made
@@ -179,7 +179,9 @@ def _askew(study: CameraStudy) -> list[Series]:
     """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
     plate, peak = study.structure, study.peaks_m[0]
     plain = deflection_shape(plate, 1, plate.markers, peak)
-    askew = np.sum([deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW], axis=0)
+    askew = np.sum(
+        [deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES], axis=0
+    )
     shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
     points = world_points(plate, shapes)
     mean, largest = [], []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from thesis_lib.facts.readings import ADOPTED, READINGS
+from thesis_lib.facts.readings import ADOPTED_READING, READINGS
 from thesis_lib.studies.fields import Seed, Shifts, refuse
 from thesis_lib.studies.request import Study
 
@@ -38,7 +38,7 @@ class OtherReadings(Ledger):
     title = "Ledger: other readings"
 
     readings: list[str] = Field(
-        [name for name in READINGS if name != ADOPTED],
+        [name for name in READINGS if name != ADOPTED_READING],
         description="readings of what the thesis leaves open, to compare with the adopted one",
     )
 

@@ -19,7 +19,7 @@ import xarray as xr
 from thesis_lib.acoustics.plate_sound import PlateSound
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.facts.claims import claims_of, read_claims
-from thesis_lib.facts.readings import ADOPTED, READINGS, Reading
+from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading
 from thesis_lib.figure_sets.claims.parameters import OtherReadings
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
@@ -32,8 +32,8 @@ from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance
 
-CHAPTERS = {"beam": 3, "plate": 4, "sound": 6}
-OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values
+CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
+VALUE_OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values
 
 VARIABLES = declared("""
     reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
@@ -138,7 +138,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         ``lost(reading)`` of them against the adopted reading; ``log_residual(reading, chapter)``:
         rms natural logarithm of median over stated, of claims with one value or an interval.
     """
-    chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED, *study.readings])]
+    chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
     seed, trials = study.seed, study.trials
     same: dict[str, Any] = {}
     with warnings.catch_warnings():
@@ -146,9 +146,9 @@ def run(study: OtherReadings) -> xr.Dataset:
         judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
         made = [judge(chosen[0])]  # first alone: the others share with it
         made += abreast(judge, chosen[1:])
-    chapters = list(CHAPTERS.values())
+    chapters = list(CHAPTER_OF_GROUP.values())
     shape = (len(chosen), len(chapters))
-    counts = np.zeros((*shape, len(OUTCOMES)), int)
+    counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
     simulated = [claim for claim in read_claims() if claim.chapter in chapters]
@@ -160,7 +160,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         lost[r] = sum(met[0][name] and not met[r][name] for name in both)
         for c, chapter in enumerate(chapters):
             part = [check for check in of_reading if check.claim.chapter == chapter]
-            counts[r, c] = [sum(check.verdict == v for check in part) for v in OUTCOMES]
+            counts[r, c] = [sum(check.verdict == v for check in part) for v in VALUE_OUTCOMES]
             counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
             inside[r, c] = sum(check.inside for check in part)
             residual[r, c] = log_residual(part)
@@ -175,7 +175,7 @@ def run(study: OtherReadings) -> xr.Dataset:
     coords = {
         "reading": [reading.name for reading in chosen],
         "chapter": chapters,
-        "outcome": list(OUTCOMES),
+        "outcome": list(VALUE_OUTCOMES),
         "value": [claim.id for claim in simulated],
     }
     return xr.Dataset(labelled(values, VARIABLES), labelled(coords, VARIABLES))

@@ -19,16 +19,21 @@ from thesis_lib.figure_sets.claims import readings
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends
 from thesis_lib.ledger.entries import Entry, from_cube
-from thesis_lib.ledger.series import RESAMPLES
-from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, WIDER, WIDER_BELOW_10
+from thesis_lib.ledger.series import RESAMPLE_COUNT
+from thesis_lib.ledger.verdicts import (
+    UNCHANGED,
+    VERDICTS,
+    WIDENING_POINTS,
+    WIDENING_POINTS_BELOW_10,
+)
 from thesis_lib.templates import render
 from thesis_lib.web.fragment import COLOURS_CSS, asset, joined, plain, static_html
 
-_ESM = joined("ledger")
-_CSS = COLOURS_CSS + asset("ledger.css")
-WITHOUT = "This table needs JavaScript; `thesis claims` prints the same."
-KINDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
-_IMPORTANCE = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
+_LEDGER_SCRIPT = joined("ledger")
+_LEDGER_STYLE = COLOURS_CSS + asset("ledger.css")
+NO_SCRIPT_TEXT = "This table needs JavaScript; `thesis claims` prints the same."
+KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
+_VERDICT_ORDER = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
 
 
 class LedgerTable(anywidget.AnyWidget):
@@ -45,8 +50,8 @@ class LedgerTable(anywidget.AnyWidget):
         claim in the order to show; the last n, 0 by default, are shown only if asked for.
     """
 
-    _esm = _ESM
-    _css = _CSS
+    _esm = _LEDGER_SCRIPT
+    _css = _LEDGER_STYLE
     data = traitlets.Dict().tag(sync=True)
 
     @traitlets.validate("data")
@@ -61,7 +66,13 @@ class LedgerTable(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = static_html(_ESM, _CSS, {"data": self.data, "page": True}, WITHOUT, prints=True)
+        page = static_html(
+            _LEDGER_SCRIPT,
+            _LEDGER_STYLE,
+            {"data": self.data, "page": True},
+            NO_SCRIPT_TEXT,
+            prints=True,
+        )
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
@@ -73,10 +84,10 @@ def totals_table(cube: xr.Dataset) -> Markdown:
     """Count verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
     found = from_cube(cube)
     rows = []
-    for chapter, kind, counted in product(ledger.CHAPTERS, KINDS, (True, False)):
+    for chapter, kind, counted in product(ledger.THESIS_CHAPTERS, KIND_WORDS, (True, False)):
         part = [e for e in found if (e.chapter, e.kind, e.counted) == (chapter, kind, counted)]
         if part:
-            words = {"chapter": chapter, "kind": KINDS[kind], "counted": counted}
+            words = {"chapter": chapter, "kind": KIND_WORDS[kind], "counted": counted}
             rows.append(words | _count(part))
     every = _count([entry for entry in found if entry.counted])
     return _fill("totals", rows=rows, every=every, verdicts=VERDICTS)
@@ -115,14 +126,14 @@ def rules() -> Markdown:
     """List the tolerances, which are equal for all claims."""
     return _fill(
         "rules",
-        wider=WIDER,
-        wider_below_10=WIDER_BELOW_10,
-        effect=f"{trends.MATERIAL:.0%}",
-        confident=trends.CONFIDENT,
-        resamples=RESAMPLES,
+        wider=WIDENING_POINTS,
+        wider_below_10=WIDENING_POINTS_BELOW_10,
+        effect=f"{trends.MIN_MATERIAL_FALL:.0%}",
+        confident=trends.MIN_CONFIDENCE,
+        resamples=RESAMPLE_COUNT,
         unchanged=UNCHANGED,
         one_run_flat=trends.ONE_RUN_FLAT,
-        alike=trends.ALIKE,
+        alike=trends.MAX_ALIKE_RATIO,
     )
 
 
@@ -130,10 +141,12 @@ def differing(cube: xr.Dataset) -> Markdown:
     """List the claims that differ by what they have in common; bookkeeping is folded away."""
     found = [e for e in from_cube(cube) if e.verdict in ("differs", "undefined")]
     groups = {}
-    for words, belongs in _GROUPS.items():
+    for words, belongs in _ENTRY_GROUPS.items():
         groups[words] = [entry for entry in found if entry.counted and belongs(entry)]
         found = [entry for entry in found if entry not in groups[words]]
-    apart = {words: [e for e in found if e.kind in kinds] for words, kinds in _APART.items()}
+    apart = {
+        words: [e for e in found if e.kind in kinds] for words, kinds in _SEPARATE_ENTRIES.items()
+    }
     return _fill(
         "differing",
         groups={words: part for words, part in groups.items() if part},
@@ -145,7 +158,7 @@ def _is_mean(entry: Entry) -> bool:
     return entry.kind == "figure" and entry.what.startswith("mean")
 
 
-_GROUPS: dict[str, Callable[[Entry], bool]] = {
+_ENTRY_GROUPS: dict[str, Callable[[Entry], bool]] = {
     "mean errors that are larger here": lambda e: _is_mean(e) and e.ratio > 1,
     "mean errors that are smaller here": _is_mean,
     "largest errors of a marker, which the thesis reads off a bar of a figure": lambda e: (
@@ -160,7 +173,7 @@ _GROUPS: dict[str, Callable[[Entry], bool]] = {
 }
 """What claims that differ have in common; the first that holds counts."""
 
-_APART = {
+_SEPARATE_ENTRIES = {
     "values of chapter 5, judged by rendered recordings": ("figure", "trend"),
     "bookkeeping: counts of printed rows, arithmetic on printed numbers": ("number",),
 }
@@ -180,7 +193,7 @@ def _importance(entry: Entry) -> tuple[bool, int, bool, int, float]:
     apart = abs(np.log(ratio)) if ratio > 0 else np.inf
     concluded = entry.kind == "trend" and "-concluding-" in entry.id
     kind = ("trend", "figure", "number").index(entry.kind)
-    return last, _IMPORTANCE.index(entry.verdict), not concluded, kind, -apart
+    return last, _VERDICT_ORDER.index(entry.verdict), not concluded, kind, -apart
 
 
 def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:

@@ -12,20 +12,20 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import dither
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import (
-    APPROACHES,
+    ASSUMED_MISTAKES,
     ESTIMATORS,
-    MISTAKES,
-    NOISES,
+    NOISES_PX,
+    TRACKING_APPROACHES,
     equal_pixels,
     noisy_shares,
 )
 from thesis_lib.figure_sets.design_law.sweeps import (
+    APERTURES_DEG,
     CONE_MOTION_PX,
-    FINDINGS,
-    MODES,
-    OPENINGS,
+    ELEVATIONS_DEG,
     STRUCTURES,
-    TILTS,
+    SWEPT_FINDINGS,
+    SWEPT_MODES,
     arrays,
     findings,
     pairs,
@@ -39,11 +39,13 @@ from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.vision.triangulation import covariance, gain, triangulate
 
-PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
-MOTIONS = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
-ANGLES = np.arange(5.0, 86.0)  # degrees, of the cone
-DRAWS = 20  # for each trial, where one costs little
-ROUNDING = 1e-13  # what differs by less is equal on some processors and not on others
+CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
+MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
+CONE_ANGLES_DEG = np.arange(5.0, 86.0)  # degrees, of the cone
+DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
+MAX_PROCESSOR_DIFFERENCE = (
+    1e-13  # what differs by less is equal on some processors and not on others
+)
 
 VARIABLES = declared(f"""
     motion_error(motion) [px] rms rounding error of a motion by the law
@@ -56,7 +58,8 @@ VARIABLES = declared(f"""
     cone_jacobian_error(angle, axis) [m] standard deviation at the centre of a cone, by the Jacobian
     cone_drawn_error(angle, axis) [m] rms error of random motions with whole pixels, drawn
     cone_drawn_error_std(angle, axis) [m] standard error of the drawn error of a cone
-    cone_difference() [1] largest relative difference of closed form and Jacobian, {ROUNDING:g} if
+    cone_difference() [1] largest relative difference of closed form and Jacobian,
+    {MAX_PROCESSOR_DIFFERENCE:g} if
         less
     swept(finding, structure, step) [1] value of the varied parameter
     expected_error(finding, structure, step) [percent] rms error of markers by the law, amplitudes
@@ -194,36 +197,36 @@ def run(study: DesignLaw) -> xr.Dataset:
 
 
 def _coordinates(study: DesignLaw) -> dict[str, Any]:
-    asked = [(one, part) for one in STRUCTURES for part in PARTS]
+    asked = [(one, part) for one in STRUCTURES for part in CHAPTER_PARTS]
     every = [(*a, s) for a in asked for s in thesis_study(study, *a).settings()]
     values = {
-        "motion": MOTIONS,
+        "motion": MOTIONS_PX,
         "of_structure": [a for a, _, _ in every],
         "of_part": [b for _, b, _ in every],
         "of_layout": [s.case for *_, s in every],
         "label": [s.label for *_, s in every],
-        "shape": list(MODES),
-        "angle": ANGLES,
+        "shape": list(SWEPT_MODES),
+        "angle": CONE_ANGLES_DEG,
         "axis": ["X", "Y", "Z"],
-        "finding": list(FINDINGS),
+        "finding": list(SWEPT_FINDINGS),
         "structure": list(STRUCTURES),
         "array": list(setups.pairs()),
         "amplitudes": ["of the thesis", "averaged"],
-        "tilt": list(TILTS),
-        "opening": list(OPENINGS),
+        "tilt": list(ELEVATIONS_DEG),
+        "opening": list(APERTURES_DEG),
         "count": study.counts,
         "rate": study.frame_rates_hz,
         "estimator": list(ESTIMATORS),
         "rule": list(estimators.ESTIMATORS),
-        "crowd": list(dither.CROWDS),
-        "noise": list(dither.NOISES),
-        "image_noise": NOISES,
-        "approach": list(APPROACHES),
-        "mistake": list(MISTAKES),
-        "stand": [", ".join(f"{d:g}" for d in one) for one in dither.STANDS],
-        "swing": dither.SWINGS,
-        "shake": dither.SHAKES,
-        "disc": dither.DISCS,
+        "crowd": list(dither.CROWD_SIZES),
+        "noise": list(dither.NOISES_PX),
+        "image_noise": NOISES_PX,
+        "approach": list(TRACKING_APPROACHES),
+        "mistake": list(ASSUMED_MISTAKES),
+        "stand": [", ".join(f"{d:g}" for d in one) for one in dither.STAND_DISTANCES_M],
+        "swing": dither.SWINGS_PX,
+        "shake": dither.SHAKES_PX,
+        "disc": dither.DISC_DIAMETERS_PX,
     }
     return labelled(values, COORDINATES)
 
@@ -234,11 +237,11 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
 def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
     """One coordinate: the law, and as many draws."""
     random = np.random.default_rng(study.seed)
-    place = random.uniform(-0.5, 0.5, (DRAWS * study.trials, 1))
-    error = pixelate(place + MOTIONS) - pixelate(place) - MOTIONS
+    place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
+    error = pixelate(place + MOTIONS_PX) - pixelate(place) - MOTIONS_PX
     drawn, std = estimators.rms_with_std(error)
     return {
-        "motion_error": np.sqrt(rounding.difference_variance(MOTIONS)),
+        "motion_error": np.sqrt(rounding.difference_variance(MOTIONS_PX)),
         "drawn_motion_error": drawn,
         "drawn_motion_error_std": std,
     }
@@ -248,7 +251,7 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Every setting of chapters 3 and 4: law, simulation, and independent roundings."""
     law, simulated, naive = [], [], []
     for structure in STRUCTURES:
-        for part in PARTS:
+        for part in CHAPTER_PARTS:
             request = thesis_study(study, structure, part)
             made = studies.run(request)
             law.append(made["predicted_error"].values)
@@ -278,11 +281,11 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
     random = np.random.default_rng(study.seed)
     reach = CONE_MOTION_PX * distance / focal
-    moved = random.uniform(-reach, reach, (3, DRAWS * study.trials))
+    moved = random.uniform(-reach, reach, (3, DRAWS_PER_TRIAL * study.trials))
     shift = random.uniform(-0.5, 0.5, (n, 2, 1, moved.shape[1]))
     points = np.stack([np.zeros_like(moved), moved], axis=1)
     closed, exact, drawn = [], [], []
-    for angle in np.radians(ANGLES):
+    for angle in np.radians(CONE_ANGLES_DEG):
         P = cone_cameras(distance, angle, n, focal, study.resolution_px).P
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
         exact.append(covariance(P, np.zeros(3), MOTION_PX))
@@ -295,7 +298,9 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
         "cone_jacobian_error": np.sqrt(np.diagonal(exact, axis1=1, axis2=2)),
         "cone_drawn_error": [rms for rms, _ in drawn],
         "cone_drawn_error_std": [std for _, std in drawn],
-        "cone_difference": max(ROUNDING, np.max(np.abs(np.array(exact) - closed) / scale)),
+        "cone_difference": max(
+            MAX_PROCESSOR_DIFFERENCE, np.max(np.abs(np.array(exact) - closed) / scale)
+        ),
     }
 
 
@@ -322,7 +327,7 @@ def summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
         of(f"pairs, drawn over closed form, {words}", np.sqrt(np.mean(over**2)))
     for one in STRUCTURES:
         part = cube.sel(structure=one)
-        for finding in FINDINGS[:-1]:
+        for finding in SWEPT_FINDINGS[:-1]:
             of(f"exponent of {finding}, {one}", part["expected_exponent"].sel(finding=finding))
             of(f"exponent of {finding} at the centre, {one}",
                part["centre_exponent"].sel(finding=finding))  # fmt: skip

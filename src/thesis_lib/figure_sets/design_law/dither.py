@@ -13,50 +13,57 @@ from thesis_lib.vision import dither, estimators
 from thesis_lib.vision.estimators import rms_with_std
 from thesis_lib.vision.pinhole import pixelate
 
-CROWDS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
-DISTANCE = 0.75  # m
-NOISES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
-NOISY = 12
+CROWD_SIZES = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
+CROWD_DISTANCE_M = 0.75  # m
+NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
+NOISY_CAMERAS = 12
 WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
-FEWER = 10  # layouts there
-COMPARED = ("least-squares", "analytic-centre")
-STANDS = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
-SHARP, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
-LAYOUTS, MARKERS = 30, 100  # at most
-SWINGS = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
-SHAKES = np.round(np.linspace(0, 1, 21), 9)  # px, standard deviations
-DISCS = np.arange(2.0, 13.0)  # px, diameters
-FRAMES = 100  # of a shaking camera
-PHASES = 997  # frames of a sinusoid, for all phases
-DRAWS = 5  # for each trial
+NOISY_LAYOUTS = 10  # layouts there
+COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
+STAND_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
+SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
+MAX_LAYOUTS, MAX_MARKERS = 30, 100  # at most
+SWINGS_PX = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
+SHAKES_PX = np.round(np.linspace(0, 1, 21), 9)  # px, standard deviations
+DISC_DIAMETERS_PX = np.arange(2.0, 13.0)  # px, diameters
+SHAKE_FRAMES = 100  # of a shaking camera
+SINUSOID_FRAMES = 997  # frames of a sinusoid, for all phases
+DRAWS_PER_TRIAL = 5  # for each trial
 
 
 def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
     """Deflection errors over random layouts: number of cameras, noise of pixels, distances."""
-    layouts = min(LAYOUTS, study.trials)
+    layouts = min(MAX_LAYOUTS, study.trials)
 
     def crowded(n_cameras: int, noise_px: float) -> Array:
-        stand = (DISTANCE,) * n_cameras
-        return estimators.deflection_errors(stand, layouts, MARKERS, noise_px, seed=study.seed)
+        stand = (CROWD_DISTANCE_M,) * n_cameras
+        return estimators.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
 
     def apart(stand: tuple[float, ...]) -> Array:
         errors = estimators.deflection_errors(
-            stand, layouts, MARKERS, 0.0, SHARP_FOCAL_PX, SHARP, study.seed
+            stand, layouts, MAX_MARKERS, 0.0, SHARP_FOCAL_PX, SHARP_SIZE_PX, study.seed
         )
         return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
 
     # what is asked for several times is drawn once: fewer layouts are the first of more
-    clean = {n: crowded(n, 0.0) for n in CROWDS}
-    noisy = [crowded(NOISY, noise) if noise else clean[NOISY] for noise in NOISES]
-    compared = [estimators.ESTIMATORS.index(rule) for rule in COMPARED]
+    clean = {n: crowded(n, 0.0) for n in CROWD_SIZES}
+    noisy = [
+        crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in NOISES_PX
+    ]
+    compared = [estimators.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
         "tolerated_noise": [
-            tolerance(n, min(FEWER, layouts), study.seed, errors[:FEWER].take(compared, axis=1))
+            tolerance(
+                n,
+                min(NOISY_LAYOUTS, layouts),
+                study.seed,
+                errors[:NOISY_LAYOUTS].take(compared, axis=1),
+            )
             for n, errors in clean.items()
         ],
         **_named("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
         **_named("noise_error", [rms_with_std(errors) for errors in noisy]),
-        "stand_error": [apart(stand) for stand in STANDS],
+        "stand_error": [apart(stand) for stand in STAND_DISTANCES_M],
     }
 
 
@@ -77,7 +84,12 @@ def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = Non
         errors = clean
         if noise or errors is None:
             errors = estimators.deflection_errors(
-                (DISTANCE,) * n_cameras, layouts, MARKERS, noise, seed=seed, rules=COMPARED
+                (CROWD_DISTANCE_M,) * n_cameras,
+                layouts,
+                MAX_MARKERS,
+                noise,
+                seed=seed,
+                rules=COMPARED_ESTIMATORS,
             )
         least, centre = estimators.over_layouts(errors)
         gains.append(1 - centre / least)
@@ -93,8 +105,8 @@ def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = Non
 def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
     """Compute the residual rounding error by motion, shake and size: closed forms, and drawn."""
     random = np.random.default_rng([study.seed, 1])
-    draws = DRAWS * study.trials
-    theta = 2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES
+    draws = DRAWS_PER_TRIAL * study.trials
+    theta = 2 * np.pi * (np.arange(SINUSOID_FRAMES) + 0.5) / SINUSOID_FRAMES
     place = random.uniform(-0.5, 0.5, (draws, 1))
 
     def swing(a: float) -> Array:
@@ -102,7 +114,7 @@ def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
         return np.asarray(2 * np.mean(seen * np.cos(theta), axis=1) - a)
 
     def shake(s: float) -> Array:
-        seen = pixelate(place + s * random.standard_normal((draws, FRAMES)))
+        seen = pixelate(place + s * random.standard_normal((draws, SHAKE_FRAMES)))
         return np.asarray(np.mean(seen, axis=1) - place[:, 0])
 
     def disc(diameter: float) -> Array:
@@ -116,11 +128,11 @@ def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
         return _named(f"drawn_{of.__name__}_error", found)
 
     return {
-        "swing_error": np.sqrt(dither.amplitude_variance(SWINGS)),
-        **drawn(swing, SWINGS),
-        "shake_error": np.sqrt(dither.shaken_variance(FRAMES, SHAKES)),
-        "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES)),
-        **drawn(shake, SHAKES),
-        "disc_error": [dither.disc_variance(one) ** 0.5 for one in DISCS],
-        **drawn(disc, DISCS),
+        "swing_error": np.sqrt(dither.amplitude_variance(SWINGS_PX)),
+        **drawn(swing, SWINGS_PX),
+        "shake_error": np.sqrt(dither.shaken_variance(SHAKE_FRAMES, SHAKES_PX)),
+        "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES_PX)),
+        **drawn(shake, SHAKES_PX),
+        "disc_error": [dither.disc_variance(one) ** 0.5 for one in DISC_DIAMETERS_PX],
+        **drawn(disc, DISC_DIAMETERS_PX),
     }

@@ -14,40 +14,42 @@ from thesis_lib.figure_sets.design_law import dither as design_dither
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX
 from thesis_lib.figure_sets.design_law.tables import SHOWN_NOISES_PX
 from thesis_lib.plotting.style import (
-    COLORS,
-    HIGHLIGHT,
-    INK,
-    REFERENCE,
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    INK_COLOR,
+    REFERENCE_COLOR,
     color,
     log_axes,
     logarithmic,
     subplots,
 )
 from thesis_lib.vision import dither
-from thesis_lib.vision.cone_law import ISOTROPIC, MOTION_PX
+from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX
 from thesis_lib.vision.rounding import difference_variance
 
-SIZE = (7.2, 3.3)  # inches
+FIGURE_SIZE_IN = (7.2, 3.3)  # inches
 _PER_PIXEL = 181  # motions at which the law is drawn, in each pixel
-EVERY = 5  # of the drawn angles, so that dots stand apart
-PERCENT = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
+DRAWN_ANGLE_STEP = 5  # of the drawn angles, so that dots stand apart
+PERCENT_TICKS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
 
 
 def motion(cube: xr.Dataset) -> Figure:
     """Plot the rounding error of one coordinate against its motion, and relative to it."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     every = _arched(delta[0], delta[-1])
     law = np.sqrt(difference_variance(every))
     for axes, power in ((left, 0), (right, 1)):
         scale = (100 / every) ** power
-        axes.plot(every, scale * law, color=COLORS[0], lw=1.6, label="the law")
-        axes.plot(delta, (100 / delta) ** power * drawn, "o", color=INK, ms=2.2, label="drawn")
+        axes.plot(every, scale * law, color=CYCLE_COLORS[0], lw=1.6, label="the law")
+        axes.plot(
+            delta, (100 / delta) ** power * drawn, "o", color=INK_COLOR, ms=2.2, label="drawn"
+        )
         axes.plot(
             every,
             scale * MOTION_PX,
             "--",
-            color=COLORS[4],
+            color=CYCLE_COLORS[4],
             lw=1.2,
             label="two independent roundings",
         )
@@ -60,9 +62,9 @@ def motion(cube: xr.Dataset) -> Figure:
     )
     left.legend(loc="upper right")
     small = delta < 0.2
-    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK, lw=1.2)
-    right.annotate("1/√δ", (0.013, 480), color=INK)
-    right.annotate("1/δ", (0.04, 1300), color=COLORS[4])
+    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK_COLOR, lw=1.2)
+    right.annotate("1/√δ", (0.013, 480), color=INK_COLOR)
+    right.annotate("1/δ", (0.04, 1300), color=CYCLE_COLORS[4])
     log_axes(right, [0.01, 0.1, 1, 5], [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     right.set(title="(b) in % of the motion", xlabel="motion of the image in px", ylim=(4, 3000))
     return drawing
@@ -81,11 +83,11 @@ def _arched(first: float, last: float) -> Array:
 
 def settings(cube: xr.Dataset) -> Figure:
     """Plot predicted against simulated errors of all settings of the thesis."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
-    left.plot(ends, ends, color=REFERENCE, lw=1)
-    right.axhline(1, color=REFERENCE, lw=1)
+    left.plot(ends, ends, color=REFERENCE_COLOR, lw=1)
+    right.axhline(1, color=REFERENCE_COLOR, lw=1)
     for number, one in enumerate(cube["structure"].values):
         rows = cube["of_structure"].values == one
         x, marker = simulated[rows].ravel(), "os"[number % 2]
@@ -95,15 +97,15 @@ def settings(cube: xr.Dataset) -> Figure:
         right.plot(
             x,
             naive / x,
-            color=COLORS[4],
+            color=CYCLE_COLORS[4],
             mfc="none",
             mew=0.6,
             label=f"{one}, independent roundings",
             **style,
         )
         right.plot(x, law / x, color=color(2 * number), label=f"{one}, the law", **style)
-    log_axes(left, PERCENT, PERCENT)
-    logarithmic(right.xaxis, PERCENT)
+    log_axes(left, PERCENT_TICKS, PERCENT_TICKS)
+    logarithmic(right.xaxis, PERCENT_TICKS)
     words = "rms error over the trials in %"
     left.set(
         title="(a) predicted against simulated",
@@ -127,17 +129,19 @@ def cone(cube: xr.Dataset) -> Figure:
     ):
         closed, drawn = (1000 * cube[f"cone{k}_error"].sel(axis=axis) for k in ("", "_drawn"))
         axes.plot(angle, closed, color=color(number), lw=1.6, label=words)
-        axes.plot(angle[::EVERY], drawn[::EVERY], "o", color=color(number), ms=3.5)
-    other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::EVERY]
-    axes.plot(angle[::EVERY], other, "o", color=COLORS[1], ms=3.5, mfc="none")
-    axes.axvline(np.degrees(ISOTROPIC), color=HIGHLIGHT, lw=1)
+        axes.plot(
+            angle[::DRAWN_ANGLE_STEP], drawn[::DRAWN_ANGLE_STEP], "o", color=color(number), ms=3.5
+        )
+    other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::DRAWN_ANGLE_STEP]
+    axes.plot(angle[::DRAWN_ANGLE_STEP], other, "o", color=CYCLE_COLORS[1], ms=3.5, mfc="none")
+    axes.axvline(np.degrees(ISOTROPIC_ANGLE_RAD), color=HIGHLIGHT_COLOR, lw=1)
     axes.annotate(
-        f" {np.degrees(ISOTROPIC):.1f}°: the same\n in all directions",
-        (np.degrees(ISOTROPIC), 0.72),
+        f" {np.degrees(ISOTROPIC_ANGLE_RAD):.1f}°: the same\n in all directions",
+        (np.degrees(ISOTROPIC_ANGLE_RAD), 0.72),
         xycoords=("data", "axes fraction"),
-        color=HIGHLIGHT,
+        color=HIGHLIGHT_COLOR,
     )
-    axes.plot([], [], "o", color=INK, ms=3.5, label="drawn with whole pixels")
+    axes.plot([], [], "o", color=INK_COLOR, ms=3.5, label="drawn with whole pixels")
     axes.set(
         xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
     )
@@ -171,7 +175,7 @@ def findings(cube: xr.Dataset) -> Figure:
                     float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s), lw=0.8
                 )
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
-        logarithmic(axis.yaxis, PERCENT)
+        logarithmic(axis.yaxis, PERCENT_TICKS)
     logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
     logarithmic(axes["resolution"].xaxis, [320, 640, 1280, 1920])
     logarithmic(axes["number"].xaxis, [3, 6, 12, 24, 48])
@@ -184,9 +188,9 @@ def findings(cube: xr.Dataset) -> Figure:
         (("-", 0.6), "modes 1–3"),
         ((":", 1.3), "centre"),
     ):
-        axes["resolution"].plot([], [], style[0], lw=style[1], color=INK, label=words)
+        axes["resolution"].plot([], [], style[0], lw=style[1], color=INK_COLOR, label=words)
     axes["resolution"].legend(loc="lower left")
-    (noise,) = axes["aperture"].plot([], [], "--", lw=1, color=INK)
+    (noise,) = axes["aperture"].plot([], [], "--", lw=1, color=INK_COLOR)
     axes["aperture"].legend([noise], ["independent noise"], loc="upper center")
     return drawing
 
@@ -197,7 +201,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
     for s, one in enumerate(cube["structure"].values):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
         axes.bar(place, cube["array_exponent"].sel(structure=one), 0.34, color=color(2 * s))
-    axes.axhline(-0.5, color=HIGHLIGHT, lw=1)
+    axes.axhline(-0.5, color=HIGHLIGHT_COLOR, lw=1)
     axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
     axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
     axes.grid(visible=False, axis="x")
@@ -232,7 +236,11 @@ def shares(cube: xr.Dataset) -> Figure:
         sensor.plot(n[order][~small], width[~small], "o", ms=3.5, **style)
         sensor.plot(n[order][small], width[small], "x", ms=4.5, **style)
     grid[1].plot(
-        n[order], cube["independent_fit_error"].isel(rate=0, count=order), "--", color=INK, lw=0.9
+        n[order],
+        cube["independent_fit_error"].isel(rate=0, count=order),
+        "--",
+        color=INK_COLOR,
+        lw=0.9,
     )
     for axes, title in zip(
         grid,
@@ -243,7 +251,7 @@ def shares(cube: xr.Dataset) -> Figure:
         axes.set(title=title, xlabel="number of cameras N")
     least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
     for axes in grid[:2]:
-        logarithmic(axes.yaxis, PERCENT)
+        logarithmic(axes.yaxis, PERCENT_TICKS)
         axes.set_ylim(0.75 * least, 150)
     logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
     for e, name in enumerate(cube["estimator"].values):
@@ -252,14 +260,14 @@ def shares(cube: xr.Dataset) -> Figure:
             [],
             ls="none",
             marker="osD^"[e % 4],
-            color=INK,
+            color=INK_COLOR,
             ms=3.5,
             mfc="none" if e else None,
             label=name,
         )
-    grid[1].plot([], [], color=INK, label="the law", **law)
-    grid[1].plot([], [], "--", color=INK, lw=1, label="independent, averaged")
-    grid[2].plot([], [], "x", color=INK, ms=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
+    grid[1].plot([], [], color=INK_COLOR, label="the law", **law)
+    grid[1].plot([], [], "--", color=INK_COLOR, lw=1, label="independent, averaged")
+    grid[2].plot([], [], "x", color=INK_COLOR, ms=4.5, label=f"markers < {FOLLOWED_PX:g} px high")
     grid[0].legend(loc="upper center", ncols=3, columnspacing=0.8, handlelength=1.2, fontsize=7)
     grid[1].legend(loc="upper left", fontsize=7)
     grid[2].legend(loc="lower left", fontsize=7)
@@ -268,7 +276,7 @@ def shares(cube: xr.Dataset) -> Figure:
 
 def estimators(cube: xr.Dataset) -> Figure:
     """Plot errors of the estimators against the number of cameras and the noise of pixels."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     n = cube["crowd"].values
     for k, name in enumerate(cube["rule"].values):
         part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
@@ -277,13 +285,13 @@ def estimators(cube: xr.Dataset) -> Figure:
     first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
     for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
         line = first * (n / n[0]) ** power
-        left.plot(n, line, ":", color=INK, lw=1)
-        left.annotate(words, (n[-1], line[-1]), color=INK, ha="right", va="top")
+        left.plot(n, line, ":", color=INK_COLOR, lw=1)
+        left.annotate(words, (n[-1], line[-1]), color=INK_COLOR, ha="right", va="top")
     log_axes(left, [4, 8, 16, 32, 64], [50, 100, 200, 500, 1000])
     left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
     left.legend(loc="lower left", fontsize=7)
     right.set(
-        title=f"(b) {design_dither.NOISY} cameras, µm",
+        title=f"(b) {design_dither.NOISY_CAMERAS} cameras, µm",
         ylim=(0, None),
         xlabel="noise of the images before rounding, px",
     )
@@ -292,7 +300,7 @@ def estimators(cube: xr.Dataset) -> Figure:
 
 def noisy(cube: xr.Dataset) -> Figure:
     """Plot errors at equal pixels per second against the number of cameras and the noise."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained")
+    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     drawn, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     counts, noises = np.sort(cube["count"].values), cube["image_noise"].values
     styles = (("o", "none"), ("s", "none"), ("", "-"))  # in the order of the approaches
@@ -312,7 +320,7 @@ def noisy(cube: xr.Dataset) -> Figure:
     for k, count in enumerate((counts[0], counts[len(counts) // 2], counts[-1])):
         lines(right, drawn.sel(count=count), places, f"{count} cameras", k)
     few = least.sel(count=counts[0]).values
-    right.plot(noises[noises > 0], few[noises > 0], ":", color=INK, lw=1.2, label="bound")
+    right.plot(noises[noises > 0], few[noises > 0], ":", color=INK_COLOR, lw=1.2, label="bound")
     for axes, title in ((left, "(a) error of a deflection, µm"), (right, "(b) the same, µm")):
         logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
         axes.set(title=title)
@@ -325,7 +333,7 @@ def noisy(cube: xr.Dataset) -> Figure:
     right.set_xlabel("noise of the images before rounding, px")
     for name, (marker, line) in zip(drawn["approach"].values, styles, strict=True):
         left.plot([], [], ls=line, marker=marker, ms=3.5, mfc="none",
-                  color=INK, label=str(name))  # fmt: skip
+                  color=INK_COLOR, label=str(name))  # fmt: skip
     left.legend(loc="lower left", fontsize=6, ncols=2)
     right.legend(loc="upper left", fontsize=7)
     return drawing
@@ -344,28 +352,28 @@ def dithering(cube: xr.Dataset) -> Figure:
     shake, disc = (np.linspace(*ends[name], 201) for name in ("shake", "disc"))
     closed_forms = {
         "swing": (swing, np.sqrt(dither.amplitude_variance(swing))),
-        "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.FRAMES, shake))),
+        "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.SHAKE_FRAMES, shake))),
         "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
     }
     for axes, (name, title, words) in zip(grid, panels, strict=True):
         x = cube[name].values
         axes.axhline(
             dither.ONE_FRAME**0.5,
-            color=COLORS[4],
+            color=CYCLE_COLORS[4],
             ls="--",
             lw=1.2,
             label="one coordinate, one frame",
         )
         many, closed = closed_forms[name]
-        axes.plot(many, closed, color=COLORS[0], lw=1.6, label="closed form")
-        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK, ms=2.4, label="drawn")
+        axes.plot(many, closed, color=CYCLE_COLORS[0], lw=1.6, label="closed form")
+        axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK_COLOR, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
         logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     grid[1].plot(
         shake,
         np.sqrt(dither.mean_variance(0.0, shake)),
         ":",
-        color=COLORS[0],
+        color=CYCLE_COLORS[0],
         lw=1.4,
         label="endless frames",
     )

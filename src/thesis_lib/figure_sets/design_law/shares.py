@@ -35,12 +35,14 @@ ESTIMATORS: dict[str, Estimator] = {
     "interval": lambda P, uv: interval(P, uv).points,
 }
 
-MARKER = 0.005  # m, diameter of a marker in chapter 5
+MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
 # Height of a marker's image from which on the laboratory's tracker follows all of them: in
 # `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
 FOLLOWED_PX = 1.5
-FITTED = 100  # trials of films at most: they take longest
-FRAMES = 50  # trials of one frame at most: 75 motions each, which know an rms to some percent
+MAX_FITTED_TRIALS = 100  # trials of films at most: they take longest
+MAX_FRAME_TRIALS = (
+    50  # trials of one frame at most: 75 motions each, which know an rms to some percent
+)
 _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 
@@ -75,7 +77,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "frame_rate": frame_rate,
         "pixel_size": distance / focal,
         "marker_spacing": beam.marker_spacing * focal / distance,
-        "marker_height": MARKER * np.cos(angle) * focal / distance,
+        "marker_height": MARKER_DIAMETER_M * np.cos(angle) * focal / distance,
         "motion_px": motion,
         "in_view": view,
         "average_error": centre,
@@ -84,7 +86,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "drawn_frame_error_std": percent * drawn[1],
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
-        "useful_frames": cone_law.useful_frames(motion[..., None] * spread(FITTED)),
+        "useful_frames": cone_law.useful_frames(motion[..., None] * spread(MAX_FITTED_TRIALS)),
         "fit_error": percent * fit,
         "drawn_fit_error": percent * drawn_fit[0],
         "drawn_fit_error_std": percent * drawn_fit[1],
@@ -93,7 +95,7 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
 
 def one_frame(rig: CameraArray, points: Array, study: DesignLaw) -> Array:
     """Return rms deflection errors (estimators, trials) in m of markers (3, 1 + modes, m)."""
-    trials = min(study.trials, FRAMES)
+    trials = min(study.trials, MAX_FRAME_TRIALS)
     shifts = np.moveaxis(rounding.grid_shifts(study.seed, trials, len(rig))[1:], 0, 2)
     shift = shifts[:, :, None, :, None]
     pixels = pixelate(project(rig.P, points)[:, :, :, None] + shift) - shift
@@ -121,7 +123,7 @@ def spread(n: int) -> Array:
 
 def film(frame_rate: float, study: DesignLaw) -> Film:
     """Sample the vibration as a camera does, with random phases."""
-    trials, n_frames = min(study.trials, FITTED), round(frame_rate * study.duration_s)
+    trials, n_frames = min(study.trials, MAX_FITTED_TRIALS), round(frame_rate * study.duration_s)
     random = np.random.default_rng(study.seed)
     peaks = study.amplitude_mm / 1000 * spread(trials)
     start = random.uniform(0, 2 * np.pi, (trials, 1))
@@ -176,44 +178,46 @@ def fitted_by_law(rig: CameraArray, filmed: Film) -> float:
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
 
-APPROACHES = {
+TRACKING_APPROACHES = {
     "least squares": "least-squares",
     "analytic centre": "analytic-centre",
     "interval": "interval",
 }
-NOISES = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)  # px
+NOISES_PX = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)  # px
 # What `interval` may not know: the noise in px, the noise in px that it is told, and the share of
 # image coordinates that lie OUTLIER_PX to one side.
-MISTAKES = {
+ASSUMED_MISTAKES = {
     "0.2 px, told 0.05 px": (0.2, 0.05, 0.0),
     "none, told 0.1 px": (0.0, 0.1, 0.0),
     "0.05 px, and 2 % outliers": (0.05, 0.05, 0.02),
 }
 OUTLIER_PX = 2.0  # pixels next to the right one, which no noise of MISTAKES explains
-DRAWS, MOST_DRAWS = 5, 1000  # markers for each trial, and altogether
-_GAIN = 0.02  # share of the error: what gains less has nothing to lose
+DRAWS_PER_TRIAL, MAX_DRAWS = 5, 1000  # markers for each trial, and altogether
+_MIN_GAIN = 0.02  # share of the error: what gains less has nothing to lose
 
 
 def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return deflection errors of every number of cameras, with every noise and mistake."""
     slowest = int(np.argmin(study.frame_rates_hz))
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
-    shape = len(settings), len(NOISES)
-    drawn, drawn_std = np.empty((2, *shape, len(APPROACHES)))
+    shape = len(settings), len(NOISES_PX)
+    drawn, drawn_std = np.empty((2, *shape, len(TRACKING_APPROACHES)))
     least = np.zeros(shape)
-    mistaken, mistaken_std = np.empty((2, len(settings), len(MISTAKES), len(APPROACHES)))
-    agreeing = np.empty((len(settings), len(MISTAKES)))
+    mistaken, mistaken_std = np.empty(
+        (2, len(settings), len(ASSUMED_MISTAKES), len(TRACKING_APPROACHES))
+    )
+    agreeing = np.empty((len(settings), len(ASSUMED_MISTAKES)))
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])
-        points = estimators.moved_markers(random, min(DRAWS * study.trials, MOST_DRAWS))
+        points = estimators.moved_markers(random, min(DRAWS_PER_TRIAL * study.trials, MAX_DRAWS))
         shifts = rounding.grid_shifts(study.seed, points.shape[2], len(rig))[1:]
         shift = np.moveaxis(shifts, 0, 2)[:, :, None]
         images = project(rig.P, points) + shift
         noise = random.standard_normal(images.shape)
-        for k, sigma in enumerate(NOISES):
+        for k, sigma in enumerate(NOISES_PX):
             pixels = np.rint(images + sigma * noise) - shift
-            z = estimators.estimates(rig.P, pixels, list(APPROACHES.values()), sigma)[:, 2]
+            z = estimators.estimates(rig.P, pixels, list(TRACKING_APPROACHES.values()), sigma)[:, 2]
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
             drawn[i, k], drawn_std[i, k] = estimators.rms_with_std(wrong.T)
             if sigma:
@@ -222,7 +226,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         lottery = random.random(
             images.shape
         )  # below half the share to one side, above to the other
-        for k, (sigma, told, share) in enumerate(MISTAKES.values()):
+        for k, (sigma, told, share) in enumerate(ASSUMED_MISTAKES.values()):
             aside = (lottery < share / 2).astype(float) - (lottery > 1 - share / 2)
             pixels = np.rint(images + sigma * noise + OUTLIER_PX * aside) - shift
             found = interval(rig.P, pixels, told)
@@ -246,7 +250,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
 def halved(gains: Array) -> float:
     """Noise in px at which gains at `NOISES` have fallen to half of the first; NaN without one."""
     below = np.flatnonzero(gains < gains[0] / 2)
-    if gains[0] < _GAIN or not below.size:
+    if gains[0] < _MIN_GAIN or not below.size:
         return float("nan")
     pair = slice(below[0] - 1, below[0] + 1)
-    return float(np.interp(-gains[0] / 2, -gains[pair], NOISES[pair]))
+    return float(np.interp(-gains[0] / 2, -gains[pair], NOISES_PX[pair]))

@@ -21,13 +21,13 @@ from thesis_lib.vision.estimators import exponent, rms_with_std
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import gain, triangulate
 
-MODES = (1, 2, 3)
+SWEPT_MODES = (1, 2, 3)
 STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": setups.plate}
-FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
-STEPS = 61  # of a sweep
+SWEPT_FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
+SWEEP_STEPS = 61  # of a sweep
 WIDE_DEG = 60.0  # aperture from which on the rest is counted
 CONE_MOTION_PX = 4.0  # range of random motions on the cone, in which every fraction is as likely
-AMPLITUDES = (0.5, 1.5)  # from and to how many times the thesis's is averaged
+AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the thesis's is averaged
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,16 @@ class Rig:
 def swept(structure: str, finding: str) -> Array:
     """Return the values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
     if finding == "number":
-        return np.arange(3.0, STEPS + 3.0)
+        return np.arange(3.0, SWEEP_STEPS + 3.0)
     printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
     if finding == "aperture":
-        return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, STEPS)
+        return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, SWEEP_STEPS)
     if finding == "elevation":
-        return np.linspace(min(printed["elevations_deg"]), max(printed["elevations_deg"]), STEPS)
+        return np.linspace(
+            min(printed["elevations_deg"]), max(printed["elevations_deg"]), SWEEP_STEPS
+        )
     every = printed["distances_mm" if finding == "distance" else "widths_px"]
-    values: Array = np.geomspace(min(every), max(every), STEPS)
+    values: Array = np.geomspace(min(every), max(every), SWEEP_STEPS)
     return np.rint(values) if finding == "resolution" else values
 
 
@@ -101,7 +103,7 @@ def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
 
 def shapes(structure: Structure, peak: float) -> Array:
     """Markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
-    bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in MODES]
+    bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in SWEPT_MODES]
     return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
 
 
@@ -119,7 +121,7 @@ def expected(cameras: CameraArray, points: Array) -> float:
     g = gain(cameras.P, points[:, 0])[2]
     images = project(cameras.P, points)
     moved = images[:, :, 1:] - images[:, :, :1]
-    variance = rounding.mean_difference_variance(moved, *AMPLITUDES)
+    variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
     return float(np.sqrt(np.mean(np.sum(g[:, :, None] ** 2 * variance, axis=(0, 1)))))
 
 
@@ -131,7 +133,7 @@ def exact(cameras: CameraArray, points: Array) -> float:
 
 def findings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Distance, resolution, number, elevation and aperture, each by itself."""
-    shape = (len(FINDINGS), len(STRUCTURES), STEPS)
+    shape = (len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS)
     values, averaged, usual, small, centre, noise, noisy_centre = (
         np.empty(shape) for _ in range(7)
     )
@@ -140,7 +142,7 @@ def findings(study: DesignLaw) -> dict[str, ArrayLike]:
         peak = float(reading(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
         points, tiny = shapes(make(), peak), shapes(make(), tiny_peak)
-        for f, finding in enumerate(FINDINGS):
+        for f, finding in enumerate(SWEPT_FINDINGS):
             values[f, s] = swept(name, finding)
             for i, value in enumerate(values[f, s]):
                 one = rig(study, name, finding, value)
@@ -187,8 +189,8 @@ def _exponents(values: Array, errors: Array) -> Array:
     """Exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
     found = np.full(values.shape[:2], np.nan)
     for f, s in np.ndindex(found.shape):
-        if FINDINGS[f] != "aperture":
-            low = FINDINGS[f] == "elevation"
+        if SWEPT_FINDINGS[f] != "aperture":
+            low = SWEPT_FINDINGS[f] == "elevation"
             base = np.cos(np.radians(values[f, s])) if low else values[f, s]
             found[f, s] = exponent(base, errors[f, s])
     return found
@@ -214,10 +216,10 @@ def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
     return {"array_exponent": found}
 
 
-TILTS = (10.0, 25.0, 60.0)  # degrees, elevations
-OPENINGS = (16.0, 60.0, 120.0, 180.0)  # degrees, apertures
+ELEVATIONS_DEG = (10.0, 25.0, 60.0)  # degrees, elevations
+APERTURES_DEG = (16.0, 60.0, 120.0, 180.0)  # degrees, apertures
 SWING_PX = 1.0  # range of random motions: every fraction of a pixel alike
-DRAWS = 20  # for each trial
+DRAWS_PER_TRIAL = 20  # for each trial
 
 
 def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
@@ -228,13 +230,13 @@ def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
     """
     distance, size = study.cone_distance_mm / 1000, study.resolution_px
     focal = study.focal_length_mm / study.sensor_width_mm * size[0]
-    shape = (len(TILTS), len(OPENINGS))
+    shape = (len(ELEVATIONS_DEG), len(APERTURES_DEG))
     closed, noisy = np.empty((2, *shape))
     drawn, drawn_noisy = np.empty((2, 2, *shape))  # rms and its standard error
     random = np.random.default_rng([study.seed, 2])
-    n = DRAWS * study.trials
+    n = DRAWS_PER_TRIAL * study.trials
     for at in np.ndindex(shape):
-        tilt, opening = np.radians(TILTS[at[0]]), np.radians(OPENINGS[at[1]])
+        tilt, opening = np.radians(ELEVATIONS_DEG[at[0]]), np.radians(APERTURES_DEG[at[1]])
         P = hemisphere_cameras(distance, [opening / 2, -opening / 2], [tilt, tilt], focal, size).P
         moved = np.zeros((3, 2, n))
         moved[2, 1] = random.uniform(0, SWING_PX * distance / focal / np.cos(tilt), n)

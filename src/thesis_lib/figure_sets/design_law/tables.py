@@ -14,8 +14,13 @@ from IPython.display import Markdown
 from thesis_lib.arrays import IntArray
 from thesis_lib.facts.readings import reading
 from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER, MISTAKES, OUTLIER_PX
-from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDES, CONE_MOTION_PX
+from thesis_lib.figure_sets.design_law.shares import (
+    ASSUMED_MISTAKES,
+    FOLLOWED_PX,
+    MARKER_DIAMETER_M,
+    OUTLIER_PX,
+)
+from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDE_RANGE, CONE_MOTION_PX
 from thesis_lib.templates import render
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
@@ -79,7 +84,8 @@ def exponents(cube: xr.Dataset) -> str:
     known = cube["centre_exponent"].notnull().all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
     motions = [
-        100 * (AMPLITUDES[1] * reading(one)["amplitude_mm"] / float(nearest.sel(structure=one)))
+        100
+        * (AMPLITUDE_RANGE[1] * reading(one)["amplitude_mm"] / float(nearest.sel(structure=one)))
         for one in _structures(cube)
     ]
     return _fill(
@@ -121,7 +127,7 @@ def findings(cube: xr.Dataset) -> str:
 def estimated(cube: xr.Dataset) -> str:
     """List errors of the estimators by number of cameras, and their exponents."""
     powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=n)) for n in cube["rule"].values]
-    distance = design_dither.DISTANCE
+    distance = design_dither.CROWD_DISTANCE_M
     return _fill("estimators", cube, ("crowd_error",), exponents=powers, distance=distance)
 
 
@@ -139,7 +145,7 @@ def dithered(cube: xr.Dataset) -> str:
             error, simulated = at[f"{name}_error"], at[f"drawn_{name}_error"]
             rows.append({"kind": kind, "value": at[name], "error": error, "drawn": simulated})
     drawn = tuple(f"drawn_{name}_error" for name in picks)
-    whole, frames = dither.ONE_FRAME**0.5, design_dither.FRAMES
+    whole, frames = dither.ONE_FRAME**0.5, design_dither.SHAKE_FRAMES
     return _fill("dither", cube, drawn, rows=rows, whole=whole, frames=frames)
 
 
@@ -162,7 +168,7 @@ def shares(cube: xr.Dataset, short: bool = False) -> str:
         slow=slow,
         fast=fast,
         most=most_followed(cube, slow),
-        marker=MARKER,
+        marker=MARKER_DIAMETER_M,
         followed_px=FOLLOWED_PX,
     )
 
@@ -186,7 +192,7 @@ def _noisy(name: str, cube: xr.Dataset, counts: IntArray, **values: Any) -> str:
         counts=counts,
         slowest=cube.sel(rate=cube["rate"].min()),
         shown=SHOWN_NOISES_PX,
-        marker=MARKER,
+        marker=MARKER_DIAMETER_M,
         followed_px=FOLLOWED_PX,
         **values,
     )
@@ -238,7 +244,7 @@ def mistakes(cube: xr.Dataset) -> str:
     names = [str(one) for one in cube["approach"].values]
     squares, centre, interval = (cube["mistaken_error"].sel(approach=name) for name in names)
     doubled, rows = _doubled(cube), []
-    for mistake, (noise, _, _) in MISTAKES.items():
+    for mistake, (noise, _, _) in ASSUMED_MISTAKES.items():
         for count in doubled[1::2] if len(doubled) > 1 else doubled:
             at = cube.sel(mistake=mistake, count=count)
             right = at["noisy_share_error"].sel(approach=names[-1], image_noise=noise)
@@ -252,7 +258,7 @@ def mistakes(cube: xr.Dataset) -> str:
                     "agreeing": at["feasible_fraction"],
                 }
             )
-    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = MISTAKES.items()
+    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = ASSUMED_MISTAKES.items()
     over = (interval / squares).sel(mistake=low)
     return _fill(
         "mistakes",
@@ -272,14 +278,14 @@ def mistakes(cube: xr.Dataset) -> str:
     )
 
 
-_PAIRS = ("drawn_pair_error", "drawn_pair_noise_error")
+_PAIR_ERRORS = ("drawn_pair_error", "drawn_pair_noise_error")
 Table = Callable[[xr.Dataset], str]
 TABLES: dict[str, Table] = {
     "motion": partial(_fill, "motion", drawn=("drawn_motion_error",)),
     "settings": settings,
     "cone": cone,
     "exponents": exponents,
-    "pairs": partial(_fill, "pairs", drawn=_PAIRS),
+    "pairs": partial(_fill, "pairs", drawn=_PAIR_ERRORS),
     "shares": shares,
     "estimators": estimated,
     "noisy": noisy,

@@ -42,7 +42,7 @@ from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera, resized, undistorted
 
 MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
-CALIBRATIONS = ("literal", "full")
+CALIBRATION_METHODS = ("literal", "full")
 RECORDING_VARIABLES = declared("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
     matches(camera, width, frame, axis, marker) [px] marker centres by the template match
@@ -204,7 +204,7 @@ def join_steps(
         "camera": ("camera", names, {"long_name": "camera"}),
         "width": ("width", list(widths), {"long_name": "width of the frames in px"}),
         "axis": ("axis", ["u", "v"], {"long_name": "image coordinate"}),
-        "calibration": ("calibration", list(CALIBRATIONS), {"long_name": "calibration"}),
+        "calibration": ("calibration", list(CALIBRATION_METHODS), {"long_name": "calibration"}),
     }
     notes = [f"{own.camera.name}: {note}" for own in followed for note in own.notes]
     told = {

@@ -17,16 +17,21 @@ from matplotlib.patches import Polygon, Rectangle
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment.sketches import INK, WIDTH_IN, camera_letters, tip_marker
+from thesis_lib.figure_sets.experiment.sketches import (
+    SKETCH_INK,
+    WIDTH_IN,
+    camera_letters,
+    tip_marker,
+)
 from thesis_lib.measure.calibration.zhang import central
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
 from thesis_lib.measure.tracking.follow import reduced
-from thesis_lib.plotting.style import COLORS, in_style, mosaic, subplots
+from thesis_lib.plotting.style import CYCLE_COLORS, in_style, mosaic, subplots
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
-_, ORANGE, GREEN, PINK, RED, SKY = COLORS
+_, ORANGE, GREEN, PINK, RED, SKY = CYCLE_COLORS
 DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
 
 
@@ -207,9 +212,11 @@ def draw_plane(data: xr.Dataset) -> Figure:
     """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
     markers = rows_on(setups.beam())
-    origin = np.full((2, 1), tracker.REACH)
+    origin = np.full((2, 1), tracker.THESIS_REACH_M)
     found = data["picture_matches"].transpose("axis", "match").values
-    grid, matches = (tracker.SCALE * (p + origin) for p in (markers.positions, found))
+    grid, matches = (
+        tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (markers.positions, found)
+    )
     places, _ = tracker.assign(markers.positions, found, tracker.gate_of(markers))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
@@ -291,7 +298,7 @@ def draw_widths(data: xr.Dataset) -> Figure:
             text = f"{100 * float(at['missing_share']):.0f} % missing"
             if np.isfinite(at["wrong_share"]):
                 text += f", {100 * float(at['wrong_share']):.0f} % wrong"
-            axes.set_title(f"{width}×{small.shape[0]}: {text}", color=INK)
+            axes.set_title(f"{width}×{small.shape[0]}: {text}", color=SKETCH_INK)
         for axes in grid.flat[len(every) :]:
             axes.axis("off")
     return figure

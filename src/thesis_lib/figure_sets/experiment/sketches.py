@@ -21,9 +21,9 @@ from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.plotting.style import (
-    COLORS,
-    HIGHLIGHT,
-    REFERENCE,
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    REFERENCE_COLOR,
     color,
     in_style,
     mosaic,
@@ -31,7 +31,7 @@ from thesis_lib.plotting.style import (
 )
 
 WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
-INK = "#333333"
+SKETCH_INK = "#333333"
 WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
 
@@ -87,7 +87,14 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
             aside = 1 + 0.9 * (len(letters) > 1)
             u, v = place - [1.85 * aside, 1.3] * ahead
             axes.text(
-                u, v, letters, color=INK, weight="bold", fontsize=11, ha="center", va="center"
+                u,
+                v,
+                letters,
+                color=SKETCH_INK,
+                weight="bold",
+                fontsize=11,
+                ha="center",
+                va="center",
             )
 
 
@@ -95,24 +102,30 @@ def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
     length, width = 1e3 * np.array(markers.extent)
     axes.set_title("(a) from above")
     axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
-                             edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
+                             edgecolor=SKETCH_INK, linewidth=0.8, zorder=2))  # fmt: skip
     axes.plot(
-        *1e3 * markers.world[[1, 0], : markers.count], "o", color=INK, markersize=1.2, zorder=3
+        *1e3 * markers.world[[1, 0], : markers.count],
+        "o",
+        color=SKETCH_INK,
+        markersize=1.2,
+        zorder=3,
     )
     axes.add_patch(Rectangle((-45, length / 2 * -1 - 42), 90, 42, facecolor="white", hatch="////",
-                             edgecolor=INK, linewidth=0.8, zorder=2))  # fmt: skip
-    axes.text(62, -length / 2 - 21, "clamp", va="center", color=INK)
-    axes.text(0, length / 2 + 20, "tip", ha="center", va="bottom", color=INK)
+                             edgecolor=SKETCH_INK, linewidth=0.8, zorder=2))  # fmt: skip
+    axes.text(62, -length / 2 - 21, "clamp", va="center", color=SKETCH_INK)
+    axes.text(0, length / 2 + 20, "tip", ha="center", va="bottom", color=SKETCH_INK)
     _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
     _draw_axes(axes, ("Y", "X"), 150)
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
     low, high = sorted([first, second])
-    axes.add_patch(Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT, linewidth=1.4))
-    axes.text(295, 0, f"α = {abs(first - second):.0f}°", color=HIGHLIGHT, va="center")
+    axes.add_patch(
+        Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT_COLOR, linewidth=1.4)
+    )
+    axes.text(295, 0, f"α = {abs(first - second):.0f}°", color=HIGHLIGHT_COLOR, va="center")
     along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
     distance = np.mean(np.linalg.norm(centres, axis=0))
     u, v = 300 * along + [0, 22]
-    axes.text(u, v, f"d = {distance:.0f} mm", color=INK, ha="center",
+    axes.text(u, v, f"d = {distance:.0f} mm", color=SKETCH_INK, ha="center",
               rotation=np.degrees(np.arctan(along[1] / along[0])), va="center")  # fmt: skip
     _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
 
@@ -120,25 +133,38 @@ def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
 def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     _, width = 1e3 * np.array(markers.extent)
     axes.set_title("(b) along the beam")
-    axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=INK, zorder=5))
+    axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
     _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
     _draw_axes(axes, ("Y", "Z"), 150)
     flat = np.hypot(*centres[:2, 0])
     elevation = np.degrees(np.arctan2(centres[2, 0], flat))
-    axes.plot([0, flat], [0, 0], color=REFERENCE, linewidth=0.8, linestyle="--", zorder=0)
-    axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT, linewidth=1.4))
-    axes.text(300, 50, f"φ = {elevation:.0f}°", color=HIGHLIGHT, va="center")
-    axes.annotate("", (-60, -48), (-60, 48), arrowprops={"arrowstyle": "<->", "color": INK})
-    axes.text(-78, -36, "vibrates", color=INK, va="center", ha="right")
+    axes.plot([0, flat], [0, 0], color=REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0)
+    axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT_COLOR, linewidth=1.4))
+    axes.text(300, 50, f"φ = {elevation:.0f}°", color=HIGHLIGHT_COLOR, va="center")
+    axes.annotate("", (-60, -48), (-60, 48), arrowprops={"arrowstyle": "<->", "color": SKETCH_INK})
+    axes.text(-78, -36, "vibrates", color=SKETCH_INK, va="center", ha="right")
     _hide_axes(axes, (-650, 650), (-90, 290))
 
 
 def _draw_axes(axes: Axes, names: tuple[str, str], size: float) -> None:
     for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
-        axes.annotate("", (u, v), (0, 0), zorder=6,
-                      arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.2})  # fmt: skip
-        axes.text(1.1 * u + 30 * (u == 0), 0.95 * v, name, color=INK, ha="center", va="center",
-                  zorder=6, bbox=WHITE_GROUND)  # fmt: skip
+        axes.annotate(
+            "",
+            (u, v),
+            (0, 0),
+            zorder=6,
+            arrowprops={"arrowstyle": "->", "color": SKETCH_INK, "linewidth": 1.2},
+        )
+        axes.text(
+            1.1 * u + 30 * (u == 0),
+            0.95 * v,
+            name,
+            color=SKETCH_INK,
+            ha="center",
+            va="center",
+            zorder=6,
+            bbox=WHITE_GROUND,
+        )
 
 
 def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
@@ -152,53 +178,81 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
     axes.add_patch(
-        Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=INK, linewidth=0.8)
+        Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=SKETCH_INK, linewidth=0.8)
     )
     for n, place in enumerate(places.T):
         hole = n >= markers.count
-        axes.add_patch(Circle(place, radius, color=HIGHLIGHT if hole else INK, zorder=3))
+        axes.add_patch(
+            Circle(place, radius, color=HIGHLIGHT_COLOR if hole else SKETCH_INK, zorder=3)
+        )
     row = markers.columns
     if whole:
         for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
-            style: Any = {"va": "center", "fontsize": 7.5, "color": INK}
+            style: Any = {"va": "center", "fontsize": 7.5, "color": SKETCH_INK}
             apart = y + 0.7 * (y - width / 2)  # else they touch
             axes.text(-6, apart, str(first), ha="right", **style)
             axes.text(length + 6, apart, str(first + row - 1), ha="left", **style)
         _hide_axes(axes, (-32, length + 32), (-4, width + 4))
         return
     for n in (0, 1):  # lines to the measures
-        axes.plot([places[0, n]] * 2, [places[1, 2 * row], width + 9], color=INK, linewidth=0.6)
+        axes.plot(
+            [places[0, n]] * 2, [places[1, 2 * row], width + 9], color=SKETCH_INK, linewidth=0.6
+        )
     spacing = places[0, 1] - places[0, 0]
     _draw_measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
     right = places[0, 3] + 13
     for y in places[1, [row, 2 * row]]:
-        axes.plot([places[0, 3], right + 2], [y, y], color=INK, linewidth=0.6)
+        axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
     _draw_measure(
         axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
     )
     force = tuple(1e3 * setups.beam().force_point[:, 0])
-    axes.plot(*force, "X", color=COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
-    axes.annotate("shaker beneath", force, (force[0] + 4, -7), color=COLORS[4], ha="left",
-                  va="center", arrowprops={"arrowstyle": "-", "color": COLORS[4]})  # fmt: skip
+    axes.plot(*force, "X", color=CYCLE_COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
+    axes.annotate(
+        "shaker beneath",
+        force,
+        (force[0] + 4, -7),
+        color=CYCLE_COLORS[4],
+        ha="left",
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": CYCLE_COLORS[4]},
+    )
     if markers.hole is not None:
-        axes.annotate("hole", tuple(places[:, -1]), (places[0, -1] - 3, -7), color=HIGHLIGHT,
+        axes.annotate("hole", tuple(places[:, -1]), (places[0, -1] - 3, -7), color=HIGHLIGHT_COLOR,
                       ha="right", va="center",
-                      arrowprops={"arrowstyle": "-", "color": HIGHLIGHT})  # fmt: skip
+                      arrowprops={"arrowstyle": "-", "color": HIGHLIGHT_COLOR})  # fmt: skip
     axes.text(
-        places[0, 2], width + 7, f"markers ⌀ {2 * radius:g}", ha="left", va="center", color=INK
+        places[0, 2],
+        width + 7,
+        f"markers ⌀ {2 * radius:g}",
+        ha="left",
+        va="center",
+        color=SKETCH_INK,
     )
     axes.add_patch(Rectangle((-14, -3), 14, width + 6, facecolor="white", hatch="////",
-                             edgecolor=INK, linewidth=0.8))  # fmt: skip
+                             edgecolor=SKETCH_INK, linewidth=0.8))  # fmt: skip
     _hide_axes(axes, (-16, 118), (-12, width + 14))
 
 
 def _draw_measure(
     axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str
 ) -> None:
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "color": INK, "linewidth": 0.8,
-                                              "shrinkA": 0, "shrinkB": 0})  # fmt: skip
+    axes.annotate(
+        "",
+        end,
+        start,
+        arrowprops={
+            "arrowstyle": "<->",
+            "color": SKETCH_INK,
+            "linewidth": 0.8,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+    )
     u, v = np.mean([start, end], axis=0)
-    axes.text(u, v, text, ha="center", va="center", color=INK, bbox=WHITE_GROUND | {"pad": 1.5})
+    axes.text(
+        u, v, text, ha="center", va="center", color=SKETCH_INK, bbox=WHITE_GROUND | {"pad": 1.5}
+    )
 
 
 # The board.
@@ -222,19 +276,28 @@ def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     width, height = (float(size) for size in camera["size"].values)
     unit = width / 1920
     axes.add_patch(
-        Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=INK, linewidth=0.8)
+        Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=SKETCH_INK, linewidth=0.8)
     )
     ends = corners + RESIDUAL_FACTOR * unit * residual
     axes.add_patch(_draw_segments(corners, ends, color(index), 0.7))
-    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], INK, 1.6))
+    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
     row = still.transpose("axis", "marker").values[:, rows_on(setups.beam()).middle_row]
-    axes.plot(*row, color=INK, linewidth=2.5, alpha=0.45, zorder=3)
+    axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
     bar = 0.01 * RESIDUAL_FACTOR * unit
-    axes.plot([0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT, linewidth=2)
-    axes.text(0.03 * width, 0.92 * height, "0.01 px", color=HIGHLIGHT, fontsize=7.5, va="bottom",
-              bbox=WHITE_GROUND | {"facecolor": "#f4f4f4"})  # fmt: skip
+    axes.plot(
+        [0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT_COLOR, linewidth=2
+    )
+    axes.text(
+        0.03 * width,
+        0.92 * height,
+        "0.01 px",
+        color=HIGHLIGHT_COLOR,
+        fontsize=7.5,
+        va="bottom",
+        bbox=WHITE_GROUND | {"facecolor": "#f4f4f4"},
+    )
     axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
     _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
 
@@ -263,7 +326,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
         for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
             top.plot(seconds, own - i, color=color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
-            top.text(begin - 0.74, 0.13 - i, text, color=INK)
+            top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
         top.set(
             title="(a) the force on each camera's clock; start after A's",
             xlabel="s after its first frame",
@@ -280,13 +343,15 @@ def draw_sound(data: xr.Dataset) -> Figure:
                 near = np.abs(time) < 30
                 axes.plot(time[near], own[near], color=color(i), linewidth=1.3)
             axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
-            axes.axhline(0, color=INK, linewidth=0.6, zorder=0)
+            axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
             axes.set_ylim(-0.45, 0.5)
         below[0].set_ylabel("force over full scale")
         below[1].tick_params(labelleft=False)
         half = 500 / float(data["frame_rate"][0])
         below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
-        below[0].text(0, -0.43, "one frame", ha="center", va="bottom", fontsize=7.5, color=INK)
+        below[0].text(
+            0, -0.43, "one frame", ha="center", va="bottom", fontsize=7.5, color=SKETCH_INK
+        )
     return figure
 
 
@@ -338,5 +403,5 @@ def draw_tracks(data: xr.Dataset) -> Figure:
             panel.set_xlim(begin - 0.75, end + 0.05)
             panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
         where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
-        axes[1].text(begin + 0.02, 0.98, "steady part", color=INK, **where)
+        axes[1].text(begin + 0.02, 0.98, "steady part", color=SKETCH_INK, **where)
     return figure

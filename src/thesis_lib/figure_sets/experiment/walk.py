@@ -28,7 +28,7 @@ from thesis_lib.vibration.motion import Component
 
 PICTURE_WIDTH_PX = 1500  # width of pictures that hold photographs
 WEBP_QUALITY = 85  # of 100, at which they are stored
-PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "rig": sketches.draw_rig,
     "views": photographs.draw_views,
     "board": photographs.draw_board,
@@ -44,14 +44,14 @@ PICTURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 
 def file_name(name: str) -> str:
     """Name a picture's file: WebP if it holds photographs, SVG otherwise."""
-    kind = "webp" if PICTURES[name].__module__ == photographs.__name__ else "svg"
+    kind = "webp" if WALK_FIGURES[name].__module__ == photographs.__name__ else "svg"
     return f"lab-{name}.{kind}"
 
 
 def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     """Write all pictures of the measured recordings; the same dataset gives the same bytes."""
     paths = []
-    for name, draw in PICTURES.items():
+    for name, draw in WALK_FIGURES.items():
         path = folder / file_name(name)
         content = _encode_webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
         files.whole_file(path, partial(Path.write_bytes, data=content))

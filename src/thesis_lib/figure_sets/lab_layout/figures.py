@@ -29,22 +29,29 @@ from thesis_lib.figure_sets.lab_layout.optima import (
 )
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select
-from thesis_lib.plotting.style import COLORS, HIGHLIGHT, REFERENCE, color, draw_curves, subplots
+from thesis_lib.plotting.style import (
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    REFERENCE_COLOR,
+    color,
+    draw_curves,
+    subplots,
+)
 from thesis_lib.studies.cubes import trials_are
 from thesis_lib.studies.fields import unit
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 __all__ = ["TEXTS", "figure"]
-DARK, PALE = "#222222", "#c8c8c8"
-LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", DARK)}
+DARK_GREY, PALE_GREY = "#222222", "#c8c8c8"
+LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", DARK_GREY)}
 PART_CURVES = {
-    "noise_error": ("scatter alone", "-", COLORS[5]),
-    "bias_error": ("bias alone", "-", COLORS[1]),
+    "noise_error": ("scatter alone", "-", CYCLE_COLORS[5]),
+    "bias_error": ("bias alone", "-", CYCLE_COLORS[1]),
 }
-_LINE: Any = {"markersize": 4, "linewidth": 1}
+_LINE_STYLE: Any = {"markersize": 4, "linewidth": 1}
 CENTRE_CURVES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
-    ("centre_scatter", "scatter", "o-", _LINE),
-    ("centre_bias", "bias", "s:", _LINE),
+    ("centre_scatter", "scatter", "o-", _LINE_STYLE),
+    ("centre_bias", "bias", "s:", _LINE_STYLE),
     ("edge_scatter", "law of edges", "_", {"markersize": 9}),
 ]
 VARIED_NAMES = {
@@ -97,20 +104,20 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         label = f"5–95 % of {trials_are(part)}"
-        axes.vlines(values, low, high, color=COLORS[0], linewidth=1.4, label=label)
-        style: Any = {"color": COLORS[0], "markersize": 4}
+        axes.vlines(values, low, high, color=CYCLE_COLORS[0], linewidth=1.4, label=label)
+        style: Any = {"color": CYCLE_COLORS[0], "markersize": 4}
         axes.plot(values, expected_errors(part), "o", label="rms over these", **style)
-    style = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4}
+    style = {"markerfacecolor": "none", "color": HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **style)
     whole = select_complete(part)
     best = None
     if part["parameter"].values[0] == "elevation_deg":
         best = find_optimum(whole["value"].values, expected_errors(whole))
     if best is not None:
-        axes.axvspan(best.low, best.high, color=COLORS[0], alpha=0.08, linewidth=0)
-        axes.axvline(best.at, color=COLORS[0], linewidth=0.8, linestyle=":")
+        axes.axvspan(best.low, best.high, color=CYCLE_COLORS[0], alpha=0.08, linewidth=0)
+        axes.axvline(best.at, color=CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
         where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
-        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=COLORS[0], **where)
+        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=CYCLE_COLORS[0], **where)
     axes.set_yscale("log")
     axes.set(title="(b) mean (rms) error", ylabel="% of the largest deflection")
     _add_key(axes, room=0.45, ncols=2, handlelength=1.4)
@@ -127,7 +134,7 @@ def _add_key(axes: Axes, room: float, **how: Any) -> None:
 def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
     for name, label, style, how in CENTRE_CURVES:
-        for axis, tone in (("u", COLORS[4]), ("v", COLORS[2])):
+        for axis, tone in (("u", CYCLE_COLORS[4]), ("v", CYCLE_COLORS[2])):
             one = part[name].sel(axis=axis)
             axes.plot(values, one, style, color=tone, label=f"{label}, {axis}", **how)
     axes.set_yscale("log")
@@ -137,8 +144,13 @@ def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
 
 def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
     values, grey = part["value"].values, "#555555"
-    axes.plot(values, 100 * part["lost"], "o-", color=DARK, markersize=4, label="lost, of all")
-    style: Any = {"markerfacecolor": "none", "color": HIGHLIGHT, "markersize": 4, "linewidth": 1}
+    axes.plot(values, 100 * part["lost"], "o-", color=DARK_GREY, markersize=4, label="lost, of all")
+    style: Any = {
+        "markerfacecolor": "none",
+        "color": HIGHLIGHT_COLOR,
+        "markersize": 4,
+        "linewidth": 1,
+    }
     axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **style)
     for value, height in zip(values, part["image_height"].values, strict=True):
         axes.text(value, 112, f"{height:.1f}", ha="center", fontsize=7, color=grey)
@@ -203,14 +215,16 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
         ):
             one = part.isel(setting=int(index))
             axes.add_patch(
-                Rectangle((-length / 2, -width / 2), length, width, color=REFERENCE, linewidth=0)
+                Rectangle(
+                    (-length / 2, -width / 2), length, width, color=REFERENCE_COLOR, linewidth=0
+                )
             )
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             for name, (x, y) in zip(
                 str(one["label"].item()).split("–"), _camera_places(one), strict=True
             ):
-                axes.plot([0, x], [0, y], color=COLORS[0], linewidth=0.6, alpha=0.6)
-                axes.plot(x, y, "o", color=COLORS[0], markersize=4)
+                axes.plot([0, x], [0, y], color=CYCLE_COLORS[0], linewidth=0.6, alpha=0.6)
+                axes.plot(x, y, "o", color=CYCLE_COLORS[0], markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
             axes.set_title(f"{word} {n}: {error[index]:.3g} %", fontsize=8, loc="center")
@@ -234,14 +248,14 @@ def _camera_places(setting: xr.Dataset) -> Array:
 def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
     law, error = part["predicted_error"].values, expected_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
-    axes.plot(law, literal, ".", color=PALE, markersize=3, label="rendered run")
+    axes.plot(law, literal, ".", color=PALE_GREY, markersize=3, label="rendered run")
     for n, tone in tones.items():
         axes.plot(law[count == n], error[count == n], ".", color=tone, markersize=4, label=f"{n}")
     both = np.concatenate([law, error])
     both = both[np.isfinite(both)]
     if both.size:
         ends = [both.min(), both.max()]
-        axes.plot(ends, ends, color=DARK, linewidth=0.8)
+        axes.plot(ends, ends, color=DARK_GREY, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
     axes.set(xlabel="law, % of the largest deflection")
     axes.set(title=f"(b) rms over {trials_are(part)} against the law")
@@ -257,11 +271,11 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
     both = both[np.isfinite(both)]
     if both.size:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
-        axes.hist(literal, bins, color=PALE, label="rendered run")
+        axes.hist(literal, bins, color=PALE_GREY, label="rendered run")
         label = f"rms over {trials_are(part)}"
-        axes.hist(trials, bins, histtype="step", color=COLORS[0], label=label)
+        axes.hist(trials, bins, histtype="step", color=CYCLE_COLORS[0], label=label)
         axes.legend()
-    axes.axvline(1, color=DARK, linewidth=0.8)
+    axes.axvline(1, color=DARK_GREY, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
 
 
@@ -278,14 +292,18 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
             for function in (np.min, np.mean, np.max)
         ]
     )
-    axes.plot(count, error, ".", color=PALE, markersize=4)
+    axes.plot(count, error, ".", color=PALE_GREY, markersize=4)
     for values, style, name in zip(
         rows, ("v-", "o-", "^-"), ("best", "mean", "worst"), strict=True
     ):
-        how: Any = {**_LINE, "color": COLORS[0], "alpha": 1.0 if name == "mean" else 0.6}
+        how: Any = {
+            **_LINE_STYLE,
+            "color": CYCLE_COLORS[0],
+            "alpha": 1.0 if name == "mean" else 0.6,
+        }
         axes.plot(n, values, style, label=name, **how)
     root = rows[0, 0] * np.sqrt(n[0] / n)
-    axes.plot(n, root, "--", color=DARK, linewidth=1, label="best pair, as 1/√n")
+    axes.plot(n, root, "--", color=DARK_GREY, linewidth=1, label="best pair, as 1/√n")
     axes.set(yscale="log", xlabel="cameras", title="(d) error by the number of cameras")
     axes.set_ylabel("% of the largest deflection")
     plain_ticks(axes.yaxis)

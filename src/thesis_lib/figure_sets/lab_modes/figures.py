@@ -13,10 +13,17 @@ from matplotlib.figure import Figure
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import HIGHLIGHT, POWERS, REFERENCE, color, slices, subplots
+from thesis_lib.plotting.style import (
+    HIGHLIGHT_COLOR,
+    MATH_STYLE,
+    REFERENCE_COLOR,
+    color,
+    slices,
+    subplots,
+)
 
-STYLE = POWERS  # of pictures
-BLACK = "#222222"
+STYLE = MATH_STYLE  # of pictures
+LINE_BLACK = "#222222"
 MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
@@ -30,7 +37,7 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     rows = [np.flatnonzero(y == value) for value in np.unique(y)]
     axis, bending = rows[len(rows) // 2], axes[0, 1]
     true = 1000 * part["reference_deflection"].values[axis]
-    bending.plot(x[axis], true, color=REFERENCE, linewidth=3, label="true")
+    bending.plot(x[axis], true, color=REFERENCE_COLOR, linewidth=3, label="true")
     for index, word in zip(chosen, ranking(part), strict=False):
         measured = 1000 * part["measured_deflection"].values[index, 0, axis]
         label = f"{part['label'].values[index]}, {word}"
@@ -49,12 +56,12 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
     true = part["reference_quadrature"].values * 1e6
     axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
     for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
-        axes.plot(x[row], true[row], color=REFERENCE, linewidth=2)
+        axes.plot(x[row], true[row], color=REFERENCE_COLOR, linewidth=2)
         for index in chosen:
             measured = part["quadrature_deflection"].values[index] * 1e6
             axes.plot(x[row], measured[row], mark, color=color(index), markersize=3.5)
         axes.plot([], [], mark, color=grey, markersize=4, label=name)
-    axes.plot([], [], color=REFERENCE, linewidth=2, label="true")
+    axes.plot([], [], color=REFERENCE_COLOR, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():
         place: Any = {"ha": "center", "va": "center", "transform": axes.transAxes}
         axes.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
@@ -80,7 +87,9 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     _misfit_panel(misfits, part)
     _mark_rates(costs, part, "cycles", "detuned_error")
     label = "loss of amplitude"
-    costs.plot(part["cycles"], part["detuned_prediction"], color=BLACK, linewidth=1, label=label)
+    costs.plot(
+        part["cycles"], part["detuned_prediction"], color=LINE_BLACK, linewidth=1, label=label
+    )
     costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
     costs.set_xlabel("error in periods per recording")
     costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
@@ -99,7 +108,7 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     axes.plot(one["spectrum_frequency"], one["spectrum"], color=color(number), linewidth=1.2)
     true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
-    ink = HIGHLIGHT if aliased else BLACK
+    ink = HIGHLIGHT_COLOR if aliased else LINE_BLACK
     axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
@@ -111,8 +120,8 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
 def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     _mark_rates(axes, part, "candidate_frequency", "misfit")
     axes.set_yscale("log")
-    axes.axvline(float(part["frequency"]), color=BLACK, linewidth=0.8, linestyle="--")
-    axes.axhline(1, color=BLACK, linewidth=0.8)
+    axes.axvline(float(part["frequency"]), color=LINE_BLACK, linewidth=0.8, linestyle="--")
+    axes.axhline(1, color=LINE_BLACK, linewidth=0.8)
     axes.set(title="(b) disagreement of the cameras at each alias")
     axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
     top = float(np.nanmax(part["misfit"].values))

@@ -35,7 +35,7 @@ from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify
 from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
-from thesis_lib.measure.radiation.radiated import ALL, NODES, count_nodes, radiated
+from thesis_lib.measure.radiation.radiated import ALL_TONES, SURFACE_NODES, count_nodes, radiated
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies.schema import declared
@@ -45,7 +45,7 @@ from thesis_lib.vision import lens
 
 TRUE_NODES = 3600  # of the true surface
 EDGE_PLACES = 32  # places on a marker's edge
-PLANE = Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
+PRESSURE_PLANE = Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class TrueSound:
 
     power: float  #: In W
     efficiency: float
-    field: ComplexArray  #: Pressure on :data:`PLANE` in Pa, shape (places,)
+    field: ComplexArray  #: Pressure on :data:`PRESSURE_PLANE` in Pa, shape (places,)
 
 
 def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
@@ -68,7 +68,7 @@ def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
     moving, q = shapes.T, peak * own.coordinates
     power = _of(surface.power_form(moving, omega, medium), q)
     plain = _of(surface.plane_wave_form(moving, omega, medium), q)
-    matrix = surface.pressure_matrix(moving, PLANE.points.reshape(3, -1), omega, medium)
+    matrix = surface.pressure_matrix(moving, PRESSURE_PLANE.points.reshape(3, -1), omega, medium)
     return TrueSound(power, power / plain, matrix @ q)
 
 
@@ -108,8 +108,8 @@ class MarkerSound:
 
     @cached_property
     def matrix(self) -> ComplexArray:
-        """Pressure on :data:`PLANE`, shape (places, markers)."""
-        points = PLANE.points.reshape(3, -1)
+        """Pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
+        points = PRESSURE_PLANE.points.reshape(3, -1)
         return self._surface.pressure_matrix(self.between.moving, points, self._omega, self.medium)
 
     @cached_property
@@ -190,7 +190,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     rig = _tapped_rig(study)
     assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
-    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / files.RATE)
+    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / files.SOUND_RATE_HZ)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
         found = identify(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
@@ -203,7 +203,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
         return none | {"tap_frequency": hertz, "tap_time": times}
     own, (x, y) = drive_structure("beam"), rig.markers.extent
     assert isinstance(own.structure, Beam)
-    surface = Surface.of(np.array(own.corners), NODES, (x / 2, y / 2))
+    surface = Surface.of(np.array(own.corners), SURFACE_NODES, (x / 2, y / 2))
     markers = rig.markers.centres  # seen as points, not by their edges
     between = by_model(own.structure, markers, 0.0, surface.places)
     plane = Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
@@ -212,7 +212,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     made = radiated(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
     power = _true_power(rig.motion, found.zero, surface, medium)
     each = [files.heard(made.isel(tone=[k]), 0)[::HEARD_STEP] for k in range(made.sizes["tone"])]
-    whole = made.sel(band=ALL)
+    whole = made.sel(band=ALL_TONES)
     return {
         "tap_frequency": made["frequency"].values,
         "tap_power": made["power"].values,

@@ -14,16 +14,16 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
-from thesis_lib.figure_sets.optics.parameters import FARTHEST, Cameras
+from thesis_lib.figure_sets.optics.parameters import MAX_DISTANCE_RATIO, Cameras
 from thesis_lib.studies.schema import declared, labelled
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 
-CURVE = 121  # places of a curve over distance
+CURVE_POINTS = 121  # places of a curve over distance
 ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounded with 1/12 px²
-RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
-SIDES = ("width", "height", "diagonal")
+ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
+SENSOR_SIDES = ("width", "height", "diagonal")
 
 VARIABLES = declared("""
     sensor_size(sensor, side) [m] length on the sensor
@@ -109,13 +109,13 @@ def focal_px(study: Cameras) -> float:
 
 def _coordinates(study: Cameras) -> dict[str, Any]:
     asked = np.array(study.distances_mm) / 1000
-    curve = np.geomspace(asked.min(), FARTHEST * asked.max(), CURVE)
+    curve = np.geomspace(asked.min(), MAX_DISTANCE_RATIO * asked.max(), CURVE_POINTS)
     every = np.unique(np.round(np.concatenate([curve, asked]), 9))
     values = {
         "sensor": list(study.sensors_mm),
-        "side": list(SIDES),
+        "side": list(SENSOR_SIDES),
         "focal_length": np.array(study.focal_lengths_mm) / 1000,
-        "ratio": list(RATIOS),
+        "ratio": list(ASPECT_RATIOS),
         "format_width": study.format_widths_px,
         "distance": every,
         "shown_distance": np.round(asked, 9),
@@ -142,7 +142,7 @@ def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         "crop_factor": optics.crop_factor(1000 * sensors),
         "format_height": [
             [optics.picture_height(width, *ratio) for width in study.format_widths_px]
-            for ratio in RATIOS.values()
+            for ratio in ASPECT_RATIOS.values()
         ],
     }
 
@@ -195,7 +195,7 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     picture = optics_pictures.draw(
         setups.beam(), nearest, theta, phi, focal, study.marker_mm / 1000
     )
-    blocks = [optics_pictures.FINEST[0] // width for width in study.widths_px]
+    blocks = [optics_pictures.FINEST_SIZE_PX[0] // width for width in study.widths_px]
     least = min(blocks)
     finest = picture.colours(1).mean(axis=-1)
     grey = [optics.block_means(finest, block) for block in blocks]

@@ -8,15 +8,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.plotting.style import COLORS, INK, REFERENCE, color, logarithmic, subplots
+from thesis_lib.plotting.style import (
+    CYCLE_COLORS,
+    INK_COLOR,
+    REFERENCE_COLOR,
+    color,
+    logarithmic,
+    subplots,
+)
 
-SIZE = (7.2, 3.3)  # inches
-EVERY = 6  # of the drawn depths, so that dots stand apart
+FIGURE_SIZE_IN = (7.2, 3.3)  # inches
+DRAWN_DEPTH_STEP = 6  # of the drawn depths, so that dots stand apart
 
 
 def view(cube: xr.Dataset) -> Figure:
     """Plot the angle of view against focal length, and against that times the crop factor."""
-    drawing, (left, right) = subplots(1, 2, figsize=SIZE, layout="constrained", sharey=True)
+    drawing, (left, right) = subplots(
+        1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", sharey=True
+    )
     f = cube["focal_length"].values * 1000
     order = np.argsort(f)
     for i, sensor in enumerate(cube["sensor"].values):
@@ -43,14 +52,16 @@ def view(cube: xr.Dataset) -> Figure:
 def projection(cube: xr.Dataset) -> Figure:
     """Plot the markers by a pinhole and with one depth, and their distance."""
     drawing, (left, right) = subplots(
-        1, 2, figsize=SIZE, layout="constrained", width_ratios=[1.25, 1]
+        1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", width_ratios=[1.25, 1]
     )
     near = int(np.argmin(cube["shown_distance"].values))
     (u, v), (flat_u, flat_v) = cube["image"].values[near]
     for start, end in zip(zip(u, v, strict=True), zip(flat_u, flat_v, strict=True), strict=True):
-        left.plot(*zip(start, end, strict=True), color=REFERENCE, lw=0.6)
-    left.plot(u, v, "o", color=COLORS[0], ms=3.5, label="pinhole")
-    left.plot(flat_u, flat_v, "o", color=COLORS[4], ms=3.5, mfc="none", label="one depth for all")
+        left.plot(*zip(start, end, strict=True), color=REFERENCE_COLOR, lw=0.6)
+    left.plot(u, v, "o", color=CYCLE_COLORS[0], ms=3.5, label="pinhole")
+    left.plot(
+        flat_u, flat_v, "o", color=CYCLE_COLORS[4], ms=3.5, mfc="none", label="one depth for all"
+    )
     distance = cube["shown_distance"].values[near] * 1000
     left.set(
         title=f"(a) the markers from {distance:g} mm",
@@ -64,13 +75,13 @@ def projection(cube: xr.Dataset) -> Figure:
     d = cube["distance"].values * 1000
     asked = np.isin(cube["distance"].values, cube["shown_distance"].values)
     for name, style, words in (
-        ("projection_error", {"color": COLORS[4]}, "largest error, px"),
+        ("projection_error", {"color": CYCLE_COLORS[4]}, "largest error, px"),
         (
             "relative_projection_error",
-            {"color": COLORS[1], "ls": "--"},
+            {"color": CYCLE_COLORS[1], "ls": "--"},
             "the same, % of the row of markers",
         ),
-        ("depth_range", {"color": REFERENCE, "ls": ":"}, "spread of the depths, ± %"),
+        ("depth_range", {"color": REFERENCE_COLOR, "ls": ":"}, "spread of the depths, ± %"),
     ):
         values = cube[name].values
         right.plot(d, values, label=words, lw=1.5, **style)
@@ -136,9 +147,9 @@ def sharpness(cube: xr.Dataset) -> Figure:
         axes.fill_between(d, near, far, color=color(int(i)), alpha=0.18, lw=0)
         axes.plot(d, near, color=color(int(i)), lw=1.3, label=f"f/{float(part.f_number):g}")
         axes.plot(d, far, color=color(int(i)), lw=1.3)
-    axes.plot(d, d, color=REFERENCE, lw=0.8)
+    axes.plot(d, d, color=REFERENCE_COLOR, lw=0.8)
     for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "")):
-        axes.plot(d, cube[name].values * 1000, color=INK, lw=1, ls="--", label=word or "_")
+        axes.plot(d, cube[name].values * 1000, color=INK_COLOR, lw=1, ls="--", label=word or "_")
     _distances(axes, d, "focused distance d in mm")
     logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
@@ -158,13 +169,13 @@ def stereo(cube: xr.Dataset) -> Figure:
         )
         axes.plot(d, fine, color=color(i), lw=1.4, label=f"b = {1000 * baseline:g} mm")
         axes.plot(d, law, color=color(i), lw=1, ls="--")
-        axes.plot(d[::EVERY], drawn[::EVERY], "o", color=color(i), ms=3)
+        axes.plot(d[::DRAWN_DEPTH_STEP], drawn[::DRAWN_DEPTH_STEP], "o", color=color(i), ms=3)
     for style, word in (
         ({"ls": "-"}, "fine centres"),
         ({"ls": "--"}, "whole pixels, first order"),
         ({"ls": "none", "marker": "o", "ms": 3}, "whole pixels, drawn"),
     ):
-        axes.plot([], [], color=INK, lw=1, label=word, **style)
+        axes.plot([], [], color=INK_COLOR, lw=1, label=word, **style)
     _distances(axes, d)
     logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")

@@ -24,7 +24,7 @@ from thesis_lib.studies.fields import (
 )
 from thesis_lib.studies.request import Study
 
-FARTHEST = 4  # of the largest of the distances, to which curves go
+MAX_DISTANCE_RATIO = 4  # of the largest of the distances, to which curves go
 PictureWidth = Literal[1280, 640, 320, 256, 160, 128, 80, 64, 32, 16]
 
 

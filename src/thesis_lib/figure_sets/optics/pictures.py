@@ -16,12 +16,14 @@ from thesis_lib.vibration.beam import Beam
 from thesis_lib.vision import optics
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 
-FINEST = (1280, 720)  # px, of the picture that all others are means of
-STEP = 80  # px of it: rows of the strip are a multiple, so that every block fits
-SAMPLES = 2  # rays across a pixel of it, in both directions
-TABLE, BEAM, MARKER = np.array([[0.10, 0.16, 0.28], [0.84, 0.80, 0.72], [0.07, 0.06, 0.06]])
-CELL = 2 / 3  # part of spacing and beam's width in which a marker's centre is sought
-CROP = (24, 36)  # rows and columns of the part that is shown
+FINEST_SIZE_PX = (1280, 720)  # px, of the picture that all others are means of
+STRIP_STEP_PX = 80  # px of it: rows of the strip are a multiple, so that every block fits
+RAYS_PER_PIXEL = 2  # rays across a pixel of it, in both directions
+TABLE_COLOUR, BEAM_COLOUR, MARKER_COLOUR = np.array(
+    [[0.10, 0.16, 0.28], [0.84, 0.80, 0.72], [0.07, 0.06, 0.06]]
+)
+CELL_RATIO = 2 / 3  # part of spacing and beam's width in which a marker's centre is sought
+CROP_SIZE_PX = (24, 36)  # rows and columns of the part that is shown
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class BeamPicture:
         beam, markers = (
             optics.block_means(part, block)[..., None] for part in (self.beam, self.markers)
         )
-        return (1 - beam) * TABLE + (beam - markers) * BEAM + markers * MARKER
+        return (1 - beam) * TABLE_COLOUR + (beam - markers) * BEAM_COLOUR + markers * MARKER_COLOUR
 
     def images(self, x: Array, block: int) -> Array:
         """Return coordinates (u, v) in the strip of points (n,) on the axis, shape (2, n)."""
@@ -66,13 +68,13 @@ class BeamPicture:
         x, y = _seen_points(self.camera, self.top, shape, block)
         markers = self.structure.markers[0] - self.structure.length / 2
         nearest = np.searchsorted((markers[1:] + markers[:-1]) / 2, x)
-        inside = np.abs(y) < CELL / 2 * self.structure.width
-        inside &= np.abs(x - markers[nearest]) < CELL / 2 * self.structure.marker_spacing
+        inside = np.abs(y) < CELL_RATIO / 2 * self.structure.width
+        inside &= np.abs(x - markers[nearest]) < CELL_RATIO / 2 * self.structure.marker_spacing
         return np.where(inside, nearest, -1)
 
     def centroids(self, picture: Array, block: int) -> Array:
         """Return the centres of the dark spots of an image (rows, columns, 3), (markers, 2), px."""
-        dark = (BEAM - picture).mean(axis=-1)
+        dark = (BEAM_COLOUR - picture).mean(axis=-1)
         cells, n = self.cells(block), self.structure.n_markers
         v, u = np.indices(dark.shape) + 0.5
         inside = cells >= 0
@@ -101,19 +103,28 @@ def draw(
     marker : float
         Diameter of the markers, m.
     """
-    camera = hemisphere_cameras(distance, [azimuth], [elevation], focal * FINEST[0], FINEST)
+    camera = hemisphere_cameras(
+        distance, [azimuth], [elevation], focal * FINEST_SIZE_PX[0], FINEST_SIZE_PX
+    )
     length, width = structure.extent
     corners = np.array([[-1, -1, 1, 1], [-1, 1, -1, 1], [0, 0, 0, 0]]) / 2
     v = project(camera.P, corners * [[length], [width], [0]])[0, 1]
-    top = int(np.clip(np.floor(v.min() / STEP), 0, FINEST[1] // STEP - 1)) * STEP
-    bottom = int(np.clip(np.ceil(v.max() / STEP) * STEP, top + STEP, FINEST[1]))
-    shape = ((bottom - top) * SAMPLES, FINEST[0] * SAMPLES)
-    x, y = _seen_points(camera, top, shape, 1 / SAMPLES)
+    top = (
+        int(np.clip(np.floor(v.min() / STRIP_STEP_PX), 0, FINEST_SIZE_PX[1] // STRIP_STEP_PX - 1))
+        * STRIP_STEP_PX
+    )
+    bottom = int(
+        np.clip(
+            np.ceil(v.max() / STRIP_STEP_PX) * STRIP_STEP_PX, top + STRIP_STEP_PX, FINEST_SIZE_PX[1]
+        )
+    )
+    shape = ((bottom - top) * RAYS_PER_PIXEL, FINEST_SIZE_PX[0] * RAYS_PER_PIXEL)
+    x, y = _seen_points(camera, top, shape, 1 / RAYS_PER_PIXEL)
     on_beam = (np.abs(x) <= length / 2) & (np.abs(y) <= width / 2)
     places = structure.markers[0] - length / 2
     nearest = places[np.searchsorted((places[1:] + places[:-1]) / 2, x)]
     on_marker = on_beam & (np.hypot(x - nearest, y) <= marker / 2)
-    beam, markers = (optics.block_means(part, SAMPLES) for part in (on_beam, on_marker))
+    beam, markers = (optics.block_means(part, RAYS_PER_PIXEL) for part in (on_beam, on_marker))
     return BeamPicture(beam, markers, camera, structure, top)
 
 
@@ -188,7 +199,7 @@ def _crop(picture: BeamPicture, block: int, marker: int) -> tuple[slice, slice]:
     shape = (picture.beam.shape[0] // block, picture.beam.shape[1] // block)
     u, v = picture.images(picture.structure.markers[0][[marker]], block)[:, 0]
     parts = []
-    for middle, size, whole in zip((v, u), CROP, shape, strict=True):
+    for middle, size, whole in zip((v, u), CROP_SIZE_PX, shape, strict=True):
         start = int(np.clip(round(middle - size / 2), 0, max(whole - size, 0)))
         start -= start % 2  # so that the filters' pattern begins as the sensor's does
         parts.append(slice(start, min(start + size, whole)))

@@ -17,12 +17,12 @@ from thesis_lib.templates import render
 from thesis_lib.vision.optics import picture_height
 
 NORMAL_MM = 50  # the lens of eq. 2.20
-PRINTED = {  # claimed numbers of eq. 2.20 by side
+CLAIMED_NUMBERS = {  # claimed numbers of eq. 2.20 by side
     "width": "view-across",
     "height": "view-up",
     "diagonal": "view-diagonal",
 }
-WORDS = {"width": "across", "height": "up", "diagonal": "diagonally"}
+SIDE_WORDS = {"width": "across", "height": "up", "diagonal": "diagonally"}
 
 
 def show(cube: xr.Dataset, name: str) -> Markdown:
@@ -60,7 +60,10 @@ def normal_lens(cube: xr.Dataset) -> str:
     """Compute equation 2.20, and the length of beam that such a lens and the book's see."""
     one = cube.isel(sensor=0).sel(focal_length=NORMAL_MM / 1000)
     numbers = {number.id: number for number in read_numbers()}
-    rows = [(WORDS[side], one.sel(side=side), numbers[name]) for side, name in PRINTED.items()]
+    rows = [
+        (SIDE_WORDS[side], one.sel(side=side), numbers[name])
+        for side, name in CLAIMED_NUMBERS.items()
+    ]
     nearest = min(_asked(cube, "distances_mm"))
     half = np.radians(float(one["angle_of_view"].sel(side="width"))) / 2
     return _fill(

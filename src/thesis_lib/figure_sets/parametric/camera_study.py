@@ -26,12 +26,12 @@ from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
-CONDITIONS = {
+CAMERA_CONDITIONS = {
     "amplitude_mm": 'allowed: a number, a list with one for each mode, or "force"',
     "cases": "allowed: at least one, or layouts",
     "layouts": "allowed: new names, each with sets that grow",
 }
-COINCIDENT = (
+COINCIDENT_TEXT = (
     "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "
     "allowed: different places"
 )
@@ -106,7 +106,7 @@ class CameraStudy(Study):
     @model_validator(mode="after")
     def _check_together(self) -> CameraStudy:
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
-            self.refuse("amplitude_mm", CONDITIONS["amplitude_mm"])
+            self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
         _check_memory(self)
         settings = self.printed()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
@@ -151,4 +151,4 @@ def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
         else:
             field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        refuse(field, given, COINCIDENT.format(shown(setting.case), setting.label))
+        refuse(field, given, COINCIDENT_TEXT.format(shown(setting.case), setting.label))

@@ -20,8 +20,8 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies.blocks import Block, computed, runs_of_trials
 from thesis_lib.studies.schema import (
-    REFERENCE,
-    SHORT,
+    REFERENCE_VARIABLE,
+    SHORT_TYPES,
     VARIABLES,
     camera_places,
     coordinates,
@@ -99,7 +99,8 @@ def run(
     cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
     values = {
         name: np.empty(
-            (len(settings), *(cube.sizes[dim] for dim in one.dims)), SHORT.get(name, "float64")
+            (len(settings), *(cube.sizes[dim] for dim in one.dims)),
+            SHORT_TYPES.get(name, "float64"),
         )
         for name, one in VARIABLES.items()
     }
@@ -121,7 +122,7 @@ def run(
         for name, result in results.items():
             of_trials = "trial" in VARIABLES[name].dims
             values[name][block.place if of_trials else block.setting] = result
-    cube = cube.assign(labelled({"reference_deflection": reference}, REFERENCE))
+    cube = cube.assign(labelled({"reference_deflection": reference}, REFERENCE_VARIABLE))
     cube = cube.assign(labelled(values, VARIABLES, over=["setting"]))
     cube["predicted_error"].attrs["long_name"] = study.law
     return cube.assign(camera_places(settings))

@@ -3,10 +3,10 @@
 from typing import Any
 
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, SHAPES, camera_study
+from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, SHAPE_STUDIES, camera_study
 
-CHAPTERS = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
-FIGURES = {
+CHAPTER_NAMES = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
+FIGURE_NUMBERS = {
     "beam": "thesis_lib.plotting.panels:beam_figure",
     "plate": f"{__package__}.figures:plate_figure",
     "shape": f"{__package__}.figures:plate_figure",
@@ -17,38 +17,38 @@ FIGURES = {
 def deflections(asked: Any) -> Inputs:
     """Return the input of sound: the plate's study with the same cameras."""
     plate = camera_study(f"plate-{asked.study}", asked.plate_request)
-    return {"plate_cube": (SIMULATED[plate.name], plate)}
+    return {"plate_cube": (SIMULATED_SETS[plate.name], plate)}
 
 
 def turned_too(asked: Any) -> Inputs:
     """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
     from thesis_lib.figure_sets.parametric.sound_turn import turned
 
-    return {**deflections(asked), "turned": (RADIATED["sound-arrays"], turned(asked))}
+    return {**deflections(asked), "turned": (RADIATED_SETS["sound-arrays"], turned(asked))}
 
 
-SIMULATED = {
+SIMULATED_SETS = {
     name: FigureSet(
         request=request,
-        chapter=CHAPTERS[request.subject],
+        chapter=CHAPTER_NAMES[request.subject],
         module=f"{__package__}.compute",
-        figure=FIGURES[request.subject],
+        figure=FIGURE_NUMBERS[request.subject],
         kept=request.subject == "plate",
         in_pieces=True,
     )
-    for name, request in {**CAMERA_STUDIES, **SHAPES}.items()
+    for name, request in {**CAMERA_STUDIES, **SHAPE_STUDIES}.items()
     if request.subject != "sound"
 }
-RADIATED = {
+RADIATED_SETS = {
     name: FigureSet(
         request=request,
-        chapter=CHAPTERS["sound"],
+        chapter=CHAPTER_NAMES["sound"],
         module=f"{__package__}.{'sound_turn' if name == 'sound-aperture' else 'sound'}",
         needs=turned_too if name == "sound-aperture" else deflections,
-        figure=FIGURES["sound"],
+        figure=FIGURE_NUMBERS["sound"],
         in_pieces=True,
     )
     for name, request in CAMERA_STUDIES.items()
     if request.subject == "sound"
 }
-FIGURE_SETS = [*SIMULATED.values(), *RADIATED.values()]
+FIGURE_SETS = [*SIMULATED_SETS.values(), *RADIATED_SETS.values()]

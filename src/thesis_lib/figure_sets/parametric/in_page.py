@@ -13,10 +13,10 @@ import numpy as np
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
-from thesis_lib.figure_sets.parametric.camera_study import COINCIDENT, CONDITIONS
+from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, COINCIDENT_TEXT
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
-from thesis_lib.plotting.style import COLORS, DIVERGING
-from thesis_lib.plotting.viewer_data import LENS
+from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
+from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.fields import unit
 from thesis_lib.studies.published import read_published
@@ -25,9 +25,9 @@ from thesis_lib.vibration.beam import Beam, cantilever_roots
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, peak_deflection
 
-COMPUTED = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
+COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
 """Figure sets that a page computes."""
-MODES = 30  # the highest mode that a request may have
+MAX_MODE = 30  # the highest mode that a request may have
 
 
 def model(structure: Structure, modes: int) -> dict[str, Any]:
@@ -49,8 +49,8 @@ def model(structure: Structure, modes: int) -> dict[str, Any]:
     return {"kind": "plate", **common, "grid": list(structure.grid), "indices": indices}
 
 
-def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
-    """Return what some figure sets of :data:`COMPUTED` need besides their parameters.
+def facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
+    """Return what some figure sets of :data:`COMPUTED_SETS` need besides their parameters.
 
     Returns
     -------
@@ -65,18 +65,18 @@ def facts(names: Iterable[str] = COMPUTED) -> dict[str, Any]:
     structures = {one.subject: one.structure for one in studies.values()}
     return {
         "structures": {
-            subject: model(one, MODES)
-            | {"peaks": [repr(peak_deflection(one, mode + 1)) for mode in range(MODES)]}
+            subject: model(one, MAX_MODE)
+            | {"peaks": [repr(peak_deflection(one, mode + 1)) for mode in range(MAX_MODE)]}
             for subject, one in structures.items()
         },
         "pairs": setups.pairs(),
         "order": reading("beam")["pair_order"],
         "centres": setups.CENTRES_DEG,
         "opposite": {case: list(pair) for case, pair in setups.OPPOSITE_DEG.items()},
-        "colors": list(COLORS),
-        "colormap": list(DIVERGING),
-        "lens": list(LENS),
-        "conditions": CONDITIONS | {"reach": beyond("{}"), "places": COINCIDENT},
+        "colors": list(CYCLE_COLORS),
+        "colormap": list(DIVERGING_COLORS),
+        "lens": list(LENS_FIELDS),
+        "conditions": CAMERA_CONDITIONS | {"reach": beyond("{}"), "places": COINCIDENT_TEXT},
         "sets": {
             name: {
                 "subject": one.subject,
@@ -102,6 +102,6 @@ def _published(name: str) -> list[list[Any]]:
     if table is None:
         return []
     of_mean = table[table["error"] == "mean_error"]
-    columns = ["case", "value", "pair_order", "mode", *cubes.STATISTICS]
+    columns = ["case", "value", "pair_order", "mode", *cubes.STATISTIC_NAMES]
     rows: list[list[Any]] = of_mean[columns].values.tolist()
     return rows

@@ -16,8 +16,8 @@ from pydantic import BaseModel, BeforeValidator, Field, create_model, model_vali
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.parametric.camera_study import CONDITIONS, CameraStudy
-from thesis_lib.figure_sets.parametric.shapes import CONTOURS, ShapeMarkers
+from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
+from thesis_lib.figure_sets.parametric.shapes import CONTOUR_FIELDS, ShapeMarkers
 from thesis_lib.studies.fields import (
     Azimuth,
     Elevation,
@@ -154,12 +154,12 @@ class Arrays(CameraStudy):
     @model_validator(mode="after")
     def _check_cases(self) -> Arrays:
         if not self.cases and not self.layouts:
-            self.refuse("cases", CONDITIONS["cases"])
+            self.refuse("cases", CAMERA_CONDITIONS["cases"])
         grow = all(
             len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
         )
         if set(self.layouts) & set(setups.pairs()) or not grow:
-            self.refuse("layouts", CONDITIONS["layouts"])
+            self.refuse("layouts", CAMERA_CONDITIONS["layouts"])
         return self
 
     def printed(self) -> list[Setting]:
@@ -216,7 +216,7 @@ class PlateSound(SoundPlanes):
         return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
 
 
-SECTIONS = {
+THESIS_SECTIONS = {
     "beam": "section 3.3",
     "plate": "section 4.2",
     "sound": "section 6.2",
@@ -245,7 +245,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     )
     model.subject, model.name = subject, f"{subject}-{kind.study}"
     model.title = f"{subject.title()}: {kind.title}"
-    model.section = SECTIONS[subject]
+    model.section = THESIS_SECTIONS[subject]
     return model
 
 
@@ -253,32 +253,32 @@ def _held(name: str, value: Any) -> Any:
     """Return a value of the tables as models hold it."""
     if name == "resolution_px":
         return tuple(value)
-    return list(map(_frozen, value)) if name in CONTOURS else value
+    return list(map(_frozen, value)) if name in CONTOUR_FIELDS else value
 
 
 def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else float(value)
 
 
-_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
-_EXTRA: dict[str, tuple[type[BaseModel], ...]] = {
+_STUDY_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
+_EXTRA_FIELDS: dict[str, tuple[type[BaseModel], ...]] = {
     "beam": (BeamMarkers,),
     "plate": (PlateMarkers,),
     "sound": (PlateSound,),
 }
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
-    for subject, extra in _EXTRA.items()
-    for study in (figure_set(subject, kind, *extra) for kind in _KINDS)
+    for subject, extra in _EXTRA_FIELDS.items()
+    for study in (figure_set(subject, kind, *extra) for kind in _STUDY_KINDS)
 }
 
-SHAPES: dict[str, type[CameraStudy]] = {
+SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study for study in (figure_set("shape", k, ShapeMarkers) for k in (OfL, Perforated))
 }
 
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
     """Parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
-    study = validated({**CAMERA_STUDIES, **SHAPES}[name], values or {})
+    study = validated({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
     assert isinstance(study, CameraStudy)
     return study

@@ -20,8 +20,8 @@ Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
 Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
 FORCE_AT = setups.plate().force_position
-CONTOURS = ("outline_mm", "circles_mm", "cutouts_mm")
-FIELDS = {
+CONTOUR_FIELDS = ("outline_mm", "circles_mm", "cutouts_mm")
+SHAPE_FIELDS = {
     "outline": "outline_mm",
     "supports": "edge_supports",
     "grid": "grid",
@@ -82,7 +82,7 @@ class ShapeMarkers(PlateMarkers):
                 self.element_mm / 1000,
             )
         except ShapeError as error:
-            name = FIELDS.get(error.what) or self._hole_field(error.given)
+            name = SHAPE_FIELDS.get(error.what) or self._hole_field(error.given)
             refuse(name, getattr(self, name), f"allowed: {error.allowed}")
             raise
 

@@ -17,7 +17,7 @@ import xarray as xr
 
 from thesis_lib.acoustics import radiating, radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
-from thesis_lib.acoustics.plate_sound import NODAL
+from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO
 from thesis_lib.acoustics.quadrature import enough_nodes, integral
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
@@ -67,8 +67,8 @@ VARIABLES = declared("""
 COORDINATES = declared("""
     radiation_mode(radiation_mode) [1] ways of moving that radiate by themselves, the loudest first
 """)
-LOUDEST = 5  # radiation modes that are told
-LEVELS = declared("""
+LISTED_RADIATION_MODES = 5  # radiation modes that are told
+LEVEL_VARIABLES = declared("""
     sound_power(mode) [W] sound power of the reference deflection
     sound_power_level(mode) [dB] sound power level re 1 pW
     largest_pressure_level(mode, plane) [dB] largest sound pressure level re 20 uPa
@@ -148,7 +148,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
     omegas = [resonance(plate, mode) for mode in study.modes]
     operators = [[operator(plate, plane, omega, medium) for plane in planes] for omega in omegas]
     factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
-    told = min(LOUDEST, *(len(F) for of_mode in factors for F in of_mode))
+    told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
     modes = [[radiating.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
     for m, omega in enumerate(omegas):
         for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
@@ -166,7 +166,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
     independent = np.array(omegas)[:, None] * norms
     amplitude = np.max(np.abs(reference), axis=1)[:, None]
     expected = np.maximum(largest, independent * amplitude).max(axis=1, keepdims=True)
-    usable = np.where(largest > NODAL * expected, largest, np.nan)
+    usable = np.where(largest > MAX_NODAL_PRESSURE_RATIO * expected, largest, np.nan)
     greater = np.fmax.reduce(usable, axis=1, keepdims=True)  # NaN if both planes are nodal
     kept = {
         str(name): coordinate
@@ -243,11 +243,13 @@ def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
         "sound_power_level": radiation.power_level(power),
         "largest_pressure_level": radiation.pressure_level(largest),
     }
-    return cube.assign(labelled(values, LEVELS))
+    return cube.assign(labelled(values, LEVEL_VARIABLES))
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
-ACROSS = 74  # steps between the points of a plane that are compared, or twice as many at most
+COMPARED_STEPS = (
+    74  # steps between the points of a plane that are compared, or twice as many at most
+)
 
 
 def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:
@@ -269,7 +271,7 @@ def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Ar
         begins too near to the plate.
     """
     plate, found = study.structure, np.full((2, *largest.shape), np.nan)
-    step = tuple(slice(None, None, max(1, (n - 1) // ACROSS)) for n in fields.shape[2:])
+    step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
     near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
     for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
         omega = resonance(plate, mode)

@@ -29,7 +29,7 @@ from thesis_lib.vision import rounding
 TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
 LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
 BEST_DEG = (2.0, 3.0)  # turns that the text recommends: steep cameras err more from 4° on
-ENOUGH = 1000  # trials, which know an rms to some percent
+MAX_TRIALS = 1000  # trials, which know an rms to some percent
 VARIABLES = declared("""
     turn(turn) [degree] azimuth that two opposed cameras are turned by
     elevation(elevation) [degree] elevation of the cameras that are turned
@@ -57,7 +57,7 @@ def turned(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
         for turn in turns
         for number, elevation in enumerate(values["elevations_deg"])
     }
-    own = {"cases": [], "layouts": layouts, "trials": min(values["trials"], ENOUGH), "cube": ""}
+    own = {"cases": [], "layouts": layouts, "trials": min(values["trials"], MAX_TRIALS), "cube": ""}
     return camera_study("sound-arrays", common | own)
 
 

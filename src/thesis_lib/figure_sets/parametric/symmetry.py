@@ -23,10 +23,15 @@ from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.meshing import triangulated
 
-PLATE = "plate-arrays"
-NAMES = {PLATE: "rectangle", "shape-l": "L", "shape-holes": "holes"}
-MIRRORED = ("4a", "4a'", "4b", "4d")  # sets of cameras that are their own mirror image in X = 0
-SAME = 1e-7  # m: float32 on disk rounds 10 mm to less
+PLATE_SET = "plate-arrays"
+SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}
+MIRRORED_CASES = (
+    "4a",
+    "4a'",
+    "4b",
+    "4d",
+)  # sets of cameras that are their own mirror image in X = 0
+MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
 SIZES_MM = (40.0, 20.0, 10.0)
 
 
@@ -80,7 +85,7 @@ def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symme
     rms = [np.sqrt(np.mean((c["mean_error"].values[..., 1:]) ** 2, axis=-1)) for c in (part, whole)]
     law = part["predicted_error"].values / whole["predicted_error"].values
     return Symmetry(
-        float(np.mean(np.abs(size[..., one] - size[..., other]) < SAME)),
+        float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
         float(np.sqrt(np.mean(off[..., 0] ** 2))),
         float(np.sqrt(np.mean(off[..., 1:] ** 2))),
         float(np.median(rms[0] / rms[1])),
@@ -101,16 +106,16 @@ def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
 def symmetries(opened: Mapping[str, xr.Dataset]) -> str:
     """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
     rows = []
-    for case in dict.fromkeys(opened[PLATE]["case"].values.tolist()):
-        found = [symmetry(opened[name], opened[PLATE], [case]) for name in NAMES]
-        rows.append({"case": case, "mirrored": case in MIRRORED, "found": found})
-    return render(__file__, "symmetries", rows=rows, names=NAMES.values())
+    for case in dict.fromkeys(opened[PLATE_SET]["case"].values.tolist()):
+        found = [symmetry(opened[name], opened[PLATE_SET], [case]) for name in SHAPE_NAMES]
+        rows.append({"case": case, "mirrored": case in MIRRORED_CASES, "found": found})
+    return render(__file__, "symmetries", rows=rows, names=SHAPE_NAMES.values())
 
 
 def accuracies(opened: Mapping[str, xr.Dataset]) -> str:
     """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
-    plate, rows = opened[PLATE], []
-    for name, word in list(NAMES.items())[1:]:
+    plate, rows = opened[PLATE_SET], []
+    for name, word in list(SHAPE_NAMES.items())[1:]:
         both = opened[name], plate
         rms = [np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in both]
         laws = [c["predicted_error"].values for c in both]

@@ -45,7 +45,7 @@ def _columns(cube: xr.Dataset) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     """Yield the errors of each mode, and of each plane of the sound, setting by setting."""
     table = cubes.summary(cube).set_index(["error", "mode"])
     for mode in cube["mode"].values.tolist():
-        for error, (_, plane) in cubes.ERRORS.items():
+        for error, (_, plane) in cubes.ERROR_VARIABLES.items():
             if (error, mode) not in table.index or error == "max_point_error":
                 continue
             predicted = cubes.predicted(cube, error).sel(mode=mode).values
@@ -69,7 +69,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     if cube.sizes["trial"] > 1:
         checks = verdicts.check(cube, claims.claims_of(cube.attrs["figure_set"]))
     counts = {}
-    for quantity, word in cubes.SHORT.items():
+    for quantity, word in cubes.SHORT_LABELS.items():
         inside = [check.inside for check in checks if check.claim.quantity == quantity]
         if inside:
             counts[word] = inside
@@ -80,6 +80,6 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
         counts=counts,
         checks=[check for check in checks if not (only_misses and check.inside)],
         only_misses=only_misses,
-        short=cubes.SHORT,
+        short=cubes.SHORT_LABELS,
     )
     return Markdown(text)

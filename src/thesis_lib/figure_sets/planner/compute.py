@@ -10,7 +10,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.planner.parameters import READABLE, THESIS, Planner
+from thesis_lib.figure_sets.planner.parameters import READABLE_QUESTION, THESIS_QUESTIONS, Planner
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import layout_cost
 from thesis_lib.planning.planner import Plan, for_sound, plan
@@ -18,7 +18,7 @@ from thesis_lib.planning.positions import first_most, visible
 from thesis_lib.planning.results import as_cube
 from thesis_lib.studies.schema import declared, labelled
 
-_DROPPED = ("chosen", "point_error", "marker", "normal", "reference_deflection")
+_DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
 VARIABLES = declared("""
     question(question) [1] what was asked
     count(count) [1] number of cameras
@@ -81,18 +81,20 @@ def run(study: Planner) -> xr.Dataset:
     coords = {
         "question": list(plans),
         "count": sorted(study.counts),
-        "structure": list(THESIS),
+        "structure": list(THESIS_QUESTIONS),
         "thesis_case": list(setups.pairs()),
     }
     cube = cube.assign_coords(labelled(coords, VARIABLES))
     cube.attrs = {"cost_is": "pixels per second"}
     cube["averaged_law_ratio"].attrs = VARIABLES["averaged_law_ratio"].attributes
-    own = np.array([_of_thesis(study, plans[name], body) for body, name in THESIS.items()])
+    own = np.array(
+        [_of_thesis(study, plans[name], body) for body, name in THESIS_QUESTIONS.items()]
+    )
     cube = cube.assign(
         labelled(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
     )
     cube = cube.assign(labelled(_summary(cube, study), VARIABLES))
-    return cube.assign(_for_sound(study, plans[READABLE]))
+    return cube.assign(_for_sound(study, plans[READABLE_QUESTION]))
 
 
 def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
@@ -104,7 +106,7 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
         for one in made.options
     ]
     cube = (
-        cube.drop_vars(_DROPPED)
+        cube.drop_vars(_DROPPED_VARIABLES)
         .assign(averaged_law_ratio=("option", ratios))
         .pad(camera=(0, max(study.counts) - cube.sizes["camera"]), constant_values=np.nan)
     )

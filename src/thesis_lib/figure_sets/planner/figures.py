@@ -7,18 +7,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.planner.compute import cheapest
-from thesis_lib.figure_sets.planner.parameters import THESIS
-from thesis_lib.figure_sets.planner.tables import FRONT, SHOWN_CAMERAS, asked, coarse, near
-from thesis_lib.planning.figures import VIEWS, front_panel, layout_panel
-from thesis_lib.plotting.panel_boxes import BELOW
-from thesis_lib.plotting.style import REFERENCE, color, log_axes, subplots
+from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
+from thesis_lib.figure_sets.planner.tables import FRONT_QUESTION, SHOWN_CAMERAS, asked, coarse, near
+from thesis_lib.planning.figures import LAYOUT_VIEWS, front_panel, layout_panel
+from thesis_lib.plotting.panel_boxes import BELOW_PANEL
+from thesis_lib.plotting.style import REFERENCE_COLOR, color, log_axes, subplots
 
 
 def gain(cube: xr.Dataset) -> Figure:
     """Plot errors of the thesis's layouts and of planned ones against the number of cameras."""
     drawing, axes = subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
     n = cube["count"].values
-    for panel, (body, question) in zip(axes, THESIS.items(), strict=True):
+    for panel, (body, question) in zip(axes, THESIS_QUESTIONS.items(), strict=True):
         own = cube.sel(structure=body)["thesis_expected"]
         for i, case in enumerate(cube["thesis_case"].values):
             panel.plot(
@@ -45,7 +45,7 @@ def gain(cube: xr.Dataset) -> Figure:
             n,
             read["expected_error"],
             "s-",
-            color=REFERENCE,
+            color=REFERENCE_COLOR,
             lw=1.4,
             ms=4,
             label=f"planned, read up to {asked(cube, 'tilt_deg'):g}°",
@@ -68,10 +68,10 @@ def layouts(cube: xr.Dataset) -> Figure:
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
         part = cube.sel(question=question).isel(option=near(cube, question, SHOWN_CAMERAS))
-        for panel, (_, azimuth, elevation) in zip(column, VIEWS, strict=False):
+        for panel, (_, azimuth, elevation) in zip(column, LAYOUT_VIEWS, strict=False):
             layout_panel(panel, part, azimuth, elevation)
         column[0].set_title(str(question))
-        column[1].set_gid(f"{BELOW}-{question}")
+        column[1].set_gid(f"{BELOW_PANEL}-{question}")
     for column in columns[len(shown) :]:
         for panel in column:
             panel.axis("off")
@@ -81,11 +81,11 @@ def layouts(cube: xr.Dataset) -> Figure:
 def front(cube: xr.Dataset) -> Figure:
     """Plot the error against cost for one question."""
     drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
-    one = cube.sel(question=FRONT)
+    one = cube.sel(question=FRONT_QUESTION)
     best = cheapest(one, asked(cube, "target_percent"))
     one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
     target = None if best is None else asked(cube, "target_percent")
-    kept = np.isfinite(cube.sel(question=FRONT)["cost"].values)
+    kept = np.isfinite(cube.sel(question=FRONT_QUESTION)["cost"].values)
     chosen = 0 if best is None else int(np.sum(kept[:best]))
     front_panel(panel, one.assign(chosen=chosen), target)
     return drawing

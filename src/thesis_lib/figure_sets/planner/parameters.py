@@ -28,10 +28,10 @@ from thesis_lib.studies.fields import (
 )
 from thesis_lib.studies.request import Study
 
-THESIS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
-READABLE = "plate: markers that can be read"  # which is planned for its sound, too
-BEHIND = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
-BESIDE = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
+THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
+READABLE_QUESTION = "plate: markers that can be read"  # which is planned for its sound, too
+WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
+MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
 
 
 def _reach(body: str) -> float:
@@ -98,14 +98,19 @@ class Planner(Study):
     @property
     def questions(self) -> dict[str, PlanRequest]:
         """Return the requests to the planner, by name."""
-        near = {body: float(setups.table(body, "arrays")["distance_mm"]) for body in THESIS}
+        near = {
+            body: float(setups.table(body, "arrays")["distance_mm"]) for body in THESIS_QUESTIONS
+        }
         asked: dict[str, tuple[str, dict[str, Any]]] = {}
-        for body, name in THESIS.items():
+        for body, name in THESIS_QUESTIONS.items():
             fixed = (near[body], near[body])
             asked[name] = body, {"distances_mm": fixed, "tilt_deg": 90.0}
             asked[f"{body}: markers that can be read"] = body, {"distances_mm": fixed}
             asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": room(body)}
-        wall, machine = {"forbidden_sectors_deg": [BEHIND]}, {"forbidden_boxes_mm": [BESIDE]}
+        wall, machine = (
+            {"forbidden_sectors_deg": [WALL_SECTOR_DEG]},
+            {"forbidden_boxes_mm": [MACHINE_BOX_MM]},
+        )
         asked["beam: a wall behind it"] = "beam", {"distances_mm": room("beam"), **wall}
         asked["plate: a machine beside it"] = "plate", {"distances_mm": room("plate"), **machine}
         return {name: self._question(body, more) for name, (body, more) in asked.items()}

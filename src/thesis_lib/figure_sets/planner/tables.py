@@ -11,13 +11,13 @@ import xarray as xr
 from IPython.display import HTML, Markdown
 
 from thesis_lib.figure_sets.planner.compute import cheapest
-from thesis_lib.figure_sets.planner.parameters import THESIS
-from thesis_lib.planning.errors import AMPLITUDES
+from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
+from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.figures import layout_view
-from thesis_lib.planning.positions import TIE
+from thesis_lib.planning.positions import MAX_TIE_RATIO
 from thesis_lib.templates import render
 
-FRONT = "beam: nearer or farther, too"  # of which the front is drawn
+FRONT_QUESTION = "beam: nearer or farther, too"  # of which the front is drawn
 SHOWN_CAMERAS = 4  # of the layouts that are drawn, or the nearest number
 
 
@@ -45,7 +45,7 @@ def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset | None]:
 def compare_with_thesis(cube: xr.Dataset) -> str:
     """Compare planned layouts with the best of the thesis with as many cameras."""
     rows: list[dict[str, Any]] = []
-    for body, question in THESIS.items():
+    for body, question in THESIS_QUESTIONS.items():
         plan = coarse(cube, question)
         for i, own in enumerate(_best_of_thesis(cube, body)):
             error = np.nan if own is None else float(own["thesis_expected"])
@@ -70,7 +70,7 @@ def compare_with_thesis(cube: xr.Dataset) -> str:
 def with_readable(cube: xr.Dataset) -> str:
     """Compare the plan whose markers can be read with the thesis's best layouts."""
     worse, shares = [], []
-    for body in THESIS:
+    for body in THESIS_QUESTIONS:
         plan = coarse(cube, f"{body}: markers that can be read")["expected_error"].values
         for planned, own in zip(plan, _best_of_thesis(cube, body), strict=True):
             if own is not None and np.isfinite(planned):
@@ -86,10 +86,10 @@ def limits(cube: xr.Dataset) -> str:
     """Show the cost of limits on places."""
     rows = []
     for question in cube["question"].values.tolist():
-        free = coarse(cube, THESIS[question.partition(":")[0]])["expected_error"].values
+        free = coarse(cube, THESIS_QUESTIONS[question.partition(":")[0]])["expected_error"].values
         own = coarse(cube, question)["expected_error"].values
         more = own / free - 1
-        changes = [one if abs(one) >= TIE else np.nan for one in more]
+        changes = [one if abs(one) >= MAX_TIE_RATIO else np.nan for one in more]
         rows.append({"question": question, "cells": list(zip(own, changes, strict=True))})
     counts, tilt = cube["count"].values, asked(cube, "tilt_deg")
     return render(__file__, "limits", rows=rows, counts=counts, tilt=tilt)
@@ -97,7 +97,7 @@ def limits(cube: xr.Dataset) -> str:
 
 def front(cube: xr.Dataset) -> str:
     """List the options on the front of one question."""
-    one = cube.sel(question=FRONT)
+    one = cube.sel(question=FRONT_QUESTION)
     order = np.argsort(one["cost"].values, kind="stable")
     options = [one.isel(option=i) for i in order if one["on_front"].values[i] == 1]
     return render(__file__, "front", options=options) if options else ""
@@ -117,7 +117,7 @@ def targets(cube: xr.Dataset) -> str:
 def verification(cube: xr.Dataset) -> str:
     """Compare simulated with predicted errors, over all options and modes of a structure."""
     ratios = {}
-    for body in THESIS:
+    for body in THESIS_QUESTIONS:
         part = cube.sel(question=[q for q in cube["question"].values if q.startswith(body)])
         ratio = (part["simulated_error"] / part["predicted_error"]).values.ravel()
         ratios[body] = np.sort(ratio[np.isfinite(ratio)])
@@ -130,7 +130,7 @@ def verification(cube: xr.Dataset) -> str:
         "verification",
         ratios=ratios,
         median=np.median,
-        amplitudes=AMPLITUDES,
+        amplitudes=AMPLITUDE_RANGE,
         planned=planned,
         own=own,
     )

@@ -22,11 +22,11 @@ from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
+from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS, POSE_UNKNOWNS, Network
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.vision.lens import Camera
 
-_DETERMINED = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
+_MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def adjust(
 
 def _free(network: Network, intrinsics: bool, distortion: bool) -> Mask:
     """Return which unknowns are adjusted."""
-    poses = POSE * (len(network.cameras) + len(network.rotations))
+    poses = POSE_UNKNOWNS * (len(network.cameras) + len(network.rotations))
     lens = [intrinsics] * 4 + [distortion] * 4
     return np.array([True] * poses + lens * len(network.cameras))
 
@@ -167,13 +167,13 @@ def _result(
 ) -> Adjustment:
     normal, _, residuals = reprojection.normal_equations(observations, seen, points, network)
     inverse, least = _inverse(normal, network, free)
-    if least < _DETERMINED:
+    if least < _MIN_EIGENVALUE:
         raise CalibrationError("adjustment: the pictures do not determine all unknowns")
     squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
-    freedom = count - (int(free.sum()) - POSE)
+    freedom = count - (int(free.sum()) - POSE_UNKNOWNS)
     sigma = float(np.sqrt(squares / freedom))
     covariance = sigma**2 * inverse
-    lenses = np.diag(covariance)[-LENS * len(network.cameras) :]
+    lenses = np.diag(covariance)[-LENS_UNKNOWNS * len(network.cameras) :]
     return Adjustment(
         network.cameras,
         network.rotations,
@@ -181,7 +181,7 @@ def _result(
         residuals,
         float(np.sqrt(squares / count)),
         sigma,
-        np.sqrt(lenses).reshape(-1, LENS),
+        np.sqrt(lenses).reshape(-1, LENS_UNKNOWNS),
         covariance,
         iterations,
     )
@@ -193,7 +193,7 @@ def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjust
     T = np.eye(len(adjustment.covariance))
     n = len(network.cameras)
     for k in range(n + len(network.rotations)):
-        a, b, c = k * POSE, k * POSE + 3, (k + 1) * POSE
+        a, b, c = k * POSE_UNKNOWNS, k * POSE_UNKNOWNS + 3, (k + 1) * POSE_UNKNOWNS
         T[b:c, b:c] = rotation
         if k >= n:  # a board turns about the world's axes, a camera about its own
             T[a:b, a:b] = rotation
@@ -277,13 +277,13 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
     n = len(adjustment.cameras)
     weight = np.zeros(len(adjustment.covariance))
     if shot is None:
-        weight[: n * POSE] = np.tile([*[_lever(adjustment.cameras) ** 2] * 3, 1, 1, 1], n)
+        weight[: n * POSE_UNKNOWNS] = np.tile([*[_lever(adjustment.cameras) ** 2] * 3, 1, 1, 1], n)
     else:
-        weight[(n + shot) * POSE :][:POSE] = 1
+        weight[(n + shot) * POSE_UNKNOWNS :][:POSE_UNKNOWNS] = 1
     G = reprojection.gauge(adjustment)
     S = np.eye(len(weight)) - G @ np.linalg.solve(G.T @ (weight[:, None] * G), G.T * weight)
     variances = np.einsum("ij,jk,ik->i", S, adjustment.covariance, S, optimize=True)
-    both = np.sqrt(np.maximum(variances[: n * POSE], 0)).reshape(n, 2, 3)
+    both = np.sqrt(np.maximum(variances[: n * POSE_UNKNOWNS], 0)).reshape(n, 2, 3)
     return both[:, 1], both[:, 0]
 
 

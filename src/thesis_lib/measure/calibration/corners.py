@@ -25,10 +25,12 @@ from scipy.special import erf
 from thesis_lib.arrays import Array, Image, IntArray, Mask
 from thesis_lib.measure.calibration.grids import BoardNotFound, finders
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import HALF
+from thesis_lib.vision.lens import HALF_PIXEL
 
-_WINDOW = 0.35  # half-size of the window over the distance to the neighbouring corners
-_REACH = 14  # most pixels from a corner to its window's edge: more add little to the precision
+_WINDOW_RATIO = 0.35  # half-size of the window over the distance to the neighbouring corners
+_MAX_WINDOW_PX = (
+    14  # most pixels from a corner to its window's edge: more add little to the precision
+)
 _OFF_MARK = 2.0  # least distance of a window's pixel from an ArUco mark: its blur's reach, px
 # Largest distance of a corner from a smooth grid, over that from its neighbour, as found and as
 # fitted. OpenCV's finders are off by up to 0.09. Fitted corners: 0.019 on a bent paper board, 0.005
@@ -49,7 +51,7 @@ _MIN_BLUR_PX, _MAX_BLUR_PX = 0.5, 8.0
 _LARGE_TILE_PX = 100.0  # corners of larger tiles are first fitted on a reduced image
 _MAX_STEPS = 8
 _CONVERGED_PX = 1e-4  # change of all corners below which the fit stops: 5e-6 px are left then
-_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
+_REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come from the round before
 
 
 def find_corners(image: Image, board: Board) -> Array:
@@ -168,7 +170,7 @@ def _refine(
     Returns the grid (2, ny, nx), where the last round started, and what :func:`_fit` returns of it.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(_REFINEMENT_ROUNDS):
         smooth = _smooth(grid, seen, board)
         grid = np.where(seen, grid, smooth)
         astray = _off(grid, smooth) > _MAX_FITTED_OFFSET * _spacing(grid)
@@ -220,7 +222,7 @@ def _asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
     Residuals and weights (corners, n) are of square windows of pixels; the corner (2, corners) is
     counted from the corner of the middle pixel. Pixels whose opposite is in the window count.
     """
-    side = 2 * _REACH + 1
+    side = 2 * _MAX_WINDOW_PX + 1
     asymmetry = np.full(len(residual), np.nan)
     for k, (r, w) in enumerate(zip(residual, weight, strict=True)):
         shift = np.array([[1, 0, 2 * corner[0, k] - 1], [0, 1, 2 * corner[1, k] - 1]])
@@ -252,17 +254,17 @@ def _windows(
     the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n). Beside each
     edge, marks are that many tiles off.
     """
-    side = np.arange(-_REACH, _REACH + 1)
+    side = np.arange(-_MAX_WINDOW_PX, _MAX_WINDOW_PX + 1)
     column, row = (np.floor(c).astype(int)[:, None] for c in corners)
     column, row = column + np.tile(side, len(side)), row + np.repeat(side, len(side))
     height, width = image.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    pixels = np.stack([column, row]) + HALF
+    pixels = np.stack([column, row]) + HALF_PIXEL
     du, dv = pixels - corners[:, :, None]
     (au, av), (bu, bv) = steps[..., None]
     determinant = au * bv - av * bu
     off = np.stack([du * bv - dv * bu, dv * au - du * av]) / determinant
-    inside &= (abs(off).max(axis=0) <= _WINDOW) & (du**2 + dv**2 <= _REACH**2)
+    inside &= (abs(off).max(axis=0) <= _WINDOW_RATIO) & (du**2 + dv**2 <= _MAX_WINDOW_PX**2)
     grey = image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)].astype(float)
     if np.isfinite(beside):  # not what marks reach, which are in the lighter of the tiles
         px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these

@@ -14,18 +14,32 @@ import numpy as np
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import HALF
+from thesis_lib.vision.lens import HALF_PIXEL
 
-_CLEAR = 4.0  # least distance of a corner from the image's border, px
-_FEWEST = 12  # corners of a board with marks that must be seen, or half of a small one's
-_SIZES = (50, 100, 250, 1000)  # of OpenCV's dictionaries, which begin with the same marks
+_MIN_BORDER_PX = 4.0  # least distance of a corner from the image's border, px
+_MIN_MARKED_CORNERS = (
+    12  # corners of a board with marks that must be seen, or half of a small one's
+)
+_DICTIONARY_SIZES = (
+    50,
+    100,
+    250,
+    1000,
+)  # of OpenCV's dictionaries, which begin with the same marks
 _REDUCED_PX = 640  # longer side of the smaller image in which large tiles are looked for
-_COMMON = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL", "APRILTAG_36H11")
+_COMMON_DICTIONARIES = (
+    "4X4_250",
+    "5X5_250",
+    "6X6_250",
+    "7X7_250",
+    "ARUCO_ORIGINAL",
+    "APRILTAG_36H11",
+)
 
 
 # Least contrast of tiles beyond the outermost ones, over theirs, by which a board goes on. Margins
 # and backgrounds have up to 0.2.
-_CONTINUED = 0.5
+_MIN_CONTINUED_SHARE = 0.5
 Finder = Callable[[Image, Board], tuple[Image, Array]]
 
 
@@ -82,10 +96,12 @@ def _ordered(found: bool, raw: Any, image: Image, board: Board) -> Array:
     if not found:
         raise BoardNotFound("no checkerboard seen")
     nx, ny = board.shape
-    corners = np.asarray(raw, float).reshape(ny, nx, 2).transpose(2, 0, 1) + HALF
+    corners = np.asarray(raw, float).reshape(ny, nx, 2).transpose(2, 0, 1) + HALF_PIXEL
     nearest = float(_to_border(corners, image).min())
-    if nearest < _CLEAR:
-        raise BoardNotFound(f"a corner is {nearest:.1f} px from the border, needs {_CLEAR:.0f}")
+    if nearest < _MIN_BORDER_PX:
+        raise BoardNotFound(
+            f"a corner is {nearest:.1f} px from the border, needs {_MIN_BORDER_PX:.0f}"
+        )
     (xu, xv), (yu, yv) = (np.gradient(corners, axis=axis).mean((1, 2)) for axis in (2, 1))
     corners = corners if xu * yv - xv * yu < 0 else corners[:, ::-1]
     if _continues(image, corners):
@@ -113,7 +129,7 @@ def _continues(image: Image, corners: Array) -> bool:
                 places = np.stack([along, np.full_like(along, off)])
                 grey = _grey(image, H, places[::-1] if across else places)
                 rows.append(float(parity @ grey))
-            if -rows[1] * np.sign(rows[0]) > _CONTINUED * abs(rows[0]):
+            if -rows[1] * np.sign(rows[0]) > _MIN_CONTINUED_SHARE * abs(rows[0]):
                 return True
     return False
 
@@ -135,7 +151,9 @@ def _marked(image: Image, board: Board) -> Array:
     """Return the visible corners between marks; the marks identify the corners."""
     count = board.columns * board.rows // 2
     bits = board.dictionary.rpartition("_")[0]
-    size = next(size for size in _SIZES if size >= count)  # of fewer marks more errors are mended
+    size = next(
+        size for size in _DICTIONARY_SIZES if size >= count
+    )  # of fewer marks more errors are mended
     dictionary, marks, numbers = _read(image, f"{bits}_{size}")
     nx, ny = board.shape
     corners = np.full((nx * ny, 2), np.nan)
@@ -148,12 +166,12 @@ def _marked(image: Image, board: Board) -> Array:
         detector = cv2.aruco.CharucoDetector(layout, parameters)
         places, which, _, _ = detector.detectBoard(image, None, None, marks, numbers)
         if which is not None:
-            corners[np.ravel(which)] = np.reshape(places, (-1, 2)) + HALF
+            corners[np.ravel(which)] = np.reshape(places, (-1, 2)) + HALF_PIXEL
             break
     corners = corners.reshape(ny, nx, 2).transpose(2, 0, 1)[:, ::-1]  # OpenCV's rows run down
-    corners[:, _to_border(corners, image) < _CLEAR] = np.nan
+    corners[:, _to_border(corners, image) < _MIN_BORDER_PX] = np.nan
     corners[:, _off_plane(corners, board)] = np.nan
-    seen, least = int(np.isfinite(corners[0]).sum()), min(_FEWEST, nx * ny // 2)
+    seen, least = int(np.isfinite(corners[0]).sum()), min(_MIN_MARKED_CORNERS, nx * ny // 2)
     if seen < least:
         others = _others(image, f"{bits}_{size}", count) if 2 * len(marks) < count else ""
         raise BoardNotFound(
@@ -188,7 +206,7 @@ def _others(image: Image, name: str, count: int) -> str:
     mirrored = len(_read(np.ascontiguousarray(image[:, ::-1]), name)[1])
     if 2 * mirrored >= count:
         return f", but {mirrored} mirrored: it is seen from the back, or the camera mirrors"
-    for other in _COMMON:
+    for other in _COMMON_DICTIONARIES:
         if 2 * (seen := len(_read(image, f"DICT_{other}")[1])) >= count:
             return f", but {seen} of DICT_{other}"
     return ""

@@ -31,7 +31,7 @@ from thesis_lib.vision.lens import (
     undistort,
 )
 
-POSE, LENS = 6, 8  # unknowns of a pose and of a lens
+POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,9 @@ class Network:
     @property
     def unknowns(self) -> int:
         """Number of unknowns, the lenses' included."""
-        return (POSE + LENS) * len(self.cameras) + POSE * len(self.rotations)
+        return (POSE_UNKNOWNS + LENS_UNKNOWNS) * len(self.cameras) + POSE_UNKNOWNS * len(
+            self.rotations
+        )
 
 
 def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]) -> Network:
@@ -190,12 +192,16 @@ def normal_equations(
         shots = np.flatnonzero(seen[c])
         missing = np.isnan(observations[c][shots])
         A = np.where(missing[:, None], 0, J[:, :, shots].transpose(2, 0, 1, 3))
-        A = A.reshape(len(shots), POSE * 2 + LENS, -1)
+        A = A.reshape(len(shots), POSE_UNKNOWNS * 2 + LENS_UNKNOWNS, -1)
         r = np.where(missing, 0, residuals[c][shots]).reshape(len(shots), -1, 1)
         index = np.empty((len(shots), A.shape[1]), int)
-        index[:, :POSE] = c * POSE + np.arange(POSE)
-        index[:, POSE : 2 * POSE] = (n + shots[:, None]) * POSE + np.arange(POSE)
-        index[:, 2 * POSE :] = (n + m) * POSE + c * LENS + np.arange(LENS)
+        index[:, :POSE_UNKNOWNS] = c * POSE_UNKNOWNS + np.arange(POSE_UNKNOWNS)
+        index[:, POSE_UNKNOWNS : 2 * POSE_UNKNOWNS] = (
+            n + shots[:, None]
+        ) * POSE_UNKNOWNS + np.arange(POSE_UNKNOWNS)
+        index[:, 2 * POSE_UNKNOWNS :] = (
+            (n + m) * POSE_UNKNOWNS + c * LENS_UNKNOWNS + np.arange(LENS_UNKNOWNS)
+        )
         np.add.at(normal, (index[:, :, None], index[:, None]), A @ A.swapaxes(1, 2))
         np.add.at(right, index, (A @ r)[..., 0])
     return normal, right, residuals
@@ -206,9 +212,9 @@ def gauge(network: Network) -> Array:
     boards = range(len(network.rotations))
     poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
     poses += [(np.eye(3), network.translations[s]) for s in boards]
-    G = np.zeros((network.unknowns, POSE))
+    G = np.zeros((network.unknowns, POSE_UNKNOWNS))
     for k, (turn, place) in enumerate(poses):
-        rows = G[k * POSE : (k + 1) * POSE]
+        rows = G[k * POSE_UNKNOWNS : (k + 1) * POSE_UNKNOWNS]
         rows[:3, :3] = turn
         rows[3:, :3] = -np.cross(place, np.eye(3)).T  # w × place
         rows[3:, 3:] = np.eye(3)
@@ -218,9 +224,9 @@ def gauge(network: Network) -> Array:
 def stepped(network: Network, step: Array) -> Network:
     """Return the network after changes of its unknowns."""
     n, m = len(network.cameras), len(network.rotations)
-    poses = step[: (n + m) * POSE].reshape(-1, 2, 3)
+    poses = step[: (n + m) * POSE_UNKNOWNS].reshape(-1, 2, 3)
     turns = Rotation.from_rotvec(poses[:, 0]).as_matrix()
-    lenses = step[(n + m) * POSE :].reshape(n, LENS)
+    lenses = step[(n + m) * POSE_UNKNOWNS :].reshape(n, LENS_UNKNOWNS)
     cameras = []
     for camera, turn, shift, d in zip(network.cameras, turns, poses[:, 1], lenses, strict=False):
         cameras.append(

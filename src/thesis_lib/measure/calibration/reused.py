@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.calibration.reprojection import LENS, POSE
+from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS, POSE_UNKNOWNS
 from thesis_lib.measure.exchange.reading import Found, read_cameras
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.steps import CALIBRATION
+from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies.cache import key_of
 from thesis_lib.studies.schema import labelled
 
@@ -66,8 +66,8 @@ def _chosen(found: Found, manifest: Manifest, path: Path) -> Found:
 
 def _rows(order: IntArray, count: int) -> IntArray:
     """Rows of the unknowns of some of a covariance's cameras."""
-    poses = POSE * order[:, None] + np.arange(POSE)
-    lenses = POSE * count + LENS * order[:, None] + np.arange(LENS)
+    poses = POSE_UNKNOWNS * order[:, None] + np.arange(POSE_UNKNOWNS)
+    lenses = POSE_UNKNOWNS * count + LENS_UNKNOWNS * order[:, None] + np.arange(LENS_UNKNOWNS)
     return np.concatenate([poses.ravel(), lenses.ravel()])
 
 
@@ -88,4 +88,4 @@ def as_calibrated(found: Found) -> xr.Dataset:
     numbers = [np.asarray(values[name]).tolist() for name in kept]
     names = [one.name for one in found.cameras]
     attrs = {"notes": "", "key": key_of([names, numbers])}
-    return xr.Dataset(labelled(values, CALIBRATION), {"camera": names}, attrs)
+    return xr.Dataset(labelled(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)

@@ -19,8 +19,8 @@ from thesis_lib.measure.recordings.board import Board
 
 Pose = tuple[Array, Array]
 
-_FITS = 0.2  # most rms distance between one board seen by two cameras, over a tile
-_DISTINCT = 2.0  # how many times worse the next best rig has to be
+_MAX_FIT_TILES = 0.2  # most rms distance between one board seen by two cameras, over a tile
+_MIN_DISTINCT_RATIO = 2.0  # how many times worse the next best rig has to be
 _MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that are wrong
 
 
@@ -74,7 +74,7 @@ def unify(
             first = _moved(rig[seen[0]], points[seen[0]][shot])[0]
             off = _rms(_moved(rig[camera], points[camera][shot]) - first)
             choice = int(np.argmin(off))
-            if off[choice] > _FITS * board.tile:
+            if off[choice] > _MAX_FIT_TILES * board.tile:
                 left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
             uv = shots[camera][shot]
             assert uv is not None
@@ -83,7 +83,8 @@ def unify(
     if len(left_out) > _MOST_OFF * shared:
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
-            f"off the rig of the others, allowed {1e3 * _FITS * board.tile:.1f} mm: do the k-th "
+            f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "
+            "the k-th "
             "pictures of all cameras show one pose, and is board.two_sided right?"
         )
     result[:, list(left_out)] = np.nan
@@ -176,7 +177,7 @@ def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
     X = source[0, 0]
     other = np.array([_rms(_moved(pose, X) - _moved(best, X)) > size for pose in trials])
     rival = scores[other].min(initial=np.inf)
-    return best, bool(rival > _DISTINCT * scores.min() and rival > 1e-9)
+    return best, bool(rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9)
 
 
 def _rigid(points: Array, target: Array) -> Pose:

@@ -34,22 +34,25 @@ from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust, camera_deviations
-from thesis_lib.measure.calibration.reprojection import LENS, POSE, Network
+from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS, POSE_UNKNOWNS, Network
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.schema import declared, labelled, with_origin
 from thesis_lib.vision.lens import Camera
 
-FEWEST = 5  # shots that the jackknife needs: with fewer, a direction often has too little by chance
-_COVERED = 0.97725  # of the distribution of an error, below two standard deviations
-_DETERMINED = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
+MIN_JACKKNIFE_IMAGES = (
+    5  # shots that the jackknife needs: with fewer, a direction often has too little by chance
+)
+_COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two standard deviations
+_MIN_EIGENVALUE = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
 
 
 def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
     """Return the cameras of an adjustment, with deviations that hold for the images as they are.
 
-    With fewer than :data:`FEWEST` shots, or one that nothing can do without, the adjustment's own
+    With fewer than :data:`MIN_JACKKNIFE_IMAGES` shots, or one that nothing can do without, the
+    adjustment's own
     covariance is widened by as much as shots differ more than independent corners would: how errors
     of corners go together is then taken to be the same in all directions.
 
@@ -82,17 +85,19 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(reprojection.gauge(alone)[free] / units[:, None])
-    widths = np.ones(LENS * n)
-    changes = _changes(parts, right, gauge) if len(parts) >= FEWEST else None
+    widths = np.ones(LENS_UNKNOWNS * n)
+    changes = _changes(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
     if changes is None:
         covariance = own * _widening(parts, right, gauge, adjustment.sigma)
     else:
         changes, m = changes * units, len(changes)
         covariance = np.zeros_like(own)
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
-        adjusted = int(free[-LENS * n :].sum())
-        widths[free[-LENS * n :]] = _widths(parts, gauge, adjusted)
-    deviations = (widths * np.sqrt(np.diag(covariance)[-LENS * n :])).reshape(-1, LENS)
+        adjusted = int(free[-LENS_UNKNOWNS * n :].sum())
+        widths[free[-LENS_UNKNOWNS * n :]] = _widths(parts, gauge, adjusted)
+    deviations = (widths * np.sqrt(np.diag(covariance)[-LENS_UNKNOWNS * n :])).reshape(
+        -1, LENS_UNKNOWNS
+    )
     return replace(alone, covariance=covariance, deviations=deviations)
 
 
@@ -102,7 +107,10 @@ def of_cameras(adjustment: Adjustment) -> Array:
     It takes every corner for an independent witness.
     """
     n = len(adjustment.cameras)
-    which = np.r_[: POSE * n, len(adjustment.covariance) - LENS * n : len(adjustment.covariance)]
+    which = np.r_[
+        : POSE_UNKNOWNS * n,
+        len(adjustment.covariance) - LENS_UNKNOWNS * n : len(adjustment.covariance),
+    ]
     return adjustment.covariance[np.ix_(which, which)]
 
 
@@ -126,7 +134,7 @@ def with_lenses(
     -------
     ndarray, shape (14 n, 14 n)
     """
-    cut = POSE * len(adjustment.cameras)
+    cut = POSE_UNKNOWNS * len(adjustment.cameras)
     units = np.sqrt(np.diag(poses)[:cut])
     N = _contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
@@ -141,7 +149,7 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
     """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, shots = seen.shape
-    sides = np.zeros((shots, (POSE + LENS) * n))
+    sides = np.zeros((shots, (POSE_UNKNOWNS + LENS_UNKNOWNS) * n))
     matrices = np.zeros((*sides.shape, sides.shape[1]))
     for s in range(shots):
         views = np.flatnonzero(seen[:, s])
@@ -150,12 +158,12 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
         uv = observations[views][:, [s]]
         own = reprojection.of_pictures(points, np.ix_(views, np.array([s])))
         N, g, _ = reprojection.normal_equations(uv, seen[views][:, [s]], own, one)
-        board = POSE * len(views) + np.arange(POSE)
+        board = POSE_UNKNOWNS * len(views) + np.arange(POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])
         both = np.delete(np.delete(both, board, axis=0), board, axis=1)
-        of_poses = POSE * views[:, None] + np.arange(POSE)
-        of_lenses = POSE * n + LENS * views[:, None] + np.arange(LENS)
+        of_poses = POSE_UNKNOWNS * views[:, None] + np.arange(POSE_UNKNOWNS)
+        of_lenses = POSE_UNKNOWNS * n + LENS_UNKNOWNS * views[:, None] + np.arange(LENS_UNKNOWNS)
         index = np.r_[of_poses.ravel(), of_lenses.ravel()]
         matrices[np.ix_([s], index, index)] = both[:, :-1]
         sides[s, index] = both[:, -1]
@@ -168,7 +176,7 @@ def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
     The gauge's directions, orthonormal here, are kept still.
     """
     rest = parts.sum(axis=0) + gauge @ gauge.T - parts
-    if np.linalg.eigvalsh(rest)[:, 0].min() < _DETERMINED:
+    if np.linalg.eigvalsh(rest)[:, 0].min() < _MIN_EIGENVALUE:
         return None
     return -np.linalg.solve(rest, right[..., None])[..., 0]
 
@@ -188,7 +196,9 @@ def _widths(parts: Array, gauge: Array, count: int) -> Array:
     true = np.einsum("ij,jk,ki->i", inverse, whole, inverse, optimize=True)[last]
     excess = (m - 1) / m * total / true
     freedom = np.maximum(total**2 / np.sum(single**2, axis=0), 1.0)
-    return np.maximum(t.ppf(_COVERED, freedom) / norm.ppf(_COVERED) / np.sqrt(excess), 1.0)
+    return np.maximum(
+        t.ppf(_COVERED_PROBABILITY, freedom) / norm.ppf(_COVERED_PROBABILITY) / np.sqrt(excess), 1.0
+    )
 
 
 def _widening(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
@@ -247,7 +257,11 @@ def exact(
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
-        focal = cameras.deviations[:, 0] if lenses is None else np.sqrt(np.diag(lenses)[::LENS])
+        focal = (
+            cameras.deviations[:, 0]
+            if lenses is None
+            else np.sqrt(np.diag(lenses)[::LENS_UNKNOWNS])
+        )
         values = {
             "board_poses": corners.shape[1],
             "focal_deviation": focal,
@@ -275,7 +289,9 @@ def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
     for k, camera in enumerate(cameras):
         seen = np.isfinite(corners[k]).any(axis=(1, 2))
         own, of = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
-        blocks.append(jackknife(own, of, adjust(own, of, [camera])).covariance[POSE:, POSE:])
+        blocks.append(
+            jackknife(own, of, adjust(own, of, [camera])).covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:]
+        )
     return block_diag(*blocks)
 
 
@@ -283,12 +299,18 @@ def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
     """Return a reused calibration with the deviations of its covariance; NaN without one."""
     cameras = cameras_in(calibration)
     n = len(cameras)
-    known = np.full([(POSE + LENS) * n] * 2, np.nan) if covariance is None else covariance
+    known = (
+        np.full([(POSE_UNKNOWNS + LENS_UNKNOWNS) * n] * 2, np.nan)
+        if covariance is None
+        else covariance
+    )
     none = np.zeros((0, 3, 3)), np.zeros((0, 3))
-    bare = Adjustment(tuple(cameras), *none, np.zeros(0), 0, 0, np.zeros((n, LENS)), known, 0)
+    bare = Adjustment(
+        tuple(cameras), *none, np.zeros(0), 0, 0, np.zeros((n, LENS_UNKNOWNS)), known, 0
+    )
     values = {
         "board_poses": 0,
-        "focal_deviation": np.sqrt(np.diag(known)[POSE * n :: LENS]),
+        "focal_deviation": np.sqrt(np.diag(known)[POSE_UNKNOWNS * n :: LENS_UNKNOWNS]),
         "centre_deviation": np.linalg.norm(camera_deviations(bare)[0], axis=1),
         "covariance": known,
     }

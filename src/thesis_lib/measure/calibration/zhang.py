@@ -15,7 +15,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import HALF, Camera
+from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
 _LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
 _LEAST_TILT = np.radians(4.0)  # between the two boards that differ most
@@ -99,11 +99,11 @@ def zhang(
     if not distortion:
         flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
     objects = [X.T.astype(np.float32) for X in seen]
-    pixels = [(uv - HALF).T.astype(np.float32) for uv in images]
+    pixels = [(uv - HALF_PIXEL).T.astype(np.float32) for uv in images]
     rms, K, k, turns, moves, deviations, _, _ = cv2.calibrateCameraExtended(
         objects, pixels, size, np.eye(3), np.zeros(5), flags=flags
     )
-    ours = np.asarray(K, float) + HALF * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+    ours = np.asarray(K, float) + HALF_PIXEL * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
     sigma = np.ravel(np.asarray(deviations, float))[:4]
     relative = float(np.max(sigma[:2] / np.diag(ours)[:2]))
     if not 0 <= relative <= _LEAST_PRECISION:

@@ -18,7 +18,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
-from thesis_lib.vision.lens import HALF, Camera
+from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
 
 def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:
@@ -43,7 +43,7 @@ def write(folder: Path, cameras: Sequence[Camera], data: xr.Dataset) -> None:
 def _opencv(camera: Camera) -> tuple[Array, Array, Array, Array]:
     """Intrinsic matrix, coefficients k₁, k₂, p₁, p₂, k₃, rotation vector and translation in m."""
     K = camera.K.copy()
-    K[:2, 2] -= HALF
+    K[:2, 2] -= HALF_PIXEL
     rotation = cv2.Rodrigues(camera.R_camera_world)[0].ravel()
     return K, camera.distortion, np.asarray(rotation, float), camera.t
 

@@ -25,11 +25,15 @@ from thesis_lib.vision.lens import distorted, projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import gain
 
-ALWAYS = 1e6  # s, before and after all recordings
-NEAR = 6  # frames that an interpolation rests on
-SLOW = 0.25  # of the frame rate; faster motion cannot be interpolated, only fitted
-STEADY, UNSTEADY, LOST, FAST = range(4)
-FLAGS = "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
+ALWAYS_S = 1e6  # s, before and after all recordings
+INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
+MAX_INTERPOLATED_RATIO = (
+    0.25  # of the frame rate; faster motion cannot be interpolated, only fitted
+)
+STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
+FLAG_MEANINGS = (
+    "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
+)
 VARIABLES = declared("""
     displacement(axis, time, marker) [mm] displacement from the place at rest
     standard_error(axis, time, marker) [mm] standard error of the displacement by the scatter of the
@@ -120,14 +124,14 @@ def _numbers(count: int) -> tuple[str, IntArray, dict[str, str]]:
 
 def _span(own: Recording) -> tuple[float, float]:
     """Return the times of a camera's first and last frame."""
-    ends = [times[[0, -1]] for times, _ in own.parts(-ALWAYS, ALWAYS)]
+    ends = [times[[0, -1]] for times, _ in own.parts(-ALWAYS_S, ALWAYS_S)]
     return float(ends[0][0]), float(ends[-1][1])
 
 
 def _still(own: Recording, end: float) -> Array:
     """Mean centres before a time, (2, markers), px."""
     last = end - 1 / own.rate
-    return mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS, last)]))
+    return mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS_S, last)]))
 
 
 def _within(times: Array, span: Array) -> Mask:
@@ -139,7 +143,7 @@ def _at(
     own: Recording, P: Array, data: xr.Dataset, rest: Array, times: Array, steady: Mask
 ) -> Array:
     """Images of the markers in a camera at other times, (2, times, markers), px."""
-    pad = (NEAR + 1) / own.rate + abs(own.readout)
+    pad = (INTERPOLATION_FRAMES + 1) / own.rate + abs(own.readout)
     found = [*own.parts(times[0] - pad, times[-1] + pad)]
     s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))
     rows = distorted(own.camera, project(P[None], rest)[0])[1] / own.camera.size[1]
@@ -166,15 +170,17 @@ def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
 
     NaN where a frame that counts is missing, or there are not frames enough around.
     """
-    if len(s) < NEAR:
+    if len(s) < INTERPOLATION_FRAMES:
         return np.full((len(times),) + values.shape[1:], np.nan)
     at = times[:, None] - late
-    first = np.clip(np.searchsorted(s, at + 1e-9) - NEAR // 2, 0, len(s) - NEAR)
-    index = first + np.arange(NEAR)[:, None, None]  # (6, m, markers)
+    first = np.clip(
+        np.searchsorted(s, at + 1e-9) - INTERPOLATION_FRAMES // 2, 0, len(s) - INTERPOLATION_FRAMES
+    )
+    index = first + np.arange(INTERPOLATION_FRAMES)[:, None, None]  # (6, m, markers)
     nodes = s[index]
     weights = np.ones_like(nodes)
-    for i in range(NEAR):
-        for j in range(NEAR):
+    for i in range(INTERPOLATION_FRAMES):
+        for j in range(INTERPOLATION_FRAMES):
             if i != j:
                 weights[i] *= (at - nodes[j]) / (nodes[i] - nodes[j])
     weights[np.abs(weights) < 1e-6] = 0.0  # at a frame's own time the others do not count
@@ -207,9 +213,9 @@ def _part(
     values = {
         "displacement": 1e3 * moved.astype(np.float32),
         "standard_error": 1e3 * _errors(P, R, rest, sigma, uv).astype(np.float32),
-        "flag": np.where(seen < 2, LOST, np.where(steady[:, None], STEADY, UNSTEADY)).astype(
-            np.int8
-        ),
+        "flag": np.where(
+            seen < 2, LOST_FLAG, np.where(steady[:, None], STEADY_FLAG, UNSTEADY_FLAG)
+        ).astype(np.int8),
         "cameras_seen": seen.astype(np.int8),
         "residual": residual.astype(np.float32),
     }
@@ -234,14 +240,14 @@ def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
 def _flagged(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
     """Return the history with flags explained, and without values that cannot be interpolated."""
     flag = whole["flag"].values
-    if float(data["frequency"]) > SLOW * rate:
-        flag[flag == UNSTEADY] = FAST
+    if float(data["frequency"]) > MAX_INTERPOLATED_RATIO * rate:
+        flag[flag == UNSTEADY_FLAG] = FAST_FLAG
         for name in ("displacement", "standard_error"):
-            whole[name].values[:, flag == FAST] = np.nan
+            whole[name].values[:, flag == FAST_FLAG] = np.nan
     whole["flag"].attrs |= {
         "standard_name": "quality_flag",
         "flag_values": np.arange(4, dtype=np.int8),
-        "flag_meanings": FLAGS,
+        "flag_meanings": FLAG_MEANINGS,
     }
     whole["flag"].encoding = {"_FillValue": None}
     whole["displacement"].attrs |= {"ancillary_variables": "standard_error flag cameras_seen"}

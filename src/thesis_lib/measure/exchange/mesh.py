@@ -8,8 +8,8 @@ from scipy.spatial import Delaunay, QhullError
 
 from thesis_lib.arrays import Array, IntArray
 
-SAME = 1e-6  # m; markers closer than this along an axis stand in one row or column
-LONGEST = 2.5  # times the middle edge's length, beyond which an edge spans a gap
+MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
+MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
 
 
 def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
@@ -40,7 +40,7 @@ def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
     except (QhullError, ValueError):  # on one line, or fewer than three
         return np.empty((0, 3), int)
     sides = np.linalg.norm(points[found] - points[np.roll(found, 1, axis=1)], axis=2)
-    return np.asarray(found[sides.max(axis=1) <= LONGEST * np.median(sides)], int)
+    return np.asarray(found[sides.max(axis=1) <= MAX_EDGE_RATIO * np.median(sides)], int)
 
 
 def edges(x: ArrayLike, y: ArrayLike) -> IntArray:
@@ -64,5 +64,5 @@ def _classes(values: Array) -> IntArray:
     """Numbers of values in ascending order; those that are as good as equal have one."""
     order = np.argsort(values)
     number = np.empty(len(values), int)
-    number[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > SAME)])
+    number[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > MAX_ROW_OFFSET_M)])
     return number

@@ -30,18 +30,18 @@ from thesis_lib.measure.recordings.text_files import (
 from thesis_lib.studies import storage
 from thesis_lib.studies.fields import shown
 from thesis_lib.text import one_line
-from thesis_lib.vision.lens import HALF, Camera
+from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
-OWN = "calibration.nc"
-ENDINGS = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
-KINDS = (
+OWN_FILE = "calibration.nc"
+FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
+CALIBRATION_KINDS = (
     "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
 )
-FAR = 100.0  # m between cameras, from which on lengths are taken for millimetres
-_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
+MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are taken for millimetres
+_BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
 # Names under which programs and scripts write what a camera needs, in lower case
-_MATRIX = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
-_COEFFICIENTS = (
+_MATRIX_NAMES = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
+_COEFFICIENT_NAMES = (
     "distortion_coefficients",
     "distortions",
     "distortion_coeffs",
@@ -51,12 +51,12 @@ _COEFFICIENTS = (
     "dist",
     "d",
 )
-_SIZE = ("size", "image_size", "imagesize", "resolution")
-_ROTATION, _TRANSLATION = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
+_SIZE_NAMES = ("size", "image_size", "imagesize", "resolution")
+_ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
 _MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
 _MAX_SIDE_PX = 100_000
-_OTHERS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
+_OTHER_MODELS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
 
 
 @dataclass(frozen=True)
@@ -85,13 +85,13 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
         If it cannot be read, or has cameras that cannot be used, in one line.
     """
     if path.is_dir():
-        if (path / OWN).is_file():
-            return read_cameras(path / OWN)
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS[:-1])
+        if (path / OWN_FILE).is_file():
+            return read_cameras(path / OWN_FILE)
+        files = sorted(one for one in path.iterdir() if one.suffix.lower() in FILE_SUFFIXES[:-1])
     else:
         files = [path]
     if not files or not all(map(Path.is_file, files)):
-        raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(ENDINGS)}")
+        raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(FILE_SUFFIXES)}")
     if files[0].suffix.lower() == ".nc":
         return _own(files[0])
     cameras, placed = [], []
@@ -114,9 +114,10 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
         raise ManifestError(f"{path}: no camera in it, allowed: those with a camera_matrix")
     centres = np.array([one.centre for one in cameras])
     apart = float(np.linalg.norm(np.ptp(centres, axis=0)))
-    if apart > FAR:
+    if apart > MIN_MILLIMETRE_SPAN_M:
         raise ManifestError(
-            f"{path}: cameras {apart:.4g} m apart, allowed: {FAR:g} m; if its lengths are in mm, "
+            f"{path}: cameras {apart:.4g} m apart, allowed: {MIN_MILLIMETRE_SPAN_M:g} m; if its "
+            "lengths are in mm, "
             "give calibration.unit: mm"
         )
     return Found(cameras, all(placed))
@@ -148,7 +149,8 @@ def _values(path: Path) -> dict[str, Any]:
     except (OSError, TextFileError) as error:
         why = error if isinstance(error, TextFileError) else error.strerror
         raise ManifestError(
-            f"{path}: not a calibration that can be read ({why}), allowed: {KINDS}, {OWN}"
+            f"{path}: not a calibration that can be read ({why}), allowed: {CALIBRATION_KINDS}, "
+            f"{OWN_FILE}"
         ) from None
     return values if isinstance(values, dict) else {}
 
@@ -170,7 +172,7 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
     own = {str(key).lower(): value for key, value in values.items()}
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return
-    if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX):
+    if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
         name = next(
             (own[key] for key in ("name", "camera_name", "cam_id", "port") if key in own), stem
         )
@@ -210,13 +212,13 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
     def of(*names: str) -> Any:
         return next((entry[one] for one in names if entry.get(one) is not None), None)
 
-    K = _numbers(of(*_MATRIX), "camera_matrix", (9,)).reshape(3, 3)
+    K = _numbers(of(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
     if K[0, 0] < 0 or K[1, 1] < 0:
         raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
         raise ValueError(f"camera_matrix: given {shown(K.tolist())}, allowed: an intrinsic matrix")
-    K[:2, 2] += HALF
-    size = of(*_SIZE) or [of("image_width", "width"), of("image_height", "height")]
+    K[:2, 2] += HALF_PIXEL
+    size = of(*_SIZE_NAMES) or [of("image_width", "width"), of("image_height", "height")]
     width, height = _numbers(size, "image_width and image_height", (2,))
     if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
         raise ValueError(
@@ -227,7 +229,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
             f"{_MAX_FOCAL} widths of the image"
         )
-    turn, move = of(*_ROTATION), of(*_TRANSLATION)
+    turn, move = of(*_ROTATION_NAMES), of(*_TRANSLATION_NAMES)
     R, t = np.eye(3), np.zeros(3)
     if turn is not None and move is not None:
         R = _rotation(_numbers(turn, "rotation", (3, 9)))
@@ -252,13 +254,13 @@ def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
     model = str(of("distortion_model", "camera_model", "model") or "").lower()
     if of("fisheye", "fisheye_model"):
         model = "fisheye"
-    given = of(*_COEFFICIENTS)
+    given = of(*_COEFFICIENT_NAMES)
     values = np.zeros(5) if given is None else _numbers(given, "distortion_coefficients", ())
     count, extra = values.size, bool(values[5:].any())
-    if model not in _MODELS and (model != "rational_polynomial" or extra):
+    if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):
         raise ValueError(f"distortion model {shown(model)}, {allowed}")
-    if extra or count not in (0, 4, 5, *_OTHERS):
-        named = f" ({_OTHERS[count]} model)" if count in _OTHERS else ""
+    if extra or count not in (0, 4, 5, *_OTHER_MODELS):
+        named = f" ({_OTHER_MODELS[count]} model)" if count in _OTHER_MODELS else ""
         raise ValueError(f"{count} coefficients of distortion{named}, {allowed}")
     return np.concatenate([values, np.zeros(5)])[:5]
 

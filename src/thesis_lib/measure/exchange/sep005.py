@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-EVEN = 1e-6  # of a step, within which times are even
+MAX_UNEVENNESS = 1e-6  # of a step, within which times are even
 
 
 def channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
@@ -43,7 +43,7 @@ def channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
         motion = xr.load_dataset(motion, engine="h5netcdf")
     times = motion["time"].values
     step = (times[-1] - times[0]) / (len(times) - 1)
-    even = np.all(np.abs(np.diff(times) - step) < EVEN * step)
+    even = np.all(np.abs(np.diff(times) - step) < MAX_UNEVENNESS * step)
     clock: dict[str, Any] = {"fs": float(1 / step)} if even else {"time": times}
     deflection = motion["displacement"].sel(axis="z")
     return [

@@ -7,7 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a cell begins with that a spreadsheet computes
+FORMULA_STARTS = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+)  # what a cell begins with that a spreadsheet computes
 
 
 def quote_formula(value: Any) -> Any:
@@ -18,7 +25,7 @@ def quote_formula(value: Any) -> Any:
     >>> quote_formula("=1+1"), quote_formula("A"), quote_formula(-1.0)
     ("'=1+1", 'A', -1.0)
     """
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_STARTS) else value
 
 
 def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) -> None:

@@ -14,15 +14,15 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.exchange.mesh import edges
 
-RESPONSE, RECEPTANCE, COHERENCE, TRANSLATION_Z = (
+RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE, TRANSLATION_Z = (
     1,
     4,
     6,
     3,
 )  # UFF's numbers of functions, a direction
-SAMPLES = 64  # of the period that is written
-LINES = 40  # in one dataset 82, which some programs read to its 125th node only
-EVEN = 1e-6  # of a step, within which times are even
+SAMPLES_PER_PERIOD = 64  # of the period that is written
+LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125th node only
+MAX_UNEVENNESS = 1e-6  # of a step, within which times are even
 
 
 def write(path: Path, data: xr.Dataset) -> None:
@@ -48,7 +48,7 @@ def write(path: Path, data: xr.Dataset) -> None:
     name = _name(data)
     shape = amplitude[known]
     mode = _shape(name, amplitude, analysis_type=5, data_ch=2, freq_step_n=1, freq=frequency)
-    times = np.arange(SAMPLES) / (SAMPLES * frequency)
+    times = np.arange(SAMPLES_PER_PERIOD) / (SAMPLES_PER_PERIOD * frequency)
     period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
     responses = _responses(name, nodes[known], times, period)
     _write(path, [*_geometry(name, data), mode, *responses])
@@ -133,8 +133,11 @@ def write_response(path: Path, data: xr.Dataset) -> None:
     step = float(f[-1] - f[0]) / (len(f) - 1)
     sets = [*_geometry(name, _with_force(data))]
     for k in np.flatnonzero(np.isfinite(curves).all(axis=1)):
-        for kind, row in ((RECEPTANCE, curves[k]), (COHERENCE, data["coherence"].values[k])):
-            over = kind == RECEPTANCE
+        for kind, row in (
+            (RECEPTANCE_CODE, curves[k]),
+            (COHERENCE_CODE, data["coherence"].values[k]),
+        ):
+            over = kind == RECEPTANCE_CODE
             sets.append(
                 pyuff.prepare_58(
                     binary=0,
@@ -203,8 +206,8 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
         node_nums=nodes, def_cs=0 * nodes, disp_cs=0 * nodes, color=0 * nodes + 1, x=x, y=y, z=z
     )
     pairs = edges(data["x"].values, data["y"].values) + 1
-    for k, start in enumerate(range(0, len(pairs), LINES)):
-        part = pairs[start : start + LINES]
+    for k, start in enumerate(range(0, len(pairs), LINES_PER_DATASET)):
+        part = pairs[start : start + LINES_PER_DATASET]
         pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it
         yield pyuff.prepare_82(
             trace_num=k + 1, n_nodes=len(pen), color=1, id="neighbouring markers", nodes=pen
@@ -214,10 +217,10 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
 def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
     """Yield a time response along Z of every node, in m; uneven times are written one by one."""
     step = float(times[-1] - times[0]) / (len(times) - 1)
-    even = bool(np.all(np.abs(np.diff(times) - step) < EVEN * step))
+    even = bool(np.all(np.abs(np.diff(times) - step) < MAX_UNEVENNESS * step))
     for node, row in zip(nodes, rows, strict=True):
         yield pyuff.prepare_58(
-            binary=0, id1=name, func_type=RESPONSE, rsp_node=int(node), rsp_dir=TRANSLATION_Z,
+            binary=0, id1=name, func_type=RESPONSE_CODE, rsp_node=int(node), rsp_dir=TRANSLATION_Z,
             ref_node=0, ref_dir=0, abscissa_spacing=int(even), abscissa_min=float(times[0]),
             abscissa_inc=step if even else 0.0, abscissa_spec_data_type=17,
             ordinate_spec_data_type=8, ordinate_axis_units_lab="m", abscissa_axis_units_lab="s",

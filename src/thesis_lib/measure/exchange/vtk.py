@@ -11,8 +11,8 @@ import xarray as xr
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.exchange.mesh import edges, faces
 
-FRAMES = 32  # of a period
-CELLS = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
+FRAMES_PER_PERIOD = 32  # of a period
+CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
 
 
 def write(folder: Path, data: xr.Dataset) -> None:
@@ -41,13 +41,13 @@ def write(folder: Path, data: xr.Dataset) -> None:
         "marker": np.flatnonzero(known) + 1.0,
     }
     period, rows = 1 / float(data["frequency"]), []
-    for k in range(FRAMES):
-        deflection = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES))
+    for k in range(FRAMES_PER_PERIOD):
+        deflection = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_PER_PERIOD))
         vector = np.column_stack([np.zeros((len(points), 2)), deflection])
         values = {"displacement": vector, "deflection": deflection} | fixed
         name = f"period-{k:02d}.vtu"
         (folder / name).write_text(_grid(points, cells, values), encoding="utf-8")
-        time = f"{k / FRAMES * period:.9g}"
+        time = f"{k / FRAMES_PER_PERIOD * period:.9g}"
         rows.append(f'<DataSet timestep="{time}" group="" part="0" file="{name}"/>')
     listed = _file("Collection", "<Collection>\n" + "\n".join(rows) + "\n</Collection>")
     (folder / "period.pvd").write_text(listed, encoding="utf-8")
@@ -57,7 +57,7 @@ def _grid(points: Array, cells: IntArray, values: dict[str, Array]) -> str:
     """Return an unstructured grid as text."""
     count, corners = cells.shape
     arrays = [_array("connectivity", cells), _array("offsets", corners * np.arange(1, count + 1))]
-    arrays.append(_array("types", np.full(count, CELLS[corners])))
+    arrays.append(_array("types", np.full(count, CELL_TYPES[corners])))
     return _file(
         "UnstructuredGrid",
         f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n'

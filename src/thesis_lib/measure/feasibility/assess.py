@@ -16,7 +16,7 @@ import numpy as np
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.feasibility.prediction import (
     DEFAULT_STEADY_S,
-    OPTICS,
+    OPTICS_FIELDS,
     CameraPrediction,
     RigPrediction,
     View,
@@ -28,7 +28,12 @@ from thesis_lib.measure.feasibility.prediction import (
     view_markers,
 )
 from thesis_lib.measure.fitting.models import model_of
-from thesis_lib.measure.messages import LIMIT, MESSAGES, UNCHECKED, format_message
+from thesis_lib.measure.messages import (
+    ALL_MESSAGES,
+    CHECK_LIMITS,
+    UNCHECKED_MESSAGES,
+    format_message,
+)
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
@@ -36,7 +41,7 @@ MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that rin
 MAX_MODES = 100  # natural frequencies among which these are searched
 MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
 TEXT_COLUMNS = 100
-HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
+TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
             one_frame=one,
             fit=fit,
             rounding=rounding,
-            smallest_mm=LIMIT["below-noise"] * fit[1],
+            smallest_mm=CHECK_LIMITS["below-noise"] * fit[1],
         )
         warnings = list(_check_times(manifest))
         for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
@@ -96,7 +101,7 @@ def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
 
 
 def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
-    return Warning(code, where, format_message(MESSAGES[code], variant, **values))
+    return Warning(code, where, format_message(ALL_MESSAGES[code], variant, **values))
 
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
@@ -104,16 +109,16 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
     rate = min(c.rate_hz for c in manifest.cameras)
     rest, given = manifest.excitation.rest_s, manifest.excitation.steady_s
     where = "excitation.rest_s"
-    if rest < LIMIT["short-rest"]:
+    if rest < CHECK_LIMITS["short-rest"]:
         yield _warn("short-rest", where, rest=rest)
-    if rest * rate < (least := LIMIT["few-rest-frames"]):
+    if rest * rate < (least := CHECK_LIMITS["few-rest-frames"]):
         yield _warn(
             "few-rest-frames", where, rest=rest, frames=rest * rate, rate=rate, seconds=least / rate
         )
     if not given:
         return
     where, steady = "excitation.steady_s", steady_seconds(manifest)
-    if steady * rate < (least := LIMIT["few-frames"]):
+    if steady * rate < (least := CHECK_LIMITS["few-frames"]):
         yield _warn(
             "few-frames",
             where,
@@ -123,9 +128,9 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
             seconds=least / rate,
         )
     f = np.float64(manifest.excitation.frequency_hz or np.nan)
-    if (periods := steady * f) < (least := LIMIT["few-periods"]):
+    if (periods := steady * f) < (least := CHECK_LIMITS["few-periods"]):
         yield _warn("few-periods", where, steady=steady, periods=periods, seconds=least / f)
-    if rest - given[0] > LIMIT["steady-at-rest"]:
+    if rest - given[0] > CHECK_LIMITS["steady-at-rest"]:
         yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
 
 
@@ -136,21 +141,21 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
         return
     seen = alias(f, rate)
     given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
-    if f >= LIMIT["undersampled"] * rate:
+    if f >= CHECK_LIMITS["undersampled"] * rate:
         if not manifest.excitation.undersampled:
             yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
         else:
-            off = LIMIT["alias"] / steady
+            off = CHECK_LIMITS["alias"] / steady
             yield _warn(
                 "alias", where, given=given, seen=seen, steady=steady, off=off, share=off / f
             )
-            edge, least = min(seen, rate / 2 - seen), LIMIT["alias-edge"] / steady
+            edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
             if edge < least:
                 yield _warn("alias-edge", where, given=given, edge=edge, least=least)
-    elif f > LIMIT["near-nyquist"] * rate:
-        yield _warn("near-nyquist", where, given=given, least=f / LIMIT["near-nyquist"])
-    elif rate < LIMIT["few-samples"] * f:
-        yield _warn("few-samples", where, given=given, least=LIMIT["few-samples"] * f)
+    elif f > CHECK_LIMITS["near-nyquist"] * rate:
+        yield _warn("near-nyquist", where, given=given, least=f / CHECK_LIMITS["near-nyquist"])
+    elif rate < CHECK_LIMITS["few-samples"] * f:
+        yield _warn("few-samples", where, given=given, least=CHECK_LIMITS["few-samples"] * f)
     model = model_of(manifest.structure)
     if model is None:
         return
@@ -158,7 +163,9 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
         rings = alias(own, rate)
-        if own >= rate / 2 and (k == 0 or abs(rings - seen) * steady < LIMIT["higher-modes"]):
+        if own >= rate / 2 and (
+            k == 0 or abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
+        ):
             yield _warn(
                 "higher-modes", where, rate=rate, own=own, rings=rings, seen=seen, least=2 * own
             )
@@ -171,7 +178,7 @@ def _check_exposure(
     """Check exposure and lens of one camera."""
     f, exposure = np.float64(manifest.excitation.frequency_hz or np.nan), camera.exposure_s
     focal, distance = camera.focal_length_mm or np.nan, camera.distance_mm or np.nan
-    if f * exposure > (limit := LIMIT["long-exposure"]):
+    if f * exposure > (limit := CHECK_LIMITS["long-exposure"]):
         yield _warn(
             "long-exposure",
             f"{where}.exposure_s",
@@ -179,7 +186,7 @@ def _check_exposure(
             lost=row.lost,
             most=limit / f,
         )
-    if row.blur_px > (most := LIMIT["motion-blur"] * np.float64(row.across_px)):
+    if row.blur_px > (most := CHECK_LIMITS["motion-blur"] * np.float64(row.across_px)):
         yield _warn(
             "motion-blur",
             f"{where}.exposure_s",
@@ -188,9 +195,9 @@ def _check_exposure(
             most=most,
             seconds=exposure * most / row.blur_px,
         )
-    if distance <= LIMIT["too-near"] * focal:
+    if distance <= CHECK_LIMITS["too-near"] * focal:
         yield _warn("too-near", f"{where}.distance_mm", distance=distance, focal=focal)
-    if row.defocus_px > (sharp := LIMIT["depth-of-field"]):
+    if row.defocus_px > (sharp := CHECK_LIMITS["depth-of-field"]):
         stop = camera.f_number or np.nan
         yield _warn(
             "depth-of-field",
@@ -211,27 +218,27 @@ def _check_view(
     """Check the place of one camera, and how it sees markers and corners."""
     elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
     away, tilt = f"{where}.distance_mm", f"{where}.elevation_deg"
-    if row.along_px < (limit := LIMIT["coarse"]):
+    if row.along_px < (limit := CHECK_LIMITS["coarse"]):
         most = distance * row.along_px / limit
         yield _warn("coarse", away, size=row.along_px, distance=distance, most=most)
-    if row.across_px < LIMIT["foreshortened"]:
+    if row.across_px < CHECK_LIMITS["foreshortened"]:
         yield _warn("foreshortened", tilt, size=row.across_px, elevation=elevation)
-    if elevation < LIMIT["shallow-view"]:
+    if elevation < CHECK_LIMITS["shallow-view"]:
         yield _warn("shallow-view", tilt, elevation=elevation)
-    if elevation > LIMIT["steep-view"]:
+    if elevation > CHECK_LIMITS["steep-view"]:
         yield _warn("steep-view", tilt, elevation=elevation)
-    if row.gap_px < LIMIT["crowded-markers"]:
+    if row.gap_px < CHECK_LIMITS["crowded-markers"]:
         diameter = manifest.structure.markers.diameter_mm
         yield _warn("crowded-markers", tilt, gap=row.gap_px, elevation=elevation, diameter=diameter)
-    if row.motion_px < (limit := LIMIT["small-motion"]):
+    if row.motion_px < (limit := CHECK_LIMITS["small-motion"]):
         most = distance * row.motion_px / limit
         yield _warn("small-motion", away, motion=row.motion_px, distance=distance, most=most)
-    if row.in_view < LIMIT["out-of-view"]:
+    if row.in_view < CHECK_LIMITS["out-of-view"]:
         yield _warn("out-of-view", away, fraction=row.in_view, distance=distance)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
         count = 4 - np.count_nonzero(corners)
         yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
-    if row.move_spacings > LIMIT["large-move"]:
+    if row.move_spacings > CHECK_LIMITS["large-move"]:
         yield _warn(
             "large-move", f"{where}.frame_rate_hz", rate=camera.rate_hz, moves=row.move_spacings
         )
@@ -244,7 +251,7 @@ def _check_rig(
     on = np.flatnonzero(view.located)
     for i, j in combinations(on, 2):
         angle = np.degrees(np.arccos(min(abs(view.directions[i] @ view.directions[j]), 1.0)))
-        if angle < LIMIT["same-line"]:
+        if angle < CHECK_LIMITS["same-line"]:
             azimuth = manifest.cameras[j].azimuth_deg
             where = f"cameras[{j}].azimuth_deg"
             yield _warn("same-line", where, azimuth=azimuth, angle=angle, other=i)
@@ -253,7 +260,7 @@ def _check_rig(
     if lost := int(np.isnan(errors).sum()):
         yield _warn("lost-markers", "cameras", lost=lost, count=len(errors))
     best = np.fmin.reduce(errors)
-    if weak := np.count_nonzero(errors > LIMIT["weak-markers"] * best):
+    if weak := np.count_nonzero(errors > CHECK_LIMITS["weak-markers"] * best):
         ratio = rig.one_frame[1] / best
         yield _warn("weak-markers", "cameras", weak=weak, count=len(errors), ratio=ratio)
     amplitude = manifest.excitation.amplitude_mm or np.nan
@@ -270,10 +277,10 @@ def _check_rig(
 def list_unknowns(manifest: Manifest) -> Iterator[str]:
     """Yield the checks that could not be made, and the fields that they need."""
     needs = {
-        "ground sample distance": OPTICS[:3],
-        "view": OPTICS,
-        "errors": OPTICS,
-        "depth of field": (*OPTICS, "f_number"),
+        "ground sample distance": OPTICS_FIELDS[:3],
+        "view": OPTICS_FIELDS,
+        "errors": OPTICS_FIELDS,
+        "depth of field": (*OPTICS_FIELDS, "f_number"),
     }
     groups: dict[tuple[str, str], list[str]] = {}
     for camera in manifest.cameras:
@@ -286,7 +293,9 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     for (fields_text, what), names in groups.items():
         if fields_text:
             of = f"{'s' * (len(names) > 1)} {_join(names)}"
-            yield format_message(UNCHECKED["cameras"], what=what, names=of, fields=fields_text)
+            yield format_message(
+                UNCHECKED_MESSAGES["cameras"], what=what, names=of, fields=fields_text
+            )
     excitation = manifest.excitation
     open_fields = {
         "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
@@ -297,7 +306,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     }
     for code, is_open in open_fields.items():
         if is_open:
-            yield format_message(UNCHECKED[code], steady=DEFAULT_STEADY_S)
+            yield format_message(UNCHECKED_MESSAGES[code], steady=DEFAULT_STEADY_S)
 
 
 def _join(names: Sequence[str]) -> str:
@@ -306,7 +315,7 @@ def _join(names: Sequence[str]) -> str:
 
 def describe(assessment: Assessment) -> list[str]:
     """Return lines to print: tables, then warnings, then what was not checked; 100 columns."""
-    rows = [tuple(HEADER.split(","))] + [_format_row(one) for one in assessment.table]
+    rows = [tuple(TABLE_HEADER.split(","))] + [_format_row(one) for one in assessment.table]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     widths[0] = min(widths[0], max(6, TEXT_COLUMNS - sum(widths[1:]) - 2 * len(widths[1:])))
     lines = [

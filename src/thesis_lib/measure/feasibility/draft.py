@@ -13,7 +13,7 @@ from thesis_lib.measure.feasibility.prediction import view_markers
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.template import (
-    ASKED,
+    ASKED_FIELDS,
     asked_of,
     assumed,
     text_of,
@@ -21,7 +21,7 @@ from thesis_lib.measure.recordings.template import (
     with_given,
 )
 
-PHONE: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
+PHONE_CAMERA: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
     "width_px": 1920,
     "height_px": 1080,
     "frame_rate_hz": 60.0,
@@ -32,13 +32,13 @@ PHONE: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
 }
 FIRST_AZIMUTH_DEG, ELEVATION_DEG = 20.0, 30.0  # of the first camera, of all
 DISTANCE_MARGIN = 1.05  # over the distance from which the structure just fits into every image
-COLUMNS, ROWS = 6, 4  # of a plate's markers, unless they are given
+MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are given
 MAX_DIAMETER_MM = 12.0  # of a marker
 STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
 REPORTED_FIELDS = (
-    *(name for name in ASKED if name != "cameras.exposure_s"),
+    *(name for name in ASKED_FIELDS if name != "cameras.exposure_s"),
     "excitation.amplitude_mm",
-    *(f"cameras.{name}" for name in (*PHONE, "distance_mm", "elevation_deg")),
+    *(f"cameras.{name}" for name in (*PHONE_CAMERA, "distance_mm", "elevation_deg")),
 )
 
 
@@ -99,7 +99,7 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
             "name": f"phone-{i + 1}",
             "video": f"phone-{i + 1}.mp4",
             "shots": f"board/phone-{i + 1}",
-            **PHONE,
+            **PHONE_CAMERA,
             "distance_mm": 1000.0,
             "elevation_deg": ELEVATION_DEG,
         }
@@ -128,10 +128,12 @@ def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
     own = any(name.startswith("structure.markers") for name in given)
     if own or not known or given.get("structure.kind", "beam") == "beam":
         return {}
-    along, across = (one / (n + 0.5) for one, n in zip(size, (COLUMNS, ROWS), strict=True))
+    along, across = (
+        one / (n + 0.5) for one, n in zip(size, (MARKER_COLUMNS, MARKER_ROWS), strict=True)
+    )
     return {
-        "structure.markers.columns": COLUMNS,
-        "structure.markers.rows": ROWS,
+        "structure.markers.columns": MARKER_COLUMNS,
+        "structure.markers.rows": MARKER_ROWS,
         "structure.markers.spacing_mm": _round_digits(along),
         "structure.markers.row_spacing_mm": _round_digits(across),
         "structure.markers.diameter_mm": min(

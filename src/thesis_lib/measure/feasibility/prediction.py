@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.messages import LIMIT
+from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import blur_circle, depth_of_field
 from thesis_lib.vision.pinhole import (
@@ -25,7 +25,13 @@ from thesis_lib.vision.rounding import deflection_variance
 from thesis_lib.vision.triangulation import gain, jacobian
 
 DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
-OPTICS = ("focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg")
+OPTICS_FIELDS = (
+    "focal_length_mm",
+    "sensor_width_mm",
+    "distance_mm",
+    "azimuth_deg",
+    "elevation_deg",
+)
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,7 @@ class View:
 def view_markers(manifest: Manifest, amplitude: float) -> View:
     """Return the view of the cameras while the markers swing by an amplitude in m."""
     cameras, s = manifest.cameras, manifest.structure
-    optics = np.array([[getattr(c, name) for name in OPTICS] for c in cameras], float)
+    optics = np.array([[getattr(c, name) for name in OPTICS_FIELDS] for c in cameras], float)
     azimuth, elevation = np.radians(optics[:, 3:].T)
     focal_px = optics[:, 0] / optics[:, 1] * [c.width_px for c in cameras]
     K = np.array([intrinsics(f, c.size) for f, c in zip(focal_px, cameras, strict=True)])
@@ -162,7 +168,9 @@ def predict_camera(manifest: Manifest, view: View, i: int, amplitude: float) -> 
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
-    near, far = map(float, depth_of_field(focal, stop, distance, LIMIT["depth-of-field"] * pitch))
+    near, far = map(
+        float, depth_of_field(focal, stop, distance, CHECK_LIMITS["depth-of-field"] * pitch)
+    )
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
     return CameraPrediction(
         camera.name,

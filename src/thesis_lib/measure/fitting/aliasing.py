@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 
-FINE = 8  # trial frequencies in one over the length of the recording
+TRIALS_PER_LINE = 8  # trial frequencies in one over the length of the recording
 
 
 def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
@@ -47,7 +47,7 @@ def clearance(frequency: float, rate: float, frames: int) -> float:
 def scan(rate: float, frames: int) -> Array:
     """Frequencies to look at between 0 and half of the rate, half a period away from both, Hz."""
     least = 0.5 * rate / frames
-    return np.linspace(least, rate / 2 - least, FINE * frames // 2)
+    return np.linspace(least, rate / 2 - least, TRIALS_PER_LINE * frames // 2)
 
 
 def detuning_loss(cycles: ArrayLike, frames: int) -> Array:

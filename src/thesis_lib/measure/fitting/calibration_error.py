@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
-DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
 
 
 def common_errors(
@@ -51,7 +51,7 @@ def common_errors(
     -------
     ndarray, shape (rows, fits, markers)
         In m; as many rows as the covariance has directions that matter, at most
-        :data:`DIRECTIONS`.
+        :data:`MAX_DIRECTIONS`.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
@@ -72,13 +72,13 @@ def common_errors(
 
 
 def _fewer(rows: ComplexArray) -> ComplexArray:
-    """At most :data:`DIRECTIONS` rows with the covariance of all, but for its smallest directions.
+    """Return at most :data:`MAX_DIRECTIONS` rows with the covariance of the largest directions.
 
     Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
     """
     parts = np.concatenate([rows.real, rows.imag], axis=1)
     _, size, mixed = np.linalg.svd(parts, full_matrices=False)
-    kept = size[:DIRECTIONS, None] * mixed[:DIRECTIONS]
+    kept = size[:MAX_DIRECTIONS, None] * mixed[:MAX_DIRECTIONS]
     real, imag = np.split(kept, 2, axis=1)
     return np.asarray(real + 1j * imag)
 

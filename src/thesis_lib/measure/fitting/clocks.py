@@ -19,7 +19,7 @@ from thesis_lib.measure.fitting.harmonics import Fitted, unblurred
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import jacobian
 
-CERTAIN = 5.0  # standard errors from which on a clock is corrected
+MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
 LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
@@ -42,7 +42,9 @@ def paces(
         rate = first.frequency / own.frequency - 1
         error = float(np.hypot(first.deviation, own.deviation)) / frequency
         turn = 2 * np.pi * frequency * abs(rate) * (end - begin)
-        found.append(Pace(rate, error, bool(abs(rate) > CERTAIN * error and turn > LEAST_TURN)))
+        found.append(
+            Pace(rate, error, bool(abs(rate) > MIN_CLOCK_SIGMAS * error and turn > LEAST_TURN))
+        )
     return found
 
 
@@ -90,7 +92,7 @@ def late(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
 def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
     """By how much cameras start later than was thought, where that is certain, and errors, s."""
     turn, errors = late(fit, omega, exposures)
-    certain = np.abs(turn) > np.maximum(CERTAIN * errors, LEAST_TURN)
+    certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
     return np.where(certain, turn, 0.0) / omega, errors / omega
 
 

@@ -19,11 +19,11 @@ from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.tracking.tracks import Recording
 
 MOST_FRAMES = 4096  # of each camera that the periodogram uses
-SERIES = 24  # image coordinates of each camera that move most
+LIVELY_SERIES = 24  # image coordinates of each camera that move most
 MIN_KNOWN = 0.5  # share of the frames in which a coordinate must be known
-SHARE = 0.5  # of their variance that one frequency must explain
-BLOCKS = 12  # parts whose phases are compared
-SHORTEST = 16  # frames of such a part
+MIN_EXPLAINED_SHARE = 0.5  # of their variance that one frequency must explain
+PHASE_PARTS = 12  # parts whose phases are compared
+MIN_PART_FRAMES = 16  # frames of such a part
 
 
 class FrequencyError(ValueError):
@@ -77,7 +77,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
         options={"xatol": 1e-6 * peak},
     )
     total = sum(float(np.sum(np.nanvar(values, axis=0))) * len(times) for times, values in series)
-    if not left(float(found.x)) < (1 - SHARE) * total:
+    if not left(float(found.x)) < (1 - MIN_EXPLAINED_SHARE) * total:
         raise FrequencyError(
             f"no one frequency from {lowest:.3g} to {highest:.3g} Hz explains half of the motion; "
             "give excitation.frequency_hz"
@@ -108,7 +108,7 @@ def liveliest(
             "frames of the steady part: light the markers better, or leave this camera out"
         )
     moved = seen - np.nanmean(seen, axis=0)
-    return np.concatenate(times), moved[:, np.argsort(np.nanstd(moved, axis=0))[-SERIES:]]
+    return np.concatenate(times), moved[:, np.argsort(np.nanstd(moved, axis=0))[-LIVELY_SERIES:]]
 
 
 def advance(
@@ -139,7 +139,7 @@ def _parts(
     middles, turns, sizes, weights = [], [], [], []
     for own in recordings:
         first, last = own.between(begin, end)
-        count = int(np.clip((last - first) // SHORTEST, 1, BLOCKS))
+        count = int(np.clip((last - first) // MIN_PART_FRAMES, 1, PHASE_PARTS))
         edges = np.linspace(begin, end, count + 1)
         amplitudes, times = [], []
         for low, high in pairwise(edges):

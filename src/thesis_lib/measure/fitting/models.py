@@ -15,7 +15,7 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import resonance
 from thesis_lib.vision.simulation import assurance
 
-BENDING, TORSION, PLATE = 6, 3, 12  # modes of each kind that are tried
+BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def candidates(structure: Structure) -> list[Candidate]:
     points, model = structure.marker_points, model_of(structure)
     found = []
     if isinstance(model, Beam):
-        kinds = [("bending", n) for n in range(1, BENDING + 1)]
-        kinds += [("torsion", n) for n in range(1, TORSION + 1)]
+        kinds = [("bending", n) for n in range(1, BENDING_MODES + 1)]
+        kinds += [("torsion", n) for n in range(1, TORSION_MODES + 1)]
         found = [
             Candidate(
                 f"{kind} {n}",
@@ -75,7 +75,7 @@ def candidates(structure: Structure) -> list[Candidate]:
                 resonance(model, n) / (2 * np.pi),
                 Component("bending", n).shape(model, points),
             )
-            for n, pair in enumerate(model.mode_indices(PLATE), 1)
+            for n, pair in enumerate(model.mode_indices(PLATE_MODES), 1)
         ]
     # Markers on a line of no motion, as those of one row in torsion, see nothing of a mode.
     return [one for one in found if np.abs(one.shape).max() > 1e-9]

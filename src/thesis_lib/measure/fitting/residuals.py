@@ -29,16 +29,16 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.tracking.tracks import Recording
 
-FROZEN = 0.2  # of the median scatter, below which a marker stands still in the video
-AWAKE = 0.5  # of it, from which on one certainly does not
-BESIDE = 6  # markers that move, beside one that stands still
-NEAR = 9  # markers that tell the slope of the surface at one of them
+MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands still in the video
+MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
+MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
+SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
 
 
 def frozen(scatter: Array) -> Mask:
     """Return which markers a video's compression freezes, by their scatter (..., markers)."""
     with np.errstate(invalid="ignore"):
-        still: Mask = scatter < FROZEN * np.nanmedian(scatter, axis=-1, keepdims=True)
+        still: Mask = scatter < MAX_FROZEN_RATIO * np.nanmedian(scatter, axis=-1, keepdims=True)
     return still
 
 
@@ -66,12 +66,16 @@ def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     """
     each = np.sqrt(np.mean(own.sigma**2, axis=0))
     middle = np.nanmedian(each) if np.isfinite(each).any() else np.nan
-    sigma = np.maximum(own.sigma, AWAKE * np.nanmedian(own.sigma)) if middle >= 0 else own.sigma
+    sigma = (
+        np.maximum(own.sigma, MIN_AWAKE_RATIO * np.nanmedian(own.sigma))
+        if middle >= 0
+        else own.sigma
+    )
     size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
-    still, awake = frozen(each), each >= AWAKE * middle
+    still, awake = frozen(each), each >= MIN_AWAKE_RATIO * middle
     if not still.any() or not awake.any():
         return replace(own, sigma=sigma), 0.0
-    count = min(BESIDE, np.count_nonzero(awake))
+    count = min(MIN_MOVING_NEIGHBOURS, np.count_nonzero(awake))
     _, nearest = KDTree(places[:, awake].T).query(places[:, still].T, k=count)
     threshold = float(np.median(size[awake][nearest]))
     with np.errstate(divide="ignore"):
@@ -123,7 +127,7 @@ def _slope(places: Array, w: ComplexArray) -> ComplexArray:
     if np.count_nonzero(known) < 4:
         return slope
     tree = KDTree(places[:, known].T)
-    _, near = tree.query(places.T, k=min(NEAR, np.count_nonzero(known)))
+    _, near = tree.query(places.T, k=min(SLOPE_NEIGHBOURS, np.count_nonzero(known)))
     offset = places[:, known][:, near] - places[:, :, None]
     A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
     slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[known][near][..., None])[:, :2, 0].T
@@ -154,14 +158,14 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     return shapes, deviations
 
 
-TELLING = 40.0  # times the mean power of what is left that a tone's must be
-ENOUGH = 2048  # frames in which another tone is sought
-FEW = 8  # image coordinates of each camera that are looked at
-BUMP = 0.1  # px by which a whole picture must jump
-CLEAR = 8.0  # standard errors that it must jump by
-MOST = 4096  # frames that are looked at
-EDGE = 5  # frames before and after a jump, at least
-NOTHING = 0.05  # share of the motion below which a frequency explains none of it
+MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
+MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
+EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
+MIN_JUMP_PX = 0.1  # px by which a whole picture must jump
+MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
+MAX_JUMP_FRAMES = 4096  # frames that are looked at
+MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least
+MIN_MOTION_SHARE = 0.05  # share of the motion below which a frequency explains none of it
 
 
 @dataclass(frozen=True)
@@ -180,8 +184,8 @@ def share(
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers
-            t, values = liveliest(own, begin, end, ENOUGH)
-            series.append((t, values[:, -FEW:].copy()))
+            t, values = liveliest(own, begin, end, MAX_SPECTRUM_FRAMES)
+            series.append((t, values[:, -EXAMINED_SERIES:].copy()))
     if not series:
         return Share(np.nan, np.nan, 0.0)
     total = left = 0.0
@@ -206,7 +210,7 @@ def share(
     explained = 1 - left / total
     peak = int(np.argmax(power))
     tone = 4 * float(power[peak]) / 2  # variance of a sinusoid from its line in the spectrum
-    if tone < TELLING * left / counted:
+    if tone < MIN_TONE_POWER_RATIO * left / counted:
         return Share(explained, np.nan, 0.0)
     fitted = max(total - left, 1e-4 * tone)  # what fits by chance, if nothing else does
     return Share(explained, float(grid[peak]), float(np.sqrt(tone / fitted)))
@@ -218,7 +222,7 @@ def bump(
     """By how much all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
     order = (len(fit.coefficients) - 1) // 2
     first, last = own.between(begin, end)
-    every = -(-(last - first) // MOST)  # of a long recording some frames tell
+    every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell
     times, common = [], []
     for t, uv in ((t[::every], uv[::every]) for t, uv in own.parts(begin, end)):
         rest = uv - np.tensordot(basis(omega, t, order), fit.coefficients, axes=1)
@@ -229,9 +233,9 @@ def bump(
     known = np.isfinite(moved).all(axis=1)
     when, moved = np.concatenate(times)[known] if times else np.zeros(0), moved[known]
     n = len(moved)
-    if n < 4 * EDGE:
+    if n < 4 * MIN_EDGE_FRAMES:
         return 0.0, np.nan
-    before = np.arange(EDGE, n - EDGE)
+    before = np.arange(MIN_EDGE_FRAMES, n - MIN_EDGE_FRAMES)
     sums = np.cumsum(moved, axis=0)
     jump = (sums[-1] - sums[before - 1]) / (n - before)[:, None] - sums[before - 1] / before[
         :, None
@@ -240,7 +244,7 @@ def bump(
     weight = np.sqrt(before * (n - before) / n)
     k = int(np.argmax(size * weight))
     white = 1.05 * np.median(np.hypot(*np.diff(moved, axis=0).T)) / np.sqrt(2)
-    if size[k] < max(BUMP, CLEAR * white / weight[k]):
+    if size[k] < max(MIN_JUMP_PX, MIN_JUMP_SIGMAS * white / weight[k]):
         return 0.0, np.nan
     return float(size[k]), float(when[before[k]])
 
@@ -253,7 +257,7 @@ def check_explained(tone: Share, given: float) -> None:
     FrequencyError
         If it does, with the other frequency.
     """
-    if tone.explained < NOTHING and tone.ratio > 1:
+    if tone.explained < MIN_MOTION_SHARE and tone.ratio > 1:
         raise FrequencyError(
             f"excitation.frequency_hz: given {given:.6g}, which explains "
             f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "

@@ -34,11 +34,13 @@ from thesis_lib.measure.tracking import tracks
 from thesis_lib.measure.tracking.tracks import Recording, lost_share
 from thesis_lib.studies.schema import declared, labelled
 
-ORDER = 2  # harmonics of the images that are fitted
-HIGHEST = 4.0  # frame rates up to which aliases are considered
-ENOUGH = 1000  # frames that tell them
-SCALE = 0.002  # by which the grid's size may be off before it counts as wrong
-FOLDED = 0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
+HARMONIC_ORDER = 2  # harmonics of the images that are fitted
+MAX_ALIAS_RATIO = 4.0  # frame rates up to which aliases are considered
+ALIAS_FRAMES = 1000  # frames that tell them
+MAX_SCALE_ERROR = 0.002  # by which the grid's size may be off before it counts as wrong
+MIN_FOLDED_RATIO = (
+    0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
+)
 VARIABLES = declared("""
     x(marker) [m] place along the structure
     y(marker) [m] place across the structure
@@ -105,7 +107,7 @@ VARIABLES = declared("""
 """)
 
 
-SHARED = declared("""
+SHARED_VARIABLES = declared("""
     shared_real(row, marker) [m] what independent errors of the calibration, of one standard
         deviation each, add to the complex amplitudes, real part
     shared_imag(row, marker) [m] what independent errors of the calibration, of one standard
@@ -133,7 +135,7 @@ def result(
         Cameras, clocks and tracks.
     covariance : ndarray, optional
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`; then the
-        result has :data:`SHARED`, too, and standard errors hold it.
+        result has :data:`SHARED_VARIABLES`, too, and standard errors hold it.
 
     Returns
     -------
@@ -156,7 +158,7 @@ def result(
     check_sides(frame, cameras)
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else look_for(recordings, begin, end)
-    order = ORDER if start < FOLDED * min(own.rate for own in recordings) else 1
+    order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
     pace = paces(recordings, begin, end, start, order)
     recordings = paced(recordings, pace, 0.5 * (begin + end))
     phases = advance(recordings, begin, end, start, order)
@@ -263,7 +265,9 @@ def result(
     rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
     shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
-    return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
+    return data.assign(
+        labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
+    )
 
 
 def _aliases(
@@ -276,8 +280,8 @@ def _aliases(
     """
     rates = np.array([own.rate for own in recordings])
     shown, near = alias(frequency, rates[0]), 1 / (end - begin)
-    end = min(end, begin + ENOUGH / float(rates.min()))
-    every = aliases_of(float(shown), float(rates[0]), HIGHEST * float(rates.max()))
+    end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
+    every = aliases_of(float(shown), float(rates[0]), MAX_ALIAS_RATIO * float(rates.max()))
     alike = [
         other
         for other in every
@@ -302,4 +306,4 @@ def _uneven(own: Recording) -> float:
 
 def size_off(scale: float) -> float:
     """By how much shapes may be off in size if a grid measures `scale` of its own; 0 if it fits."""
-    return scale - 1 if abs(scale - 1) > SCALE else 0.0
+    return scale - 1 if abs(scale - 1) > MAX_SCALE_ERROR else 0.0

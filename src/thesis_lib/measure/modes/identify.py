@@ -30,12 +30,12 @@ from thesis_lib.measure.modes.poles import (
 from thesis_lib.measure.modes.shapes import Rest, lags, paces, shapes, straightened
 from thesis_lib.measure.modes.tracks import Track, without_outliers, without_strays
 
-MOST = 8  # modes that are sought if their number is not given
-FURTHER = 2  # further modes that are tried, to see which hold
-FEWEST = 3  # markers that tell a shape
-LEFT = ("amplitude", "deviation", "excess", "turn")
+MAX_MODES = 8  # modes that are sought if their number is not given
+FURTHER_MODES = 2  # further modes that are tried, to see which hold
+MIN_MARKERS = 3  # markers that tell a shape
+DROPPED_FIELDS = ("amplitude", "deviation", "excess", "turn")
 MAX_CHANCE = 0.95  # probability of cameras agreeing better by noise alone, if that were all
-ROUNDS = 3  # times that outliers, and what is not linear, are taken away
+OUTLIER_ROUNDS = 3  # times that outliers, and what is not linear, are taken away
 
 
 class ModalError(ValueError):
@@ -111,7 +111,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         If no mode stands out, or a given one does not, or two that are given are closer than the
         recording resolves, or it has fewer frames than they need.
     """
-    most = len(asked.given) or asked.count or MOST
+    most = len(asked.given) or asked.count or MAX_MODES
     seen = np.array([np.count_nonzero(np.isfinite(track.uv)) for track in tracks])
     tracks = [without_strays(track, rest.places) for track in tracks]
     _check(tracks, asked, most)
@@ -120,9 +120,9 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     own, given = list(tracks), asked.given
     late, pace = np.zeros(len(own)), np.ones(len(own))
     rivals: list[list[tuple[float, float]]] = []
-    for turn in range(ROUNDS + 1):
+    for turn in range(OUTLIER_ROUNDS + 1):
         blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
-        further = FURTHER if turn == ROUNDS else 0
+        further = FURTHER_MODES if turn == OUTLIER_ROUNDS else 0
         orders = search(blocks, asked.band, most + further, asked.damped, given)
         _check_found(blocks, orders, asked)
         poles = orders[min(most, len(orders)) - 1]
@@ -130,7 +130,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
         found = shapes(own, blocks, poles, rest)
-        if turn < ROUNDS:
+        if turn < OUTLIER_ROUNDS:
             more, errors = lags(found, poles)
             if turn:  # the first fit may rest on outliers
                 late = late + more
@@ -157,7 +157,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
     deviations = surely.deviations
-    left = {name: np.array([getattr(one, name) for one in found])[order] for name in LEFT}
+    left = {name: np.array([getattr(one, name) for one in found])[order] for name in DROPPED_FIELDS}
     return Modes(
         frequency=poles.frequency[order],
         frequency_deviation=deviations[0][order],
@@ -298,9 +298,9 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
             f"tell apart what is {1 / seconds:.3g} Hz apart: film {1 / (other - one):.3g} s or more"
         )
     seen = sum(np.isfinite(track.uv).all(axis=1).mean(axis=0) > 0.5 for track in tracks)
-    if (count := int(np.count_nonzero(np.asarray(seen) >= 2))) < FEWEST:
+    if (count := int(np.count_nonzero(np.asarray(seen) >= 2))) < MIN_MARKERS:
         raise ModalError(
-            f"{count} markers are seen by two cameras or more, a shape needs {FEWEST}: add "
+            f"{count} markers are seen by two cameras or more, a shape needs {MIN_MARKERS}: add "
             "markers, or turn cameras so that two see each"
         )
 

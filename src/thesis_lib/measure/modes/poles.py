@@ -225,10 +225,10 @@ def _least(
     return x, parts
 
 
-FINE = 8  # grid points between frames; and in a period of the highest frequency
-TINY = 1e-12
-SERIES = 16  # principal motions of a camera's markers whose powers are summed
-PAD = 4  # points of the spectrum in one over the length of the recording
+POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency
+MIN_POWER = 1e-12
+PRINCIPAL_SERIES = 16  # principal motions of a camera's markers whose powers are summed
+POINTS_PER_LINE = 4  # points of the spectrum in one over the length of the recording
 
 
 @dataclass(frozen=True)
@@ -252,28 +252,30 @@ class Spectrum:
 def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
     """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
     span = max(float(np.ptp(block.times)) for block in blocks)
-    even = np.arange(band[0], band[1], 1 / (PAD * span))
+    even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
     logs = np.zeros_like(even)
     for block in blocks:
         left = left_of(block, rates)
-        left = left @ np.linalg.eigh(left.T @ left)[1][:, -SERIES:]  # the strongest motions
-        step = float(np.median(np.diff(block.times))) / FINE
-        step /= max(1, int(np.ceil(band[1] * FINE * step)))
+        left = (
+            left @ np.linalg.eigh(left.T @ left)[1][:, -PRINCIPAL_SERIES:]
+        )  # the strongest motions
+        step = float(np.median(np.diff(block.times))) / POINTS_PER_FRAME
+        step /= max(1, int(np.ceil(band[1] * POINTS_PER_FRAME * step)))
         place = np.rint((block.times - block.times[0]) / step).astype(int)
-        length = next_fast_len(max(int(PAD * span / step), place[-1] + 1))
+        length = next_fast_len(max(int(POINTS_PER_LINE * span / step), place[-1] + 1))
         lines = np.zeros(length // 2 + 1)
         for series in left.T:
             grid = np.bincount(place, series, length).astype(np.float32)
             lines += np.abs(rfft(grid)) ** 2 / len(block.times)
         own = np.interp(even, np.arange(len(lines)) / (length * step), lines)
-        logs += np.log(np.maximum(own / max(float(np.median(own)), TINY), TINY))
+        logs += np.log(np.maximum(own / max(float(np.median(own)), MIN_POWER), MIN_POWER))
     return Spectrum(even, np.exp(logs / len(blocks)))
 
 
 STANDS_OUT = 4.0  # power of a line over the noise about it, from which on it is a mode
-DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
-WITHIN = 0.01  # of a given frequency, within which its line is sought
-NEAR = 1.0  # of one over that length, within which two modes are not told apart
+TRIAL_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0)  # trial decays over the length of the recording
+MAX_RELATIVE_OFFSET = 0.01  # of a given frequency, within which its line is sought
+MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are not told apart
 
 
 def search(
@@ -318,7 +320,7 @@ def search(
 
 def reach(frequency: float, seconds: float) -> float:
     """Return the search range in Hz about a given frequency in a recording of some seconds."""
-    return max(2 * NEAR / seconds, WITHIN * frequency)
+    return max(2 * MIN_MODE_SPACING / seconds, MAX_RELATIVE_OFFSET * frequency)
 
 
 def strongest(
@@ -329,7 +331,7 @@ def strongest(
     None if none stands out.
     """
     seen = spectrum(blocks, rates, band)
-    apart = NEAR / span_of(blocks)
+    apart = MIN_MODE_SPACING / span_of(blocks)
     clear = np.all(np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi)) > apart, axis=1)
     if near is not None:
         clear &= np.abs(seen.frequency - near) <= reach(near, span_of(blocks))
@@ -346,7 +348,7 @@ def beside(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]
     that is not steady. What is left there disturbs a mode, not the noise at other frequencies.
     Both have the shape (modes,); of noise alone the mean is about one.
     """
-    near = np.abs(after.frequency[:, None] - poles.frequency) <= 2 * NEAR / seconds
+    near = np.abs(after.frequency[:, None] - poles.frequency) <= 2 * MIN_MODE_SPACING / seconds
     power = after.power[:, None]
     mean = np.sum(np.where(near, power, 0.0), axis=0) / np.maximum(near.sum(axis=0), 1)
     return np.max(np.where(near, power, 0.0), axis=0), mean
@@ -361,7 +363,7 @@ def _start(blocks: Sequence[Block], rates: Array, omega: float, damped: bool) ->
     """Return the pole to start from: of some decays the one with the least residual."""
     if not damped:
         return np.array([0.0, omega])
-    trials = [np.array([decay / span_of(blocks), omega]) for decay in DECAYS]
+    trials = [np.array([decay / span_of(blocks), omega]) for decay in TRIAL_DECAYS]
     left = [
         sum(float(np.sum(left_of(block, np.vstack([rates, trial])) ** 2)) for block in blocks)
         for trial in trials

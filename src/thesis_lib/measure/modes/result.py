@@ -73,7 +73,7 @@ VARIABLES = declared("""
     before(line) [1] power of the tracks over noise
     after(line) [1] power of what the modes leave
 """)
-SHARED = declared("""
+SHARED_VARIABLES = declared("""
     shared_real(row, mode, marker) [m] what independent errors of the calibration, of one standard
         deviation each, add to the complex amplitudes, real part
     shared_imag(row, mode, marker) [m] what independent errors of the calibration, of one standard
@@ -95,7 +95,7 @@ def result(
     -------
     xarray.Dataset
         Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
-        covariance it has :data:`SHARED`, too, and standard errors of shapes hold it.
+        covariance it has :data:`SHARED_VARIABLES`, too, and standard errors of shapes hold it.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def result(
         "line": found.before.frequency,
         "before": found.before.power,
         "after": found.after.power,
-    } | {name: getattr(found, name) for name in SAME}
+    } | {name: getattr(found, name) for name in COMMON_VARIABLES}
     mac = np.array([[_mac(own, model.shape) for model in models] for own in shape.real])
     values |= {
         "mac": mac.reshape(len(shape), len(models)),
@@ -165,10 +165,12 @@ def result(
     rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
     shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
-    return data.assign(labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED))
+    return data.assign(
+        labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
+    )
 
 
-SAME = (
+COMMON_VARIABLES = (
     "frequency", "frequency_deviation", "damping", "damping_deviation", "scale_deviation", "beside",
     "zero", "noise", "lag", "lag_deviation", "pace", "left_out",
 )  # fmt: skip

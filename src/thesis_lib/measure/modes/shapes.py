@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.clocks import CERTAIN, LEAST_TURN, late
+from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS, late
 from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.fitting.residuals import excess, held_back, in_plane
@@ -26,7 +26,9 @@ from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import jacobian
 
-LOOSE = 8.0  # times the usual error, from which on a camera has no part in a marker's result
+MAX_ERROR_RATIO = (
+    8.0  # times the usual error, from which on a camera has no part in a marker's result
+)
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
         factor = np.exp(-pole * track.usual) / blurred(rate, track.exposure)
         part = 0.5 * np.trace(inverse[:, own, own], axis1=1, axis2=2).reshape(2, markers)
         error = np.where(np.isfinite(sigma), sigma * np.sqrt(part), np.nan).max(axis=0)
-        clear = np.isfinite(error) & (error <= LOOSE * np.nanmedian(error))
+        clear = np.isfinite(error) & (error <= MAX_ERROR_RATIO * np.nanmedian(error))
         a = np.where(clear, (cosine - 1j * sine) * factor, np.nan)
         spread = np.zeros((3, 3, 2, markers))
         spread[1, 1] = spread[2, 2] = part * np.abs(factor) ** 2
@@ -131,16 +133,18 @@ def straightened(
     return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)
 
 
-THOUGHT = 0.01  # s by which starts are thought to be off at most, rather
-WORST = 100.0  # of a phase's square over its error's that counts: one mode alone decides nothing
-ROUGH = 0.003  # rad by which phases are off beside what noise does
+ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
+MAX_PHASE_CHI2 = (
+    100.0  # of a phase's square over its error's that counts: one mode alone decides nothing
+)
+PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
 def lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
     """By how much cameras start later than was thought, where that is certain, and errors, s."""
     omega = poles.rates[:, 1]
     turn = np.array([shape.turn for shape in found])
-    error = np.hypot([shape.turn_deviation for shape in found], ROUGH)
+    error = np.hypot([shape.turn_deviation for shape in found], PHASE_FLOOR_RAD)
     best = np.zeros(turn.shape[1])
     for c in range(1, turn.shape[1]):
         known = np.isfinite(turn[:, c]) & np.isfinite(error[:, c])
@@ -150,13 +154,16 @@ def lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
         periods = np.arange(-20, 21)
         trials = ((phase[:, None] + 2 * np.pi * periods) / w[:, None]).ravel()
         off = (phase - np.outer(trials, w) + np.pi) % (2 * np.pi) - np.pi
-        cost = np.sum(np.minimum((off / sigma) ** 2, WORST), axis=1) + (trials / THOUGHT) ** 2
+        cost = (
+            np.sum(np.minimum((off / sigma) ** 2, MAX_PHASE_CHI2), axis=1)
+            + (trials / ASSUMED_START_STD_S) ** 2
+        )
         k = int(np.argmin(cost))
         best[c] = trials[k] + np.sum(w * off[k] / sigma**2) / np.sum((w / sigma) ** 2)
     with np.errstate(divide="ignore"):
         errors = 1 / np.sqrt(np.nansum((omega[:, None] / error) ** 2, axis=0))
     errors[0] = 0.0
-    certain = np.abs(best) > np.maximum(CERTAIN * errors, LEAST_TURN / omega.max())
+    certain = np.abs(best) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN / omega.max())
     return np.where(certain, best, 0.0), errors
 
 
@@ -172,6 +179,6 @@ def paces(poles: Poles, span: float) -> Array:
     deviation = 1 / np.sqrt(np.sum(weight, axis=1))
     fast = high[0] - high
     enough = np.maximum(
-        CERTAIN * np.hypot(deviation, deviation[0]), LEAST_TURN / omega.max() / span
+        MIN_CLOCK_SIGMAS * np.hypot(deviation, deviation[0]), LEAST_TURN / omega.max() / span
     )
     return np.where(np.abs(fast) > enough, fast, 0.0)

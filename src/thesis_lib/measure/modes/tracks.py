@@ -66,10 +66,10 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
     return found
 
 
-BESIDE = 8  # neighbours of a marker
-FAR = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
-WORST = 0.3  # of a marker's largest distance, below which it waits for the next look
-LOOKS = 6
+NEIGHBOUR_COUNT = 8  # neighbours of a marker
+MAX_SPREADS = 8.0  # spreads over the neighbours, and usual distances from them, that one may be off
+MIN_WORST_RATIO = 0.3  # of a marker's largest distance, below which it waits for the next look
+MAX_LOOKS = 6
 
 
 def without_strays(track: Track, places: Array) -> Track:
@@ -87,13 +87,13 @@ def without_outliers(track: Track, block: Block, rates: Array, places: Array) ->
         warnings.simplefilter("ignore", RuntimeWarning)
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
-    for _ in range(LOOKS):
+    for _ in range(MAX_LOOKS):
         left = block.values - B @ seen_fit(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
         with np.errstate(invalid="ignore"):  # nearer to where the next one is than to its own place
-            wrong |= (off > halfway) & (off > WORST * np.nanmax(off))
+            wrong |= (off > halfway) & (off > MIN_WORST_RATIO * np.nanmax(off))
         if not wrong.any():
             break
         known = known & ~np.repeat(wrong[:, None], 2, axis=1).reshape(known.shape)
@@ -103,7 +103,7 @@ def without_outliers(track: Track, block: Block, rates: Array, places: Array) ->
 
 def strays(moved: Array, places: Array) -> Mask:
     """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
-    count = min(BESIDE + 1, places.shape[1])
+    count = min(NEIGHBOUR_COUNT + 1, places.shape[1])
     _, near = KDTree(places.T).query(places.T, k=count)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
@@ -111,8 +111,10 @@ def strays(moved: Array, places: Array) -> Mask:
         middle = _median(around)
         spread = _median(np.abs(around - middle[..., None]))
         off = np.abs(moved - middle)
-        limit = FAR * (spread + np.nanmedian(off, axis=0))
-        far = (off > limit) & (off > WORST * np.nanmax(np.where(off > limit, off, 0), axis=0))
+        limit = MAX_SPREADS * (spread + np.nanmedian(off, axis=0))
+        far = (off > limit) & (
+            off > MIN_WORST_RATIO * np.nanmax(np.where(off > limit, off, 0), axis=0)
+        )
     return np.asarray(far.any(axis=1), bool)
 
 

@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
-from thesis_lib.measure.recordings.board import DICTIONARY, MARK, Board
+from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.outputs import check_file
 from thesis_lib.plotting.style import color, drawable
 
-SIZES = {  # mm, upright
+PAGE_SIZES_MM = {  # mm, upright
     "A4": (210.0, 297.0),
     "A3": (297.0, 420.0),
     "A2": (420.0, 594.0),
@@ -31,10 +31,10 @@ SIZES = {  # mm, upright
     "letter": (215.9, 279.4),
     "tabloid": (279.4, 431.8),
 }
-BORDER = 6.0  # mm along a page's edge that printers leave blank
-STRIP = 16.0  # mm at the foot of a page for ruler and words
-RULER = 100.0  # mm
-MM = 25.4  # of an inch
+BORDER_MM = 6.0  # mm along a page's edge that printers leave blank
+STRIP_MM = 16.0  # mm at the foot of a page for ruler and words
+RULER_MM = 100.0  # mm
+MM_PER_INCH = 25.4  # of an inch
 
 Draw = Callable[[Axes], object]
 
@@ -45,8 +45,8 @@ class PaperError(ValueError):
 
 def area(paper: str, landscape: bool) -> tuple[float, float]:
     """Width and height in mm that can be drawn on, above the strip with the ruler."""
-    width, height = sorted(SIZES[paper], reverse=landscape)
-    return width - 2 * BORDER, height - 2 * BORDER - STRIP
+    width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
+    return width - 2 * BORDER_MM, height - 2 * BORDER_MM - STRIP_MM
 
 
 def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, str]]) -> None:
@@ -70,18 +70,19 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
         If the file is there already, or does not end in .pdf.
     """
     check_file(path, ".pdf")
-    width, height = sorted(SIZES[paper], reverse=landscape)
+    width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
     made = io.BytesIO()
     with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
         for draw, words in pages:
-            figure = Figure(figsize=(width / MM, height / MM))
+            figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
             axes = figure.add_axes((0, 0, 1, 1))
             axes.set(
-                xlim=(-BORDER, width - BORDER), ylim=(-BORDER - STRIP, height - BORDER - STRIP)
+                xlim=(-BORDER_MM, width - BORDER_MM),
+                ylim=(-BORDER_MM - STRIP_MM, height - BORDER_MM - STRIP_MM),
             )
             axes.set_axis_off()
             draw(axes)
-            _ruler(axes, words, width - 2 * BORDER)
+            _ruler(axes, words, width - 2 * BORDER_MM)
             file.savefig(figure)
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
@@ -107,24 +108,24 @@ def rectangle(x: float, y: float, width: float, height: float) -> list[tuple[flo
 
 
 def _ruler(axes: Axes, words: str, width: float) -> None:
-    y = -STRIP + 4
-    polygons(axes, [rectangle(0, y, RULER, 0.25)])
+    y = -STRIP_MM + 4
+    polygons(axes, [rectangle(0, y, RULER_MM, 0.25)])
     for k in range(11):
         tall = 4.0 if k in (0, 10) else 2.5
-        polygons(axes, [rectangle(RULER / 10 * k - 0.125, y, 0.25, tall)])
+        polygons(axes, [rectangle(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
     axes.text(
         0,
         y - 3.2,
         "Print at 100 %, without scaling. This line is 100 mm long: measure it.",
         size=6.5,
     )
-    axes.text(RULER + 6, y, words, size=6.5, va="bottom", wrap=False)
-    if width < RULER + 6:
-        raise PaperError(f"--paper: narrower than the ruler of {RULER:g} mm")
+    axes.text(RULER_MM + 6, y, words, size=6.5, va="bottom", wrap=False)
+    if width < RULER_MM + 6:
+        raise PaperError(f"--paper: narrower than the ruler of {RULER_MM:g} mm")
 
 
-BITS = 7  # along a mark with its black frame
-MARKS = 1000  # that the dictionary has
+BITS_PER_MARK = 7  # along a mark with its black frame
+DICTIONARY_MARKS = 1000  # that the dictionary has
 
 
 def write_board(
@@ -172,10 +173,10 @@ def write_board(
             "--two-sided: given with --charuco, allowed: for a checkerboard, as no program reads "
             "marks that are mirrored"
         )
-    if charuco and columns * rows // 2 > MARKS:
+    if charuco and columns * rows // 2 > DICTIONARY_MARKS:
         raise PaperError(
             f"--columns, --rows: given {columns} × {rows} tiles, allowed with --charuco: at most "
-            f"{2 * MARKS + 1}, {DICTIONARY} has no more marks"
+            f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
         )
     landscape = columns >= rows
     wide, high = area(paper, landscape)
@@ -184,7 +185,7 @@ def write_board(
         most = min(wide / (columns + 1), high / (rows + 1))
         larger = [
             name
-            for name in SIZES
+            for name in PAGE_SIZES_MM
             if all(n <= a + 1e-9 for n, a in zip(need, area(name, landscape), strict=True))
         ]
         or_paper = f", or --paper {larger[0]}" if larger else ""
@@ -205,8 +206,9 @@ def write_board(
         dark = dark * [1, -1] + [0, rows * tile_mm]  # OpenCV begins with a dark tile at the top
         dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
         said += (
-            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, {MARK * tile_mm:g}, "
-            f"{DICTIONARY})"
+            f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, "
+            f"{MARK_RATIO * tile_mm:g}, "
+            f"{MARK_DICTIONARY})"
         )
     dark = dark + [left, low]
     sides = [("", dark)]
@@ -226,17 +228,17 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
 
     OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
     """
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
-    side, cells, number = MARK * tile, [], 0
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, MARK_DICTIONARY))
+    side, cells, number = MARK_RATIO * tile, [], 0
     for row in range(rows):
         for column in range(columns):
             if (column + row) % 2 == 0:  # dark
                 continue
-            bits = dictionary.generateImageMarker(number, BITS) == 0
+            bits = dictionary.generateImageMarker(number, BITS_PER_MARK) == 0
             number += 1
             x = column * tile + (tile - side) / 2
             y = (rows - row) * tile - (tile - side) / 2
-            step = side / BITS
+            step = side / BITS_PER_MARK
             for i, j in np.argwhere(bits):
                 cells.append(rectangle(x + j * step, y - (i + 1) * step, step, step))
     return np.array(cells)
@@ -327,8 +329,8 @@ def _sheet(centres: Array, size: tuple[float, float], diameter: float, bright: b
     return draw
 
 
-PLACE = ("azimuth_deg", "elevation_deg", "distance_mm")
-MIDDLE: dict[str, Any] = {"ha": "center", "va": "center"}
+PLACE_FIELDS = ("azimuth_deg", "elevation_deg", "distance_mm")
+CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 
 
 def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -> None:
@@ -349,7 +351,7 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         If a camera has no place.
     """
     for camera in cameras:
-        for name in PLACE:
+        for name in PLACE_FIELDS:
             if getattr(camera, name) is None:
                 raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
     wide, high = area(paper, landscape=False)
@@ -367,17 +369,19 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             ends = to(azimuth, radius - (6 if azimuth % 10 == 0 else 3)), to(azimuth, radius)
             axes.plot(*np.transpose(ends), "k-", lw=0.4)
             if azimuth % 30 == 0:
-                axes.text(*to(azimuth, radius + 5), f"{azimuth:g}°", size=7, **MIDDLE)
+                axes.text(*to(azimuth, radius + 5), f"{azimuth:g}°", size=7, **CENTRED_TEXT)
         for name, azimuth in (("X", 90.0), ("Y", 0.0)):
             axes.annotate("", to(azimuth, 26), to(0, 0), arrowprops={"arrowstyle": "->", "lw": 0.8})
-            axes.text(*to(azimuth, 30), name, size=9, **MIDDLE)
+            axes.text(*to(azimuth, 30), name, size=9, **CENTRED_TEXT)
         lines = [
             "Lay the sheet under the structure's centre, X along its length.",
             "Each camera stands on its ray, so far and so high with the middle of its lens:",
         ]
         names = drawable([camera.name for camera in cameras], "camera")
         for k, camera in enumerate(cameras):
-            azimuth, elevation, distance = (float(getattr(camera, name) or 0.0) for name in PLACE)
+            azimuth, elevation, distance = (
+                float(getattr(camera, name) or 0.0) for name in PLACE_FIELDS
+            )
             axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=color(k), lw=1.2)
             axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=color(k))
             away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))

@@ -21,10 +21,10 @@ from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.plate import Plate
 
 Model = Beam | Plate | Panel
-MARKERS = 3  # to the length of the shortest mode that is fitted
+MARKERS_PER_WAVE = 3  # to the length of the shortest mode that is fitted
 TELL_APART = 30.0  # largest condition number of a fit
-AROUND = 12  # places on a marker's edge
-MOST = 60  # modes that are tried
+EDGE_POINTS = 12  # places on a marker's edge
+MAX_TRIED_MODES = 60  # modes that are tried
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ def spacing(markers: Array) -> float:
 
 def by_model(model: Model, markers: Array, radius: float, places: Array) -> Between:
     """By the first modes of a model, from markers (2, n) with a radius in m, at places (2, ...)."""
-    waves = 2 * np.pi / (MARKERS * spacing(markers))
-    turn = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
+    waves = 2 * np.pi / (MARKERS_PER_WAVE * spacing(markers))
+    turn = 2 * np.pi * (np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS
     circle = radius * np.stack([np.cos(turn), np.sin(turn)])
     edge = _inside(model, markers[:, :, None] + circle[:, None], markers)
-    shown = _shapes(model, edge.reshape(2, -1), waves).reshape(-1, markers.shape[1], AROUND)
+    shown = _shapes(model, edge.reshape(2, -1), waves).reshape(-1, markers.shape[1], EDGE_POINTS)
     A = np.mean(shown, axis=2).T
     count = max(1, min(A.shape[1], len(A) // 2))  # else noise would be fitted, too
     while count > 1 and np.linalg.cond(A[:, :count]) > TELL_APART:
@@ -91,12 +91,12 @@ def _inside(model: Model, points: Array, instead: Array) -> Array:
 
 def _shapes(model: Model, points: Array, waves: float) -> Array:
     """Shapes of the modes up to a wavenumber in rad/m at points (2, n), the longest first."""
-    numbers = np.arange(1, MOST + 1)
+    numbers = np.arange(1, MAX_TRIED_MODES + 1)
     if isinstance(model, Beam):
         stiffness = model.bending_stiffness / (model.mass / model.length)
     else:
         stiffness = model.bending_stiffness / model.mass_per_area
-    k = np.sqrt(model.angular_frequencies(MOST)) / stiffness**0.25
+    k = np.sqrt(model.angular_frequencies(MAX_TRIED_MODES)) / stiffness**0.25
     chosen = numbers[k <= max(waves, k[0])].tolist()
     shapes, k = model.mode_shapes(chosen, points), k[: len(chosen)]
     if isinstance(model, Beam):

@@ -14,8 +14,8 @@ from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.studies import storage
 
-RATE, SECONDS = 48000, 4.0  # samples per second; length of a sound file, s
-FADE, RISE = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
+SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
+FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
 def write(folder: Path, data: xr.Dataset) -> None:
@@ -24,7 +24,7 @@ def write(folder: Path, data: xr.Dataset) -> None:
     write_csv(table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
         samples = heard(data, number).astype(np.float32)
-        wavfile.write(folder / f"heard-{number + 1}.wav", RATE, samples)
+        wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
 
 
 def heard(data: xr.Dataset, point: int) -> Array:
@@ -33,12 +33,12 @@ def heard(data: xr.Dataset, point: int) -> Array:
     Tones have the phases that were measured. Modes die away from the moment on that their
     amplitudes are of.
     """
-    times = np.arange(int(RATE * SECONDS)) / RATE
+    times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
     pressure = complex_of(data, "pressure")[:, point]
     decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
     waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
-    rise = RISE if np.any(decay) else FADE
-    fade = np.clip(np.minimum(times / rise, (SECONDS - times) / FADE), 0, 1)
+    rise = RISE_S if np.any(decay) else FADE_S
+    fade = np.clip(np.minimum(times / rise, (SOUND_LENGTH_S - times) / FADE_S), 0, 1)
     return np.asarray(np.real(pressure @ waves) * fade)
 
 

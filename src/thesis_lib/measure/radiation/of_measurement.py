@@ -18,12 +18,19 @@ from thesis_lib.measure.radiation import between as interpolation
 from thesis_lib.measure.radiation import without_wall
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiated
-from thesis_lib.measure.recordings.manifest_model import FEWEST, Manifest, Radiation, Structure
+from thesis_lib.measure.recordings.manifest_model import (
+    MIN_SURFACE_MARKERS,
+    Manifest,
+    Radiation,
+    Structure,
+)
 from thesis_lib.measure.recordings.validation import ChainError
 
-FLAT = 0.02  # of the longer side that markers may be off their plane at rest
-FITS = 3.0  # times what noise explains, up to which a model's modes are taken for the shape
-SHAPE = (61, 41)  # points of a plane
+MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
+MAX_MODEL_CHI = (
+    3.0  # times what noise explains, up to which a model's modes are taken for the shape
+)
+PLANE_SHAPE = (61, 41)  # points of a plane
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
@@ -64,7 +71,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    screens = [Screen.of(corners, cells) for cells in without_wall.CELLS]
+    screens = [Screen.of(corners, cells) for cells in without_wall.SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
     both = _chosen(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])
@@ -124,13 +131,14 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
 
 
 def _check(data: xr.Dataset, known: Mask, structure: Structure) -> None:
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_SURFACE_MARKERS:
         raise ChainError(
-            f"radiation: {known.sum()} markers were measured, allowed: {FEWEST} or more; fewer do "
+            f"radiation: {known.sum()} markers were measured, allowed: {MIN_SURFACE_MARKERS} or "
+            "more; fewer do "
             "not tell how the surface between them moves"
         )
     off = 1000 * float(np.max(np.abs(data["rest_position"].sel(axis="z").values[known])))
-    most = FLAT * max(structure.length_mm, structure.width_mm)
+    most = MAX_FLATNESS_RATIO * max(structure.length_mm, structure.width_mm)
     if off > most:
         raise ChainError(
             f"radiation: a marker is {off:.1f} mm off the plane of the others at rest, allowed: "
@@ -186,7 +194,7 @@ def _chosen(
         found = interpolation.by_model(model, markers, radius, places)
         each = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
         left = np.array([found.left(shapes.part(own)) for own in each])
-        if asked.between == "model" or np.all(left[:, 0] <= FITS * left[:, 1]):
+        if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
     step = interpolation.spacing(markers)
     held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)
@@ -197,7 +205,7 @@ def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
     half = (asked.plane_half_width_mm or 1000 * max(size)) / 1000
     low = asked.plane_bottom_mm / 1000
     high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
-    return Plane("XZ", half, low, high, SHAPE), Plane("YZ", half, low, high, SHAPE)
+    return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
 
 
 def _highest(structure: Structure, step: float) -> float:

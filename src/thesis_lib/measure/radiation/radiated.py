@@ -29,9 +29,9 @@ from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.studies.schema import declared, labelled
 
-OCTAVE = 10**0.3  # base ten, as the standard has it
-NOMINAL = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
-ALL = "all"
+OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
+NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
+ALL_TONES = "all"
 
 
 def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
@@ -45,15 +45,17 @@ def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
     {'all': [0, 1, 2, 3], '125': [0, 2], '250': [3]}
     """
     f = np.asarray(hertz, float)
-    number = np.rint(np.log(f / 1000) / np.log(OCTAVE)).astype(int) + 6
-    found = {f"{centre:g}": np.flatnonzero(number == k) for k, centre in enumerate(NOMINAL)}
-    return {ALL: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}
+    number = np.rint(np.log(f / 1000) / np.log(OCTAVE_RATIO)).astype(int) + 6
+    found = {
+        f"{centre:g}": np.flatnonzero(number == k) for k, centre in enumerate(NOMINAL_CENTRES_HZ)
+    }
+    return {ALL_TONES: np.arange(len(f))} | {name: own for name, own in found.items() if len(own)}
 
 
-NODES = 1600  # of the surface
+SURFACE_NODES = 1600  # of the surface
 PER_WAVE = 8  # nodes to the length of a sound wave, at least
-MODES = 6  # radiation modes that are told
-DECIBEL = 10 / np.log(10)
+LISTED_RADIATION_MODES = 6  # radiation modes that are told
+DECIBELS_PER_NEPER = 10 / np.log(10)
 VARIABLES = declared("""
     frequency(tone) [Hz] frequency
     power(tone) [W] sound power of one side, in a rigid wall
@@ -204,7 +206,7 @@ def _of_tone(
         estimates.widened(one, surface.sum_std)
         for one in (estimates.quadratic(form, shape), estimates.ratio(form, plain, shape))
     )
-    each = estimates.factored(ways[:MODES], shape)
+    each = estimates.factored(ways[:LISTED_RADIATION_MODES], shape)
     here, size = at @ shape.value, estimates.magnitude(at, shape)
     above = [
         surface.pressure_matrix(B, plane.points.reshape(3, -1), omega, medium) for plane in planes
@@ -218,7 +220,7 @@ def _of_tone(
         "frequency": np.array(omega / (2 * np.pi)),
         "power": power.value,
         "power_error": power.error,
-        **_levels("power_level", DECIBEL, REFERENCE_POWER, power),
+        **_levels("power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
         "efficiency": efficiency.value,
         "efficiency_error": efficiency.error,
         "mode_power": each.value,
@@ -226,7 +228,7 @@ def _of_tone(
         "pressure_real": here.real,
         "pressure_imag": here.imag,
         "pressure_error": size.error,
-        **_levels("level", 2 * DECIBEL, np.sqrt(2) * REFERENCE_PRESSURE, size),
+        **_levels("level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * REFERENCE_PRESSURE, size),
         "field_real": field.real,
         "field_imag": field.imag,
         "field_error": spread.reshape(shown),
@@ -273,8 +275,8 @@ def _of_bands(
     return {
         "band_power": power.value,
         "band_power_error": power.error,
-        **_levels("band_power_level", DECIBEL, REFERENCE_POWER, power),
-        **_levels("band_level", DECIBEL, REFERENCE_PRESSURE**2, square),
+        **_levels("band_power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
+        **_levels("band_level", DECIBELS_PER_NEPER, REFERENCE_PRESSURE**2, square),
     }
 
 
@@ -295,7 +297,7 @@ def _levels(
 def count_nodes(extent: tuple[float, float], omega: float, medium: Medium) -> int:
     """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
-    return max(NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
+    return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
 
 
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:

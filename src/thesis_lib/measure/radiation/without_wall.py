@@ -14,8 +14,11 @@ from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.arrays import Array
 from thesis_lib.studies.schema import declared, labelled
 
-CELLS = 400, 200  # of the screen, and of one whose answer differs by the error: 0.1 dB or less
-DECIBEL = 10 / np.log(10)
+SCREEN_CELLS = (
+    400,
+    200,
+)  # of the screen, and of one whose answer differs by the error: 0.1 dB or less
+DECIBELS_PER_NEPER = 10 / np.log(10)
 VARIABLES = declared("""
     no_wall_change(tone) [dB] estimated sound power level of one side without a wall, less that in a
         rigid wall
@@ -60,7 +63,7 @@ def estimate_change(
     xarray.Dataset
         :data:`VARIABLES`; NaN where cells are too coarse, or where errors are all there is.
     """
-    thick = 2 * DECIBEL * np.log1p(thickness / narrow)
+    thick = 2 * DECIBELS_PER_NEPER * np.log1p(thickness / narrow)
     rows = []
     for number, omega in enumerate(omegas):
         n = moving.shape[1]
@@ -73,8 +76,8 @@ def estimate_change(
         square = float(estimates.ratio(*surface.wavenumber_forms(moving), shape).value)
         k = max(np.sqrt(max(square, 0.0)), np.pi / narrow)
         with np.errstate(invalid="ignore", divide="ignore"):
-            level, other = (DECIBEL * np.log(one.value) for one in (fine, coarse))
-            noise = DECIBEL * fine.error / fine.value
+            level, other = (DECIBELS_PER_NEPER * np.log(one.value) for one in (fine, coarse))
+            noise = DECIBELS_PER_NEPER * fine.error / fine.value
             std = np.sqrt(noise**2 + (level - other) ** 2 + thick**2)
         known = level if np.isfinite(std) else np.nan
         rows.append((known, std, k * medium.speed_of_sound / (2 * np.pi)))

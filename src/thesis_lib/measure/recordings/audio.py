@@ -28,9 +28,9 @@ PRIMING_S = 0.15  # at either end in which a jump is the encoder's: 4 packets of
 MILLISECOND_S = 1.001e-3  # rounding of time stamps in containers that count in milliseconds
 PACE_PARTS = 16  # of a track whose mean time stamps tell the standard error of its pace
 PACE_SIGMAS = 5.0  # standard errors from which on a pace counts
-FAINT = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
-SILENCE = 1e-4  # rms below which there is no signal: three steps of 16 bits
-CANCELLED = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
+MAX_FAINT_RATIO = 0.1  # of the loudest channel's or track's rms, 20 dB below it: holds no sound
+MAX_SILENT_RMS = 1e-4  # rms below which there is no signal: three steps of 16 bits
+MAX_CANCELLED_RATIO = 0.5  # of the rms that unlike channels have when they are mixed: these cancel
 #: Samples by which MP3 comes late where the file says no delay: the usual 576 of the encoder, and
 #: 529 of the decoder
 MP3_DELAY = 1105
@@ -252,7 +252,7 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
         np.sqrt(np.diag(one.covariance).clip(0)).max(initial=0.0) * (one.damaged is None)
         for one in surveys
     ]
-    track = next(k for k, level in enumerate(levels) if level >= FAINT * max(levels))
+    track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
     words = (
         ""
         if track == 0
@@ -261,14 +261,14 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
     count = len(each)
-    channels = np.flatnonzero(each >= FAINT * each.max(initial=0.0))
+    channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
     if len(channels) < count:
         names = _listed(channels)
         why = f"{names} of {count}, since the other{'s hold' if count > 2 else ' holds'} no sound"
     else:
         why = ""
     part = covariance[np.ix_(channels, channels)]
-    if len(channels) > 1 and part.sum() < CANCELLED**2 * np.trace(part):
+    if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])
         why = f"{_listed(channels)} of {count}, since the channels cancel when mixed"
     return track, channels.tolist(), "; ".join(filter(None, [words, why]))

@@ -23,8 +23,8 @@ from scipy.spatial import KDTree
 from thesis_lib.arrays import Array
 from thesis_lib.vibration.beam import Beam
 
-DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
-MARK = 0.7  # side of such a mark over that of its tile
+MARK_DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
+MARK_RATIO = 0.7  # side of such a mark over that of its tile
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Board:
     margin: float = 0.045  #: Width of the white margin around the tiles in m
     thickness: float = 0.0  #: Distance of the printed sides, of a board that has two, in m
     mark: float = 0.0  #: Side of the marks in m; 0 if there are none
-    dictionary: str = DICTIONARY  #: OpenCV's name of the dictionary that marks are of
+    dictionary: str = MARK_DICTIONARY  #: OpenCV's name of the dictionary that marks are of
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -18,11 +18,11 @@ import numpy as np
 from thesis_lib.arrays import Image, IntArray
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest import PICTURES, by_number
+from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, by_number
 from thesis_lib.measure.recordings.media import depth_of, read_frames, read_png, write_video
 from thesis_lib.measure.recordings.media_info import (
     PACKED_FROM,
-    UNTIMED,
+    UNTIMED_FORMATS,
     MediaError,
     file_address,
     frame_clock,
@@ -36,7 +36,7 @@ from thesis_lib.studies.fields import shown
 
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
 #: Names in the text header and in the XML header of what is needed, and the numbers allowed
-FIELDS = {
+RAW_FIELDS = {
     "rate": ("Record Rate(fps)", "recordRate", (1, 10**7)),  # Hz; the fastest sold reach 2e6
     "frames": ("Total Frame", "totalFrame", (1, 10**8)),
     "width": ("Image Width", "width", (2, 16384)),  # px, as H.264 allows
@@ -44,7 +44,7 @@ FIELDS = {
     "bits": ("Color Bit", "bit", (8, 16)),
     "depth": ("EffectiveBit Depth", "depth", (8, 16)),
 }
-SIDE = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
+BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 
 
 def pack(
@@ -109,10 +109,10 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterato
     files = [
         file
         for file in folder.iterdir()
-        if file.suffix.lower() in PICTURES and not file.name.startswith(".")
+        if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
     ]
     if not files:
-        raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(PICTURES))})")
+        raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
     files.sort(key=lambda file: by_number(file.name))
     depth = max(map(depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
     if 8 < depth < 16:
@@ -131,13 +131,15 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     xml = header.suffix == ".cihx"
     said = {
         key: _header_number(header, text, names[xml], *bounds)
-        for key, (*names, bounds) in FIELDS.items()
+        for key, (*names, bounds) in RAW_FIELDS.items()
     }
     rate = said.pop("rate")
     number = {key: int(value) for key, value in said.items()}
-    side = _header_value(header, text, SIDE[xml])
+    side = _header_value(header, text, BIT_SIDE_FIELD[xml])
     if side not in ("Lower", "Higher"):
-        raise MediaError(f"{header}: {SIDE[xml]}: given {shown(side)}, allowed: Lower or Higher")
+        raise MediaError(
+            f"{header}: {BIT_SIDE_FIELD[xml]}: given {shown(side)}, allowed: Lower or Higher"
+        )
     bits, shape = number["bits"], (number["height"], number["width"])
     taken = _EIGHT_BITS.get(bits)
     if taken is None or number["depth"] > bits:
@@ -263,7 +265,7 @@ def _presentation_order(source: Path) -> tuple[IntArray, bool]:
         for packet in file.demux(stream):
             if packet.size:
                 stamps.append(np.nan if packet.pts is None else packet.pts)
-        timed = file.format.name not in UNTIMED and bool(np.isfinite(stamps).all())
+        timed = file.format.name not in UNTIMED_FORMATS and bool(np.isfinite(stamps).all())
     if timed:
         return np.argsort(np.argsort(stamps)), True
     shown: list[int] = []

@@ -61,7 +61,7 @@ class Behaviour:
     assumption: str = ""  #: What the fit assumes and cannot prove
 
 
-KINDS: dict[Kind, Behaviour] = {
+EXCITATION_KINDS: dict[Kind, Behaviour] = {
     "tone": Behaviour("shape", "Deflection", has_one_frequency=True),
     "tones": Behaviour(
         "modes",
@@ -85,12 +85,12 @@ KINDS: dict[Kind, Behaviour] = {
 
 def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
     """Return the kinds that behave so, as a refusal lists them."""
-    *others, last = (f'"{name}"' for name, one in KINDS.items() if wanted(one))
+    *others, last = (f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one))
     return f"{', '.join(others)} or {last}" if others else last
 
 
 Place = tuple[Real, Real]
-TABLES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
+TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
 """Endings of files that are read as a table of a force."""
 
 FileName = Annotated[
@@ -154,7 +154,7 @@ class Force(Fields):
     @property
     def is_table(self) -> bool:
         """Return whether the force is given in N already."""
-        return PurePath(self.file).suffix.lower() in TABLES
+        return PurePath(self.file).suffix.lower() in TABLE_SUFFIXES
 
     def place(self, usual: Array) -> Array:
         """Return the force's point in m, shape (2,); `usual` if it is not given."""
@@ -190,7 +190,7 @@ class Excitation(Fields):
     sweep: Sweep = Field(default_factory=Sweep, description="the sweep, where kind is sweep")
     frequency_hz: Positive | None = Field(
         default_factory=lambda data: (
-            4.25 if KINDS[data.get("kind", "tone")].has_one_frequency else None
+            4.25 if EXCITATION_KINDS[data.get("kind", "tone")].has_one_frequency else None
         ),
         description="frequency of the vibration; null looks for it",
     )
@@ -225,7 +225,7 @@ class Excitation(Fields):
     @property
     def behaviour(self) -> Behaviour:
         """Return the behaviour that follows from the kind."""
-        return KINDS[self.kind]
+        return EXCITATION_KINDS[self.kind]
 
     @model_validator(mode="after")
     def _check(self) -> Excitation:

@@ -26,27 +26,35 @@ MIN_SAMPLES = 100
 MAX_BYTES = 1 << 30  # of a table that is read at all
 LOOKED_AT = 400  # lines from which separator, decimal mark and header are told
 MAX_UNSTATED_STEP_S = 0.03  # between samples, from which on times may be ms or numbers of samples
-EXAMPLE = 'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
+EXAMPLE_TEXT = (
+    'allowed: a time and a force in each line, as "time_s,force_N" and below it "0.001,12.5"'
+)
 
-SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0,
+TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0,
            "sekunden": 1.0, "secondes": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3,
            "milliseconds": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6,
            "microseconds": 1e-6, "ns": 1e-9, "min": 60.0, "minutes": 60.0}  # fmt: skip
-NEWTONS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": 1e-3, "kn": 1e3, "kilonewton": 1e3,
+FORCE_UNITS_N = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": 1e-3, "kn": 1e3, "kilonewton": 1e3,
            "lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3}  # fmt: skip
-MEGANEWTON = "MN"
+MEGANEWTON_UNIT = "MN"
 UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
               r"(.*?)\s*[/,]\s*(\S+)$", r"(.*)_([^_\s]+)$", r"(.*?)\s+(\S+)$")  # fmt: skip
 OTHER_UNITS = frozenset(["v", "mv", "a", "ma", "pc", "hz", "g", "m/s2", "m/s²", "m/s^2", "mm", "µm",
                          "um", "m", "%", "°c", "degc", "°", "pa", "kpa", "bar", "µe"])  # fmt: skip
-TIMES = frozenset(["t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika",
-                   "x_value", "x value", "elapsed", "elapsed time", "relative time", "timestamp",
-                   "time stamp", "messzeit", "czas", "时间", "時間"])  # fmt: skip
-FORCES = frozenset(["f", "force", "forces", "kraft", "kräfte", "fuerza", "forza", "força", "effort",
-                    "kracht", "load", "hammer", "last", "voima", "siła", "力"])  # fmt: skip
-INDICES = frozenset(["i", "k", "j", "#", "no", "no.", "nr", "nr.", "index", "idx", "sample",
-                     "samples", "row", "scan", "point", "line", "number", "count", "id", "zeile",
-                     "nummer", "", "unnamed", "sample number", "scan number"])  # fmt: skip
+TIME_NAMES = frozenset([
+    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika", "x_value",
+    "x value", "elapsed", "elapsed time", "relative time", "timestamp", "time stamp", "messzeit",
+    "czas", "时间", "時間",
+])  # fmt: skip
+FORCE_NAMES = frozenset([
+    "f", "force", "forces", "kraft", "kräfte", "fuerza", "forza", "força", "effort", "kracht",
+    "load", "hammer", "last", "voima", "siła", "力",
+])  # fmt: skip
+INDEX_NAMES = frozenset([
+    "i", "k", "j", "#", "no", "no.", "nr", "nr.", "index", "idx", "sample", "samples", "row",
+    "scan", "point", "line", "number", "count", "id", "zeile", "nummer", "", "unnamed",
+    "sample number", "scan number",
+])  # fmt: skip
 
 
 class ForceError(ValueError):
@@ -95,16 +103,16 @@ class _Form:
         return sum(known) >= 2 and known[0]
 
 
-CLOCK = re.compile(
+CLOCK_PATTERN = re.compile(
     r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
 )
-FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
+TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
 QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 
 
 def _clock_seconds(cell: str) -> float | None:
     """Return the seconds of a time of day, or of a date and time; None if it is none."""
-    match = CLOCK.fullmatch(cell)
+    match = CLOCK_PATTERN.fullmatch(cell)
     if match is None:
         return None
     year, month, day, hours, minutes, seconds = match.groups()
@@ -130,17 +138,17 @@ def read_force_table(path: Path) -> ForceTable:
     if numbered and re.fullmatch(r"\"?sep=.\"?", numbered[0][1].strip(), re.IGNORECASE):
         numbered = numbered[1:]
     if not numbered:
-        raise ForceError(f"{path}: empty, {EXAMPLE}")
+        raise ForceError(f"{path}: empty, {EXAMPLE_TEXT}")
     form, begin = _form_of(path, [line for _, line in numbered])
     head, body = numbered[:begin], numbered[begin:]
     width = Counter(len(form.cells(line)) for _, line in body[:LOOKED_AT]).most_common(1)[0][0]
     values = _values(path, form, body, width)
     header = [form.cells(line) for _, line in head]
     if form.separator == "," and header and 2 * len(header[-1]) == width > 2:
-        raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE}")
+        raise ForceError(f"{path}: its commas part columns and mark decimals, {EXAMPLE_TEXT}")
     names, units = _header(header, width)
     time, force = _columns(path, names, units, values)
-    times = values[:, time] * SECONDS.get(units[time].lower(), 1.0)
+    times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
     newtons = values[:, force] * _newtons(units[force])
     _check(path, times, [number for number, _ in body], units[time], names[time])
     told = [
@@ -180,13 +188,13 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     """
     end = lines[-LOOKED_AT:]
     fits: dict[_Form, list[str]] = {}
-    for form in [*FORMS, QUOTED_FORM] if any('"' in line for line in end) else FORMS:
+    for form in [*TABLE_FORMS, QUOTED_FORM] if any('"' in line for line in end) else TABLE_FORMS:
         rows = [line for line in end if form.is_data(line)]
         if len(rows) > len(end) / 2:
             fits[form] = rows
     if not fits:
         line = lines[len(lines) // 2].strip()[:40]
-        raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE}")
+        raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE_TEXT}")
     most = max(map(len, fits.values()))
     best = [form for form, rows in fits.items() if len(rows) > 0.98 * most]
     rows = [line for line in end if all(form.is_data(line) for form in best)]
@@ -197,7 +205,7 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
         raise ForceError(
             f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
-            f"mark, {EXAMPLE}"
+            f"mark, {EXAMPLE_TEXT}"
         )
     usual = Counter(len(form.cells(line)) for line in rows).most_common(1)[0][0]
     begin = next(
@@ -217,7 +225,8 @@ def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int
     for number, line in body:
         if not form.is_data(line):
             raise ForceError(
-                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, {EXAMPLE}"
+                f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
+                f"{EXAMPLE_TEXT}"
             )
     plain = form.separator != " "
     text = "\n".join(line if plain else " ".join(line.split()) for _, line in body)
@@ -270,7 +279,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
 
 def _is_unit(text: str) -> bool:
     low = text.lower()
-    return low in SECONDS or low in NEWTONS or low in OTHER_UNITS
+    return low in TIME_UNITS_S or low in FORCE_UNITS_N or low in OTHER_UNITS
 
 
 def _known(name: str) -> bool:
@@ -293,14 +302,14 @@ def _kinds(name: str) -> set[str]:
     words = {low, *re.split(r"[ .:;/\\-]", low)}
     found = set()
     if (
-        words & TIMES
-        or low in {x.replace("_", " ") for x in TIMES}
+        words & TIME_NAMES
+        or low in {x.replace("_", " ") for x in TIME_NAMES}
         or low.startswith(("time", "zeit"))
     ):
         found.add("time")
-    if words & (FORCES - {"f"}) or low == "f" or "kraft" in low or "force" in low:
+    if words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low:
         found.add("force")
-    if low in INDICES or low.startswith("unnamed"):
+    if low in INDEX_NAMES or low.startswith("unnamed"):
         found.add("index")
     return found
 
@@ -321,13 +330,13 @@ def _columns(
     counts = [k for k in full if len(values) > 2 and set(np.diff(values[:, k])) == {1.0}]
     by_name = [_kinds(name) for name in names]
     unit = [u.lower() for u in units]
-    times = [k for k in range(width) if "time" in by_name[k] and unit[k] not in NEWTONS]
-    times = times or [k for k in range(width) if unit[k] in SECONDS]
+    times = [k for k in range(width) if "time" in by_name[k] and unit[k] not in FORCE_UNITS_N]
+    times = times or [k for k in range(width) if unit[k] in TIME_UNITS_S]
     forces = [k for k in range(width) if "force" in by_name[k] and k not in times]
-    forces = [k for k in forces if unit[k] in NEWTONS] or forces
-    forces = forces or [k for k in range(width) if unit[k] in NEWTONS]
+    forces = [k for k in forces if unit[k] in FORCE_UNITS_N] or forces
+    forces = forces or [k for k in range(width) if unit[k] in FORCE_UNITS_N]
     if len(times) > 1:  # as a date, and a time since the start
-        times = [k for k in times if k in rising and unit[k] in SECONDS] or [
+        times = [k for k in times if k in rising and unit[k] in TIME_UNITS_S] or [
             k for k in times if k in rising
         ]
     indices = [k for k in range(width) if by_name[k] == {"index"} and k in counts]
@@ -354,9 +363,9 @@ def _columns(
             bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
             raise ForceError(
                 f"{path}: row {bad + 1} has no number in column {k + 1}{_named(names, k)}, the "
-                f"{what}; {EXAMPLE}"
+                f"{what}; {EXAMPLE_TEXT}"
             )
-    if unit[force] and unit[force] not in NEWTONS:
+    if unit[force] and unit[force] not in FORCE_UNITS_N:
         raise ForceError(
             f"{path}: column {force + 1}{_named(names, force)} is in {units[force]}, allowed: "
             "N, mN, kN or lbf"
@@ -372,11 +381,11 @@ def _refuse(path: Path, names: Sequence[str], units: Sequence[str], why: str) ->
     shown = ", ".join(
         f"{k + 1}{_named(names, k)}{f' in {unit}' if unit else ''}" for k, unit in enumerate(units)
     )
-    raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE}")
+    raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE_TEXT}")
 
 
 def _newtons(unit: str) -> float:
-    return 1e6 if unit == MEGANEWTON else NEWTONS.get(unit.lower(), 1.0)
+    return 1e6 if unit == MEGANEWTON_UNIT else FORCE_UNITS_N.get(unit.lower(), 1.0)
 
 
 def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str) -> None:

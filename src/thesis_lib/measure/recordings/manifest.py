@@ -8,16 +8,25 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
-from thesis_lib.measure.recordings.manifest_model import INSIDE, CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_model import INSIDE_TEXT, CameraFiles, Manifest
 from thesis_lib.measure.recordings.text_files import (
-    POWER,
+    POWER_PATTERN,
     TextFileError,
     parse_yaml,
     read_text,
 )
 from thesis_lib.studies.fields import first_problem, shown
 
-PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}  # sought in folders
+IMAGE_SUFFIXES = {
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".tif",
+    ".tiff",
+    ".bmp",
+    ".webp",
+    ".heic",
+}  # sought in folders
 
 
 class ManifestError(ValueError):
@@ -28,7 +37,7 @@ class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
     """Write so that :func:`~.text_files.parse_yaml` reads the same."""
 
 
-_Dumper.add_implicit_resolver("tag:yaml.org,2002:float", POWER, list("-+0123456789"))
+_Dumper.add_implicit_resolver("tag:yaml.org,2002:float", POWER_PATTERN, list("-+0123456789"))
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -93,7 +102,7 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
             file
             for file in files
             if not file.name.startswith(".")  # as macOS puts beside those it copies
-            and (not inside or file.suffix.lower() in PICTURES)
+            and (not inside or file.suffix.lower() in IMAGE_SUFFIXES)
         ]
         return [*sorted(pictures, key=lambda file: by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
@@ -125,7 +134,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             continue
         if isinstance(camera.shots, str):
             if outside(camera.shots):
-                yield f"{where}: given {shown(camera.shots)}, allowed: {INSIDE}"
+                yield f"{where}: given {shown(camera.shots)}, allowed: {INSIDE_TEXT}"
                 continue
         else:
             named += [(f"{where}[{k}]", s) for k, s in enumerate(camera.shots) if s is not None]
@@ -140,12 +149,12 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if isinstance(camera.shots, str):
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):
-                    yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE}"
+                    yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
     named += [("force.file", manifest.force.file)] if manifest.force else []  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
         if outside(text):
-            yield f"{where}: given {shown(text)}, allowed: {INSIDE}"
+            yield f"{where}: given {shown(text)}, allowed: {INSIDE_TEXT}"
         elif exist and not _is_file(folder / text):
             yield f"{where}: given {shown(text)}, no such file in {folder}"
         else:
@@ -162,9 +171,9 @@ def _unread(camera: CameraFiles, folder: Path) -> str:
     if not isinstance(camera.shots, str) or not (place := folder / camera.shots).is_dir():
         return ""
     endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
-    others = {ending: endings.count(ending) for ending in endings if ending not in PICTURES}
+    others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}
     told = " and ".join(f"{count} of {shown(ending)}" for ending, count in others.items())
-    read = f" of {', '.join(sorted(PICTURES))}"
+    read = f" of {', '.join(sorted(IMAGE_SUFFIXES))}"
     return f"{read} (there are {told}, which are not read: export JPEG)" if told else read
 
 

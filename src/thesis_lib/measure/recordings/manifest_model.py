@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.board import DICTIONARY, MARK, Board
+from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.excitation import (
     Excitation,
     FileName,
@@ -52,12 +52,12 @@ class BoardSpec(Fields):
     margin_mm: Real = Field(45.0, ge=0, le=1e5, description="width of the white margin")
     mark_mm: Positive | None = Field(
         default_factory=lambda data: (
-            round(MARK * data.get("tile_mm", 0), 9) if _marked(data) else None
+            round(MARK_RATIO * data.get("tile_mm", 0), 9) if _marked(data) else None
         ),
         description="side of a mark",
     )
     dictionary: str | None = Field(
-        default_factory=lambda data: DICTIONARY if _marked(data) else None,
+        default_factory=lambda data: MARK_DICTIONARY if _marked(data) else None,
         pattern=r"^DICT_(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
         title="null, or DICT_4X4_50 to DICT_7X7_1000",
         description="OpenCV's name of the dictionary that the marks are of",
@@ -97,7 +97,7 @@ class BoardSpec(Fields):
             self.margin_mm / 1000,
             self.thickness_mm / 1000,
             (self.mark_mm or 0) / 1000,
-            self.dictionary or DICTIONARY,
+            self.dictionary or MARK_DICTIONARY,
         )
 
 
@@ -136,7 +136,7 @@ Wall = Annotated[
     Literal["yes", "no", "unknown"],  # YAML reads yes and no as true and false
     BeforeValidator(lambda value: ("no", "yes")[value] if isinstance(value, bool) else value),
 ]
-FEWEST = 6  # markers that a surface needs
+MIN_SURFACE_MARKERS = 6  # markers that a surface needs
 
 
 class Radiation(Fields):
@@ -217,9 +217,9 @@ class Radiation(Fields):
         from thesis_lib.vibration.polygons import area, contains, distances, is_simple
 
         count = markers.shape[1]
-        if count < FEWEST:
+        if count < MIN_SURFACE_MARKERS:
             why = "fewer do not tell how the surface between them moves"
-            words = f"allowed with {FEWEST} markers or more, given {count}: {why}"
+            words = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: {why}"
             self._refuse("outline_mm", words)
         corners = self.corners(size, markers, diameter)
         if isinstance(self.outline_mm, tuple):
@@ -248,7 +248,7 @@ class Radiation(Fields):
 
 Count = Annotated[Whole, Field(ge=1, le=200)]
 
-INSIDE = "a path inside the manifest's folder"
+INSIDE_TEXT = "a path inside the manifest's folder"
 
 
 def _beam(name: str) -> Any:

@@ -27,7 +27,7 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.media_info import (
     PACKED_FROM,
-    UNTIMED,
+    UNTIMED_FORMATS,
     MediaError,
     decode_frames,
     depth_for,
@@ -160,7 +160,7 @@ def read_frames(
     info = probe(path)
     with open_media(path) as file:
         stream = video_track(file, path)
-        timed = clock is None and file.format.name not in UNTIMED
+        timed = clock is None and file.format.name not in UNTIMED_FORMATS
         k, previous = 0, np.nan
         frames = decode_frames(file, stream, path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:

@@ -22,11 +22,11 @@ from av.video.stream import VideoStream
 
 from thesis_lib.arrays import Array
 
-ROUNDING = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
-DEPTHS = (8, 10, 12, 14, 16)  # bits that a sensor's grey levels have, in a format of 16
+MAX_TIMESTAMP_ROUNDING_S = 1.001e-3  # s that time stamps may be off an even rate: Matroska's unit
+BIT_DEPTHS = (8, 10, 12, 14, 16)  # bits that a sensor's grey levels have, in a format of 16
 SAMPLED_FRAMES, SAMPLED_PLACES = 16, 8  # frames and places that are looked at for the brightest
 #: Containers that store when a frame is decoded, but not when it is shown
-UNTIMED = {"avi"}
+UNTIMED_FORMATS = {"avi"}
 _CAPTURE_RATE = re.compile(r"captur\w*[._ -]?(fps|frame[._ -]?rate)", re.IGNORECASE)  # Android's
 _SONY_RATE = re.compile(rb'capture[Ff]ps="([0-9.]+)[pi]?"')  # in XML at the file's end
 PACKED_FROM = "packed from "  # begin of the title of a packed video; its film's name follows
@@ -230,7 +230,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         if first is None:
             raise MediaError(f"{path}: no frame that can be decoded")
         start = start_of(video)
-        if file.format.name not in UNTIMED and first.time is not None:
+        if file.format.name not in UNTIMED_FORMATS and first.time is not None:
             start = first.time
         cut = start > start_of(video) + 0.5 / rate
         end = _end_of(video)
@@ -307,7 +307,7 @@ def depth_for(brightest: int) -> int:
     >>> depth_for(200), depth_for(1000), depth_for(4095), depth_for(40000)
     (8, 10, 12, 16)
     """
-    return next(depth for depth in DEPTHS if brightest < 1 << depth)
+    return next(depth for depth in BIT_DEPTHS if brightest < 1 << depth)
 
 
 def _capture_rate(file: InputContainer, stream: VideoStream, path: Path) -> float | None:
@@ -370,11 +370,11 @@ def frame_clock(path: Path) -> Array:
     """
     times = frame_times(path)
     even = np.arange(len(times)) / probe(path).frame_rate
-    if np.abs(times - even).max() <= ROUNDING:
+    if np.abs(times - even).max() <= MAX_TIMESTAMP_ROUNDING_S:
         return even
     slope, offset = np.polyfit(np.arange(len(times)), times, 1)
     even = np.arange(len(times)) * slope
-    if np.abs(times - even - offset).max() <= ROUNDING:
+    if np.abs(times - even - offset).max() <= MAX_TIMESTAMP_ROUNDING_S:
         return even
     for k in np.flatnonzero(np.diff(times) <= 0):
         raise MediaError(f"{path}: frames {k} and {k + 1} have the same time stamp")
@@ -392,7 +392,7 @@ def frame_times(path: Path) -> Array:
         As :func:`probe`, or if the video has no presentation times.
     """
     with open_media(path) as file:
-        stream, untimed = video_track(file, path), file.format.name in UNTIMED
+        stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
         times: list[float] = []
         try:
             for packet in file.demux(stream):

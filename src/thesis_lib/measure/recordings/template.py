@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import staging
 from thesis_lib.measure.recordings.manifest import (
-    PICTURES,
+    IMAGE_SUFFIXES,
     ManifestError,
     shot_paths,
 )
@@ -42,8 +42,11 @@ from thesis_lib.text import has_hidden
 from thesis_lib.web.fragment import asset, joined, static_html
 from thesis_lib.web.html import render_html
 
-FEWEST, POSES = 3, 12  # pictures of the board that are needed, that are wanted
-ASKED = (  # what no file shows
+MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = (
+    3,
+    12,
+)  # pictures of the board that are needed, that are wanted
+ASKED_FIELDS = (  # what no file shows
     "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
     "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
     "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
@@ -53,7 +56,9 @@ ASKED = (  # what no file shows
     "cameras.exposure_s",
 )  # fmt: skip
 ASKED_OF_MARKS = ("board.mark_mm", "board.dictionary")
-EXPOSURE = 0.25  # of the shortest frame, which stands for an exposure that is not given
+ASSUMED_EXPOSURE_RATIO = (
+    0.25  # of the shortest frame, which stands for an exposure that is not given
+)
 
 
 def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
@@ -120,7 +125,7 @@ def validated(values: dict[str, Any]) -> Manifest:
         raise ManifestError(f"-p: {first_problem(Manifest, values, error)}") from None
 
 
-def asked_of(manifest: Manifest, among: Sequence[str] = ASKED) -> tuple[str, ...]:
+def asked_of(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
     """Return what no file shows of such a structure and board."""
     return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
 
@@ -130,7 +135,7 @@ def _values(
 ) -> dict[str, Any]:
     """Return the manifest's values, as they are given or seen."""
     fastest = max(max(info.frame_rate, info.captured_hz or 0) for info in infos)
-    exposure = float(f"{EXPOSURE / fastest:.3g}")
+    exposure = float(f"{ASSUMED_EXPOSURE_RATIO / fastest:.3g}")
     cameras: list[dict[str, Any]] = [
         {
             "name": name,
@@ -193,7 +198,9 @@ def _shots(folder: Path, name: str) -> str | None:
 
 def _pictures(files: Iterator[Path] | Any) -> list[Path]:
     """Pictures among files, but for hidden ones."""
-    return [file for file in files if file.suffix.lower() in PICTURES and not _is_hidden(file)]
+    return [
+        file for file in files if file.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(file)
+    ]
 
 
 def _is_hidden(path: Path) -> bool:
@@ -224,10 +231,11 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
                 f"missing: {camera.video} has no sound, which tells when the camera started; if "
                 "the vibration never changes: -p excitation.sound=none"
             )
-        if camera.shots and len(shots) < FEWEST:
+        if camera.shots and len(shots) < MIN_BOARD_IMAGES:
             yield (
-                f"missing: pictures of the board by {camera.name}, at least {FEWEST}, better "
-                f"{POSES}, in {camera.shots}"
+                f"missing: pictures of the board by {camera.name}, at least {MIN_BOARD_IMAGES}, "
+                "better "
+                f"{WANTED_BOARD_IMAGES}, in {camera.shots}"
             )
     if len(set(counts)) > 1:
         yield (
@@ -321,13 +329,15 @@ VIDEO_ENDINGS = {
 #: Endings of what `thesis pack` makes a video of
 RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
 #: Endings of what lies beside videos and is none
-OTHER_ENDINGS = PICTURES | {
+OTHER_ENDINGS = IMAGE_SUFFIXES | {
     ".aac", ".csv", ".flac", ".gif", ".html", ".ini", ".json", ".m4a", ".md", ".mp3", ".mraw",
     ".nc", ".ogg", ".opus", ".pdf", ".py", ".srt", ".thm", ".toml", ".txt", ".wav", ".xml",
     ".yaml", ".yml", ".zip",
 }  # fmt: skip
 MAX_NAME_CHARACTERS = 40  # characters of a camera's name
-_CHAPTER = re.compile(r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I)
+_CHAPTER_PATTERN = re.compile(
+    r"(?:G[HXLS](?P<part>\d\d)|GOPR|GP(?P<old>\d\d))(?P<film>\d{4})", re.I
+)
 
 
 def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
@@ -393,7 +403,7 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
                 f"{folder}: the name {video.name!r}, allowed: characters that can be seen; rename"
             )
         stems[video.stem.casefold()].append(video.name)
-        if match := _CHAPTER.fullmatch(video.stem):
+        if match := _CHAPTER_PATTERN.fullmatch(video.stem):
             films[match["film"]].append(video.name)
     for names in stems.values():
         if len(names) > 1:
@@ -413,9 +423,9 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
 
 PAGE_NAME = "corners.html"
 JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
-TITLE = "Corners of the structure"
-WITHOUT = "This page needs JavaScript to read corners."
-INTRODUCTION = f"""<h1>{TITLE}</h1>
+CORNERS_TITLE = "Corners of the structure"
+NO_SCRIPT_TEXT = "This page needs JavaScript to read corners."
+CORNERS_INTRODUCTION = f"""<h1>{CORNERS_TITLE}</h1>
 <p>In each first frame, click the structure's corners in the order (0, 0), (length, 0), (length,
 width), (0, width), as the markers count, beginning with the same corner in every camera. Then put
 the lines below into the manifest, each in place of its camera's <code>corners_px</code>. A few
@@ -453,6 +463,6 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
             }
         )
     state = {"cameras": cameras}
-    fragment = static_html(joined("corners"), asset("corners.css"), state, WITHOUT)
-    body = Markup(INTRODUCTION + fragment)
-    return render_html("web/templates/page.html.j2", title=TITLE, body=body)
+    fragment = static_html(joined("corners"), asset("corners.css"), state, NO_SCRIPT_TEXT)
+    body = Markup(CORNERS_INTRODUCTION + fragment)
+    return render_html("web/templates/page.html.j2", title=CORNERS_TITLE, body=body)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.audio import SILENCE, opened_audio
+from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, opened_audio
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
@@ -28,7 +28,7 @@ from thesis_lib.studies.fields import shown
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
-APART = 0.5  # s that a video's pictures and its sound may end apart
+MAX_END_GAP_S = 0.5  # s that a video's pictures and its sound may end apart
 
 
 class ChainError(ValueError):
@@ -189,9 +189,10 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
 def _sound(path: Path, channel: int | None = None) -> Iterator[str]:
     """Say what a sound lacks; a gap or damage is raised."""
     with opened_audio(path, channel) as audio:
-        if audio.level < SILENCE:
+        if audio.level < MAX_SILENT_RMS:
             yield (
-                f"silent audio (rms {audio.level:.1e} of full scale), allowed: at least {SILENCE}"
+                f"silent audio (rms {audio.level:.1e} of full scale), allowed: at least "
+                f"{MAX_SILENT_RMS}"
             )
 
 
@@ -269,10 +270,10 @@ def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
         return
     if info.duration <= rest:
         yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
-    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > APART:
+    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
         yield (
             f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-            f"allowed: at most {APART:g} s apart"
+            f"allowed: at most {MAX_END_GAP_S:g} s apart"
         )
 
 

@@ -31,12 +31,15 @@ from thesis_lib.plotting.style import in_style
 
 Frame = NDArray[np.uint8]  # (height, width, 3), RGB
 FRAMES_A_PERIOD, FRAME_RATE_HZ = 24, 12
-PERIODS = 3  # in the video
+SHOWN_PERIODS = 3  # in the video
 SHAPE_SIZE_PX = 720, 480
 DRAWN_DEFLECTION = 0.12  # of the structure's length as which the largest deflection is drawn
-COLORMAP = "PuOr"
+SHAPE_COLORMAP = "PuOr"
 MAX_OVERLAY_S, MAX_OVERLAY_WIDTH_PX = 4.0, 960  # of the video with markers
-FOUND, LOST = (255, 92, 0), (255, 0, 190)  # colours of a marker that was found, that was lost
+FOUND_COLOUR, LOST_COLOUR = (
+    (255, 92, 0),
+    (255, 0, 190),
+)  # colours of a marker that was found, that was lost
 
 
 def write_animations(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
@@ -54,7 +57,7 @@ def write_shape(path: Path, data: xr.Dataset) -> None:
     """Write a shape in motion, as ``.gif`` and ``.mp4`` of a path without ending."""
     frames = draw_period(data)
     write_gif(path.with_name(f"{path.name}.gif"), frames, FRAME_RATE_HZ)
-    write_mp4(path.with_name(f"{path.name}.mp4"), PERIODS * frames, FRAME_RATE_HZ)
+    write_mp4(path.with_name(f"{path.name}.mp4"), SHOWN_PERIODS * frames, FRAME_RATE_HZ)
 
 
 def draw_period(data: xr.Dataset) -> list[Frame]:
@@ -78,12 +81,12 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
         axes.set_axis_off()
         bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
         figure.colorbar(
-            ScalarMappable(norm, COLORMAP),
+            ScalarMappable(norm, SHAPE_COLORMAP),
             cax=bar,
             orientation="horizontal",
             label="deflection in mm",
         )
-        painted = ScalarMappable(norm, COLORMAP)
+        painted = ScalarMappable(norm, SHAPE_COLORMAP)
         frames = []
         for k in range(FRAMES_A_PERIOD):
             w = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_A_PERIOD))
@@ -134,10 +137,10 @@ def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
             if np.isfinite(place).all():
                 at = [round(16 * (scale * value - 0.5)) for value in place]  # in 1/16 px
                 if there:
-                    cv2.circle(colour, at, 16 * 6, FOUND, 1, cv2.LINE_AA, 4)
+                    cv2.circle(colour, at, 16 * 6, FOUND_COLOUR, 1, cv2.LINE_AA, 4)
                 else:
                     centre = [value // 16 for value in at]
-                    cv2.drawMarker(colour, centre, LOST, cv2.MARKER_TILTED_CROSS, 9, 1)
+                    cv2.drawMarker(colour, centre, LOST_COLOUR, cv2.MARKER_TILTED_CROSS, 9, 1)
         yield colour.astype(np.uint8)
 
 

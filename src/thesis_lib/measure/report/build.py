@@ -14,9 +14,9 @@ from markupsafe import Markup
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.feasibility.assess import Assessment, describe
 from thesis_lib.measure.fitting.models import rms
-from thesis_lib.measure.messages import MESSAGES, Note
+from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.files import absolute, place
-from thesis_lib.measure.radiation.radiated import ALL, complex_of
+from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report.viewer import view_shape, view_sound
@@ -27,12 +27,12 @@ from thesis_lib.measure.report.warnings import (
     check_sound,
     no_wall_change,
 )
-from thesis_lib.plotting.style import POWERS, saved
+from thesis_lib.plotting.style import MATH_STYLE, saved
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
 
-_TEMPLATES = "measure/report/templates/"
-_ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
-_MM = {
+_TEMPLATE_FOLDER = "measure/report/templates/"
+_MARKER_ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
+_MM_FORMAT = {
     "x_mm": "x",
     "y_mm": "y",
     "deflection_mm": "deflection",
@@ -104,13 +104,13 @@ def build_shape(
     )
     order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
     page = render_html(
-        _TEMPLATES + "shape.html.j2",
+        _TEMPLATE_FOLDER + "shape.html.j2",
         title=data.attrs["title"],
         data=data,
         manifest=manifest,
         summary=summary,
         notes=notes,
-        messages=MESSAGES,
+        messages=ALL_MESSAGES,
         pictures=pictures,
         viewer=Markup(view_shape(data, _extent(manifest))),
         numbers=tabulate_shape(data),
@@ -148,7 +148,9 @@ def _draw_shape(
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
     """Return the result marker by marker, in mm and degrees."""
-    frame = pd.DataFrame({name: np.round(1e3 * data[key].values, 6) for name, key in _MM.items()})
+    frame = pd.DataFrame(
+        {name: np.round(1e3 * data[key].values, 6) for name, key in _MM_FORMAT.items()}
+    )
     frame.insert(0, "marker", np.arange(1, len(frame) + 1))
     frame["phase_deg"] = np.round(data["phase"].values, 3)
     frame["cameras"] = data["cameras_seen"].values
@@ -160,7 +162,7 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
     w, error = data["deflection"].values, data["standard_error"].values
     most = int(np.nanargmax(np.abs(np.where(np.isfinite(error), w, np.nan))))
     return render_lines(
-        _TEMPLATES + "shape.txt.j2",
+        _TEMPLATE_FOLDER + "shape.txt.j2",
         data=data,
         largest=data.isel(marker=most),
         measured=np.count_nonzero(np.isfinite(w)),
@@ -194,13 +196,13 @@ def build_modes(
     summary, notes = summarise_modes(data), list(check_modes(data, manifest))
     viewers = [view_shape(data.isel(mode=k), _extent(manifest)) for k in range(data.sizes["mode"])]
     page = render_html(
-        _TEMPLATES + "modes.html.j2",
+        _TEMPLATE_FOLDER + "modes.html.j2",
         title=data.attrs["title"],
         data=data,
         manifest=manifest,
         summary=summary,
         notes=notes,
-        messages=MESSAGES,
+        messages=ALL_MESSAGES,
         pictures=pictures,
         modes=tabulate_modes(data),
         shapes=tabulate_mode_shapes(data),
@@ -253,26 +255,26 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
 def summarise_modes(data: xr.Dataset) -> list[str]:
     """Return what was found, in a few lines."""
     rows = tabulate_modes(data).to_dict("records")
-    return render_lines(_TEMPLATES + "modes.txt.j2", rows=rows, data=data)
+    return render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data)
 
 
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on motion over a force."""
     markers = _select_markers(data)
     pictures: dict[str, Picture] = {
-        f"response-{role}": ("svg", saved(draw.draw_response(data, marker), "svg", POWERS))
+        f"response-{role}": ("svg", saved(draw.draw_response(data, marker), "svg", MATH_STYLE))
         for role, marker in markers.items()
     }
     summary, notes = summarise_response(data), list(check_response(data, manifest))
     page = render_html(
-        _TEMPLATES + "response_section.html.j2",
+        _TEMPLATE_FOLDER + "response_section.html.j2",
         data=data,
         summary=summary,
         notes=notes,
-        messages=MESSAGES,
+        messages=ALL_MESSAGES,
         pictures=pictures,
         markers=markers,
-        roles=_ROLES,
+        roles=_MARKER_ROLES,
     )
     return Report(page, summary, notes, pictures)
 
@@ -282,7 +284,7 @@ def build_response_alone(
 ) -> Report:
     """Return a report on motion over a force alone."""
     page = render_html(
-        _TEMPLATES + "response.html.j2",
+        _TEMPLATE_FOLDER + "response.html.j2",
         title=f"Motion of a {manifest.structure.kind} over a force",
         response=_embed(response),
         manifest=manifest,
@@ -308,7 +310,7 @@ def summarise_response(data: xr.Dataset) -> list[str]:
     size = np.abs(complex_of(data, "receptance")[0, drive])
     top = int(np.nanargmax(size))
     return render_lines(
-        _TEMPLATES + "response.txt.j2",
+        _TEMPLATE_FOLDER + "response.txt.j2",
         data=data,
         peak=size[top],
         error=data["standard_error"].values[0, drive, top],
@@ -324,15 +326,15 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
     page = render_html(
-        _TEMPLATES + "sound.html.j2",
+        _TEMPLATE_FOLDER + "sound.html.j2",
         data=data,
         manifest=manifest,
         summary=summary,
         notes=notes,
-        messages=MESSAGES,
+        messages=ALL_MESSAGES,
         no_wall_change=no_wall_change,
         tones=_tones(data),
-        whole=data.sel(band=ALL),
+        whole=data.sel(band=ALL_TONES),
         viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
         place=place,
         points=[one.assign(pressure=absolute(one)) for one in places],
@@ -346,10 +348,10 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
 def summarise_sound(data: xr.Dataset) -> list[str]:
     """Return what was found, in a few lines."""
     return render_lines(
-        _TEMPLATES + "sound.txt.j2",
+        _TEMPLATE_FOLDER + "sound.txt.j2",
         data=data,
         tones=_tones(data),
-        whole=data.sel(band=ALL),
+        whole=data.sel(band=ALL_TONES),
         wall=data.attrs["wall"],
         bare=[_level_without_wall(one) for one in _tones(data)],
     )

@@ -19,10 +19,10 @@ from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.plotting.style import (
-    COLORS,
-    HIGHLIGHT,
-    POWERS,
-    REFERENCE,
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    MATH_STYLE,
+    REFERENCE_COLOR,
     color,
     drawable,
     in_style,
@@ -54,7 +54,7 @@ def _draw_rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
     for k, row in enumerate(rows):
         if np.isfinite(reference[row]).any():
             name = data.attrs["most_similar"] if k == 0 else None
-            axes.plot(x[row], reference[row], color=REFERENCE, linewidth=2.5, label=name)
+            axes.plot(x[row], reference[row], color=REFERENCE_COLOR, linewidth=2.5, label=name)
         axes.errorbar(
             x[row],
             w[row],
@@ -115,9 +115,9 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
             panel.plot(
                 length / 2 * np.array([-1, 1, 1, -1, -1]),
                 half * np.array([-1, -1, 1, 1, -1]),
-                color=REFERENCE,
+                color=REFERENCE_COLOR,
             )
-            panel.plot(rest[i], rest[j], ".", color=REFERENCE, markersize=2)
+            panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
             for k, name in enumerate(drawable(data["camera"].values, "camera")):
                 panel.plot([centre[k, i], 0], [centre[k, j], 0], color=color(k), linewidth=0.6)
                 panel.plot(centre[k, i], centre[k, j], "s", color=color(k))
@@ -206,8 +206,8 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
         axes.imshow(
             image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=(0, width, height, 0)
         )
-        axes.plot(*found, "+", color=HIGHLIGHT, markersize=5, markeredgewidth=0.8)
-        axes.plot(*np.column_stack([outline, outline[:, :1]]), color=COLORS[5], linewidth=0.8)
+        axes.plot(*found, "+", color=HIGHLIGHT_COLOR, markersize=5, markeredgewidth=0.8)
+        axes.plot(*np.column_stack([outline, outline[:, :1]]), color=CYCLE_COLORS[5], linewidth=0.8)
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.set_axis_off()
@@ -233,10 +233,10 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
         figure, (top, low) = subplots(
             2, 1, figsize=(WIDTH_IN, 5.0), layout="constrained", sharex=True
         )
-        for name, ink in (("before", color(0)), ("after", REFERENCE)):
+        for name, ink in (("before", color(0)), ("after", REFERENCE_COLOR)):
             label = "tracks" if name == "before" else "residual of the modes"
             top.semilogy(data["line"], data[name], color=ink, linewidth=0.8, label=label)
-        top.axhline(STANDS_OUT, color=HIGHLIGHT, linewidth=0.6, label="threshold of a mode")
+        top.axhline(STANDS_OUT, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode")
         top.set(ylabel="power over noise")
         top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         top.legend(ncols=3)
@@ -245,10 +245,14 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
         known = np.isfinite(f)
         low.plot(f[known & kept], orders[known & kept], "o", color=color(0), label="stable")
         low.plot(
-            f[known & ~kept], orders[known & ~kept], "x", color=HIGHLIGHT, label="new, or moved"
+            f[known & ~kept],
+            orders[known & ~kept],
+            "x",
+            color=HIGHLIGHT_COLOR,
+            label="new, or moved",
         )
         for value in data["frequency"].values:
-            low.axvline(value, color=REFERENCE, linewidth=0.6, zorder=0)
+            low.axvline(value, color=REFERENCE_COLOR, linewidth=0.6, zorder=0)
         low.set(xlabel="frequency in Hz", ylabel="modes fitted", yticks=np.arange(1, len(f) + 1))
         low.legend()
     return figure
@@ -278,7 +282,7 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
     f, whole = data["frequency"].values, complex_of(data, "receptance")[:, marker]
     error, averaged = data["standard_error"].values[0, marker], int(data["segments"]) > 1
     heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
-    with in_style(POWERS):
+    with in_style(MATH_STYLE):
         figure, (top, middle, *low) = subplots(
             len(heights),
             1,
@@ -293,13 +297,13 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
             f,
             under,
             size + 2 * error,
-            color=REFERENCE,
+            color=REFERENCE_COLOR,
             alpha=0.4,
             lw=0,
             label="H1 ± 2 standard errors",
         )
         if averaged:
-            top.plot(f, np.abs(whole[1]), color=HIGHLIGHT, linewidth=0.7, label="H2")
+            top.plot(f, np.abs(whole[1]), color=HIGHLIGHT_COLOR, linewidth=0.7, label="H2")
         top.plot(f, size, color=color(0), linewidth=0.9, label="H1")
         top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
         top.legend(ncols=3)

@@ -8,7 +8,7 @@ import xarray as xr
 from thesis_lib.measure.exchange.mesh import edges, faces
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.plotting.style import DIVERGING
+from thesis_lib.plotting.style import DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import encoded
 from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
 
@@ -39,7 +39,7 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
         "faces": faces(x, y).tolist(),
         "edges": edges(x, y).tolist(),
         "frequency": float(data["frequency"]),
-        "colormap": list(DIVERGING),
+        "colormap": list(DIVERGING_COLORS),
         "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
     }
     css = VIEWER_CSS + asset("measured.css")
@@ -63,7 +63,7 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
         "fields": [encoded(part) for part in field],
         "halves": [halves[name[0]] for name in names],
         "frequency": float(one["frequency"]),
-        "colormap": list(DIVERGING),
+        "colormap": list(DIVERGING_COLORS),
         "words": f"Sound pressure at {float(one['frequency']):.4g} Hz above the structure in a "
         "rigid wall, in two planes through its centre. Its standard error is "
         f"{100 * share:.2g} % of the largest pressure (rms).",

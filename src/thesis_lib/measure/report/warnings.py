@@ -9,9 +9,9 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
-from thesis_lib.measure.calibration.uncertainty import FEWEST
+from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES
 from thesis_lib.measure.fitting.models import rms
-from thesis_lib.measure.fitting.result import SCALE
+from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Sweep
@@ -108,10 +108,10 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
-    if 0 < (poses := int(data.get("board_poses", 0))) < FEWEST:
-        yield make_note("few-poses", poses=poses, enough=FEWEST)
+    if 0 < (poses := int(data.get("board_poses", 0))) < MIN_JACKKNIFE_IMAGES:
+        yield make_note("few-poses", poses=poses, enough=MIN_JACKKNIFE_IMAGES)
     off = float(data["grid_scale"]) - 1
-    if abs(off) > SCALE:
+    if abs(off) > MAX_SCALE_ERROR:
         yield make_note("grid-scale", off=off)
 
 

@@ -24,7 +24,7 @@ from scipy.signal import welch
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting.clocks import CERTAIN, LEAST_TURN
+from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.tracking.tracks import Recording
@@ -32,12 +32,14 @@ from thesis_lib.vision.lens import distorted, projection_matrices, undistorted_t
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import jacobian
 
-NEAR = 24  # samples that an estimate rests on
-SHARE = 0.45  # of the rate, up to which the signal is taken to reach
-TOLD = 0.4  # of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
-FLOOR = 1e-6  # power beside the band over that in it
-NODES = 28  # of the quadrature over the band
-CHUNK = 512  # times at once
+NEAR_SAMPLES = 24  # samples that an estimate rests on
+MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
+MAX_REPORTED_RATIO = (
+    0.4  # of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+)
+OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
+QUADRATURE_NODES = 28  # of the quadrature over the band
+CHUNK_TIMES = 512  # times at once
 
 
 def at_times(
@@ -70,26 +72,26 @@ def at_times(
     ndarray, shape (times, series)
         NaN where less than half of the samples around are there, or none on one side.
     """
-    few, weights = np.polynomial.legendre.leggauss(NODES)
-    f, w = SHARE * rate * (few + 1) / 2, weights / 2
+    few, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
+    f, w = MAX_SIGNAL_RATIO * rate * (few + 1) / 2, weights / 2
     blur = np.sinc(f * exposure)
     shift = np.broadcast_to(np.asarray(late, float), values.shape[1:])
     found = np.full((len(wanted), values.shape[1]), np.nan)
-    near = min(NEAR, len(times))
-    for start in range(0, len(wanted), CHUNK):
-        t = wanted[start : start + CHUNK]
+    near = min(NEAR_SAMPLES, len(times))
+    for start in range(0, len(wanted), CHUNK_TIMES):
+        t = wanted[start : start + CHUNK_TIMES]
         first = np.clip(np.searchsorted(times, t) - near // 2, 0, len(times) - near)
         index = first[:, None] + np.arange(near)
         turn = 2 * np.pi * f * (times[index] - t[:, None])[:, :, None]  # (times, near, nodes)
         A = np.concatenate([np.cos(turn), np.sin(turn)], axis=2) * np.tile(blur, 2)
-        S = (A * np.tile(w, 2)) @ A.swapaxes(1, 2) + FLOOR * np.eye(near)
+        S = (A * np.tile(w, 2)) @ A.swapaxes(1, 2) + OUT_OF_BAND_POWER_RATIO * np.eye(near)
         own = 2 * np.pi * f * -shift[:, None]
         a = np.concatenate([np.cos(own), np.sin(own)], axis=1) * np.tile(w, 2)  # (series, nodes)
         s = A @ a.T  # (times, near, series)
         taken = values[index]
         known = np.isfinite(taken)
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK] = _mended(part, S, s, taken, known)
+        found[start : start + CHUNK_TIMES] = _mended(part, S, s, taken, known)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
 
@@ -112,7 +114,9 @@ def _mended(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array
     return found
 
 
-ASIDE = 0.25  # of the next marker's distance that a marker may seem to move along the surface
+MAX_SURFACE_SHIFT_RATIO = (
+    0.25  # of the next marker's distance that a marker may seem to move along the surface
+)
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
@@ -135,10 +139,10 @@ def deflections(
     P = projection_matrices([own.camera for own in recordings])
     off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
     still = rest.frame.to_beam(rest.points)
-    aside = ASIDE * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
+    aside = MAX_SURFACE_SHIFT_RATIO * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
     found = []
-    for start in range(0, len(times), CHUNK):
-        at = times[start : start + CHUNK]
+    for start in range(0, len(times), CHUNK_TIMES):
+        at = times[start : start + CHUNK_TIMES]
         seen = [images(own, rest.images[k], at, repeated) for k, own in enumerate(recordings)]
         points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
         along, across, normal = rest.frame.to_beam(points) - still[:, None]
@@ -152,7 +156,7 @@ def images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
 
     If `repeated`, gaps are filled, and the same gaps are made so many frames later.
     """
-    pad = (NEAR + 1) / own.rate + abs(own.readout)
+    pad = (NEAR_SAMPLES + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)
     seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
     uv, times = undistorted_tracks(own.camera, seen) - still, own.times[first:last]
@@ -193,11 +197,11 @@ def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
     return np.asarray(np.where(np.isfinite(still).all(axis=0), found, np.nan), float)
 
 
-WINDOWS = 8  # at most, over the recording
-SHORT, LONG = 2.0, 16.0  # s that a window has at least, and at most
-MOST = 0.1  # s that a camera's times may be off
-LIKE = 1.5  # lines of a Hann window that tell as much as one
-GRID = 8  # trial delays in a period of the highest frequency
+MAX_WINDOWS = 8  # at most, over the recording
+MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 16.0  # s that a window has at least, and at most
+MAX_TIME_OFFSET_S = 0.1  # s that a camera's times may be off
+HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
+TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
 @dataclass(frozen=True)
@@ -228,8 +232,8 @@ def in_step(
         The frequencies that are looked at, Hz.
     """
     rate, seconds = max(own.rate for own in recordings), span[1] - span[0]
-    count = int(np.clip(seconds / SHORT, 1, WINDOWS))
-    length = min(seconds / count, LONG)
+    count = int(np.clip(seconds / MIN_WINDOW_S, 1, MAX_WINDOWS))
+    length = min(seconds / count, MAX_WINDOW_S)
     middles = span[0] + (np.arange(count) + 0.5) * seconds / count
     late, error, when = np.zeros((3, len(recordings), count))
     for k, middle in enumerate(middles):
@@ -273,14 +277,14 @@ def _late(
     omega = omega[inside]
     if not known.any() or len(omega) < 2:
         return 0.0, np.inf, 0.0
-    trials = np.arange(-MOST, MOST, 1 / (GRID * band[1]))
+    trials = np.arange(-MAX_TIME_OFFSET_S, MAX_TIME_OFFSET_S, 1 / (TRIALS_PER_PERIOD * band[1]))
     found = float(trials[np.argmax(np.real(np.exp(-1j * np.outer(trials, omega)) @ cross))])
     for _ in range(3):
         turned: ComplexArray = cross * np.exp(-1j * omega * found)
         weight = float(np.sum(omega**2 * turned.real))
         found += float(np.sum(omega * turned.imag)) / weight
     left = cross * np.exp(-1j * omega * found)
-    error = np.sqrt(LIKE * np.sum(omega**2 * left.imag**2)) / weight
+    error = np.sqrt(HANN_LINES * np.sum(omega**2 * left.imag**2)) / weight
     power = np.sum(parts[0] ** 2, axis=1)
     when = float(np.sum(power * np.arange(len(one))) / np.sum(power)) / rate
     return found, float(error) if weight > 0 else np.inf, when
@@ -300,7 +304,7 @@ def _line(
         spread = max(float(np.sum(squares)) / max(len(fit) - order - 1, 1), 1.0)
         deviation = np.sqrt(spread * np.diag(np.linalg.inv(A.T @ A)))
         least = LEAST_TURN / (2 * np.pi * highest) / np.array([1, seconds / 2])[: order + 1]
-        certain = np.abs(values) > np.maximum(CERTAIN * deviation, least)
+        certain = np.abs(values) > np.maximum(MIN_CLOCK_SIGMAS * deviation, least)
         if order == 0 or certain[1]:
             sure = np.where(certain, values, 0.0)
             found = float(sure[0]), float(sure[1]) if order else 0.0

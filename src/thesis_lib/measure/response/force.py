@@ -15,28 +15,32 @@ import numpy as np
 from scipy.signal import ShortTimeFFT
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.audio import SILENCE
+from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
 from thesis_lib.measure.recordings.excitation import Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.checks import FULL_SCALE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
-from thesis_lib.measure.synchronisation.pairs import RATE, beside_first
+from thesis_lib.measure.synchronisation.pairs import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
-SETTLED = 4.0  # times the resonance's time constant in which it settles: to e⁻⁴, 2 %
-LOUD = 0.03  # of the largest power of a segment; weaker ones are before or after the sweep
-PARTS = 100  # segments of a recording in which the frequency is sought
+SETTLING_TIME_CONSTANTS = (
+    4.0  # times the resonance's time constant in which it settles: to e⁻⁴, 2 %
+)
+MIN_SEGMENT_POWER_RATIO = (
+    0.03  # of the largest power of a segment; weaker ones are before or after the sweep
+)
+SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
 
 
 def found_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
     """Return a sweep, with missing fields estimated from the force's strongest line over time."""
-    length = max(len(newtons) // PARTS * 2, 16)
+    length = max(len(newtons) // SWEEP_SEGMENTS * 2, 16)
     made = ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
     power = np.abs(made.stft_detrend(newtons, "constant")) ** 2
     loud = power.max(axis=0)
-    on = np.flatnonzero(loud > LOUD * loud.max())
+    on = np.flatnonzero(loud > MIN_SEGMENT_POWER_RATIO * loud.max())
     line = made.f[np.argmax(power[:, on], axis=0)]
     return Sweep(
         from_hz=given.from_hz or max(float(line[0]), 1e-3),
@@ -53,11 +57,11 @@ def dwell(sweep: Sweep, frequency: float, damping: float) -> float:
 
 def settling(frequency: float, damping: float) -> float:
     """Return the time that a resonance takes to settle, s."""
-    return SETTLED / (2 * math.pi * damping * frequency)
+    return SETTLING_TIME_CONSTANTS / (2 * math.pi * damping * frequency)
 
 
-FINE = 10  # times the frame rate to which a fast recording of a force is reduced
-CLIPPED = 3  # samples at full scale from which on a force counts as clipped
+FORCE_RATE_RATIO = 10  # times the frame rate to which a fast recording of a force is reduced
+MIN_CLIPPED_SAMPLES = 3  # samples at full scale from which on a force counts as clipped
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,7 @@ def recorded_force(
         own, newtons, source = table.times, table.newtons, table.source
     else:
         fastest = max(camera.frame_rate_hz for camera in manifest.cameras)
-        own, newtons = _sound(path, given, FINE * fastest)
+        own, newtons = _sound(path, given, FORCE_RATE_RATIO * fastest)
         source = f"channel {given.channel}, {given.full_scale_n:g} N at full scale"
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
@@ -141,12 +145,12 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
         values = np.concatenate([np.empty(0), *decimate(noted(file.blocks), step)])
         start = file.start + cut_off(file.rate, rate)
     peak = max(largest, default=0.0)
-    if peak < SILENCE:
+    if peak < MAX_SILENT_RMS:
         raise ForceError(
             f"{path}: channel {given.channel} is silent (at most {peak:.1e} of full scale), "
-            f"allowed: at least {SILENCE}"
+            f"allowed: at least {MAX_SILENT_RMS}"
         )
-    if sum(full) >= CLIPPED:
+    if sum(full) >= MIN_CLIPPED_SAMPLES:
         raise ForceError(
             f"{path}: channel {given.channel} is clipped ({sum(full)} samples at full scale), "
             "allowed: none; turn its gain down"
@@ -175,7 +179,7 @@ def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[floa
             "force.sound_channel, or give force.offset_s"
         ) from None
     if not np.isfinite(found.delay_deviation):
-        return Clock(found.delay, 1 / RATE)
+        return Clock(found.delay, 1 / COMPARED_RATE_HZ)
     pace = 1 - found.drift if abs(found.drift) > 2 * found.drift_deviation else 1.0
     middle = float(found.times.mean())  # where the line is best known
     return Clock(found.delay + (1 - found.drift - pace) * middle, found.delay_deviation, pace)

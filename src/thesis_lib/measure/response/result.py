@@ -16,7 +16,7 @@ from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.displacement import (
-    TOLD,
+    MAX_REPORTED_RATIO,
     at_times,
     deflections,
     in_step,
@@ -35,11 +35,11 @@ from thesis_lib.measure.response.spectra import (
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import declared, labelled
 
-PARTS = 8  # into which a recording is cut
-FINEST = 8  # times the frames' rate at which a force is sampled
+RECORDING_PARTS = 8  # into which a recording is cut
+MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
 REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
 GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
-SHORTEST = 8  # periods of the lowest frequency that a recording has
+MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
 VARIABLES = declared("""
     receptance_real(estimator, marker, frequency) [m/N] deflection over force, real part
     receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
@@ -105,7 +105,7 @@ def responded(
     rest, _ = rest_of(manifest, recordings)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = manifest.excitation.modes
-    most = min(sought.to_hz or np.inf, TOLD * slowest)
+    most = min(sought.to_hz or np.inf, MAX_REPORTED_RATIO * slowest)
     recordings, steps = in_step(recordings, rest, span_of(recordings), (sought.from_hz, most))
     delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of pictures
     force = recorded_force(manifest, folder, delays, [own.pace for own in recordings])
@@ -113,7 +113,7 @@ def responded(
     low, high = _band(manifest, force, slowest)
     begin, end = _common(manifest, force, filmed, low)
     times = begin + np.arange(int((end - begin) * rate + 1e-6)) / rate
-    finer = min(FINEST, int(np.ceil(force.rate / rate)))
+    finer = min(MAX_FORCE_RATE_RATIO, int(np.ceil(force.rate / rate)))
     fine = begin + np.arange(finer * len(times)) / (finer * rate)
     mean = float(force.newtons.mean())
     newtons = at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
@@ -144,7 +144,7 @@ def responded(
         )
     place = given.place(manifest.structure.force_place)
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
-    parts = [np.nanstd(part) for part in np.array_split(moved, PARTS)]
+    parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
     values: dict[str, Any] = _curves(found, (low, high), force.clock.delay_deviation) | {
         "averages": found.averages,
         "displacement": moved,
@@ -205,22 +205,22 @@ def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, f
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
-    most = TOLD * slowest
+    most = MAX_REPORTED_RATIO * slowest
     if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
         raise ForceError(
             f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz, allowed: below "
-            f"{most:.4g} Hz, {TOLD} of the lowest frame rate; film faster"
+            f"{most:.4g} Hz, {MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     if sought.from_hz >= most:
         raise ForceError(
             f"excitation.modes.from_hz: given {sought.from_hz:g}, allowed: below {most:.4g} Hz, "
-            f"{TOLD} of the lowest frame rate; film faster"
+            f"{MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     high = min(sought.to_hz or most, most)
-    if TOLD * force.rate < high * (1 - 1e-6):
+    if MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):
         raise ForceError(
             f"force.file: {path}: {force.rate:.4g} samples a second, allowed: at least "
-            f"{high / TOLD:.4g} for {high:.4g} Hz; or a lower excitation.modes.to_hz"
+            f"{high / MAX_REPORTED_RATIO:.4g} for {high:.4g} Hz; or a lower excitation.modes.to_hz"
         )
     return sought.from_hz, high
 
@@ -232,12 +232,12 @@ def _common(
     first, last = manifest.excitation.steady_s or filmed
     begin = max(first, filmed[0], float(force.times[0]))
     end = min(last, filmed[1], float(force.times[-1]))
-    if not end - begin > SHORTEST / low:
+    if not end - begin > MIN_PERIODS / low:
         raise ForceError(
             f"force.file: {manifest.force and manifest.force.file}: from {force.times[0]:.3f} to "
             f"{force.times[-1]:.3f} s on the first camera's clock, and the cameras recorded from "
-            f"{first:.3f} to {last:.3f} s, allowed: {SHORTEST / low:.3g} s or more in common, "
-            f"{SHORTEST} periods of {low:g} Hz"
+            f"{first:.3f} to {last:.3f} s, allowed: {MIN_PERIODS / low:.3g} s or more in common, "
+            f"{MIN_PERIODS} periods of {low:g} Hz"
         )
     return begin, end
 
@@ -247,7 +247,7 @@ def _segment(manifest: Manifest, seconds: float) -> float | None:
     assert manifest.force is not None
     asked = manifest.force.segment_s
     if asked is None:
-        return seconds / PARTS if manifest.excitation.behaviour.is_noise else None
+        return seconds / RECORDING_PARTS if manifest.excitation.behaviour.is_noise else None
     return None if asked == "whole" else asked
 
 

@@ -21,8 +21,8 @@ from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.plotting.style import color, drawable, in_style, saved, subplots
 
-SHOWN = 1500  # points of an envelope
-AGREED = 0.9  # share of the windows below which it is said that they do not agree
+ENVELOPE_POINTS = 1500  # points of an envelope
+MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they do not agree
 
 
 def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
@@ -82,7 +82,7 @@ def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -
             f"{format_seconds(one.delay_deviation)} after {names[0]}{frames}; its clock is fast by "
             f"{ppm:+.{decimals(ppm_std)}f} ± {ppm_std:.{decimals(ppm_std)}f} ppm"
         )
-        if one.agreement < AGREED:
+        if one.agreement < MIN_AGREED_SHARE:
             yield (
                 f"{name}: only {one.agreement:.0%} of the seconds with sound agree on this, as "
                 f"where a room reverberates more than it is heard directly; the start of {name} "
@@ -159,7 +159,7 @@ def _envelope(video: Path) -> tuple[Array, Array]:
     """Return times in s and the largest sound about them, from 0 to 1."""
     with opened_audio(video) as audio:
         sound, rate, start = np.concatenate(list(audio.blocks)), audio.rate, audio.start
-    step = max(len(sound) // SHOWN, 1)
+    step = max(len(sound) // ENVELOPE_POINTS, 1)
     loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)
     times = np.asarray(start + (np.arange(len(loud)) + 0.5) * step / rate, float)
     return times, np.asarray(loud / max(float(loud.max()), 1e-12), float)

@@ -27,9 +27,9 @@ from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match
 
 Track = NDArray[np.float32]
 
-SPAN = 1 << 21  # samples of each camera that are held at a time
+SPAN_SAMPLES = 1 << 21  # samples of each camera that are held at a time
 ROOM_SPANS = 8  # of them in which a room's sound is compared: ten minutes
-BUTTONS = 0.5  # s at either end of a room's recording, in which buttons are pressed
+BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float
     MediaError, SynchronisationError
         If a track is missing, too short, silent or clipped.
     """
-    shortest = 4 * BUTTONS if frequency is None else shortest_of(frequency)
+    shortest = 4 * BUTTON_SOUND_S if frequency is None else shortest_of(frequency)
     rates = rates_of(recordings)
     wanted = TONE_RATE * (frequency or 0.0)
     low = common_rate(rates, max(CORRELATION_RATE, wanted))
@@ -135,7 +135,7 @@ def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float
             else:
                 check_rate(audio.rate, frequency)
                 blocks = decimate(low.reduce(blocks, audio.rate), step)
-            tone, before = held(blocks, round(skip * low.rate / step), SPAN)
+            tone, before = held(blocks, round(skip * low.rate / step), SPAN_SAMPLES)
             tones.append(tone)
             skipped.append(before)
             starts.append(audio.start)
@@ -185,7 +185,7 @@ def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track,
         step = step_to(audio.rate, max(CORRELATION_RATE, least))
         rate = audio.rate / step
         blocks = checked(audio.blocks, audio.rate, shortest_of(None), recording.name)
-        track, before = held(decimate(blocks, step), round(skip * rate), SPAN)
+        track, before = held(decimate(blocks, step), round(skip * rate), SPAN_SAMPLES)
         return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
 
 
@@ -221,10 +221,12 @@ def matches(
         for recording in recordings:
             audio = files.enter_context(recording.opened())
             blocks = low.reduce(audio.blocks, audio.rate)
-            tracks.append(without_ends(blocks, round(BUTTONS * low.rate)) if room else blocks)
-        for span in islice(spans(tracks, SPAN), ROOM_SPANS if room else None):
+            tracks.append(
+                without_ends(blocks, round(BUTTON_SOUND_S * low.rate)) if room else blocks
+            )
+        for span in islice(spans(tracks, SPAN_SAMPLES), ROOM_SPANS if room else None):
             for i, other in enumerate(span[1:], 1):
-                if i in found and (found[i].certain or len(other) < SPAN // 4):
+                if i in found and (found[i].certain or len(other) < SPAN_SAMPLES // 4):
                     continue
                 match = (
                     room_match(span[0], other, low.rate)

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.audio import SILENCE
+from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.tones import (
-    EXPLAINED,
-    FEWEST,
-    OFF,
-    PERIODS,
-    SEGMENT,
-    SLIP,
+    MAX_FREQUENCY_ERROR,
+    MAX_SLIP_TURNS,
+    MIN_EXPLAINED_SHARE,
+    MIN_SAMPLES_PER_PERIOD,
+    MIN_SETTLED_PERIODS,
+    SPECTRUM_SAMPLES,
     TONE_RATE,
     SynchronisationError,
     settled_part,
@@ -26,7 +26,7 @@ from thesis_lib.measure.synchronisation.tones import (
 )
 
 FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
-CLIPPED = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
+MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
 
 
 def same_rate(rates: Sequence[float], names: Sequence[str]) -> None:
@@ -80,14 +80,15 @@ def checked(
             f"{name}: {count / rate:.3f} s of audio, allowed: at least {shortest:.3f} s"
         )
     level = float(np.sqrt(squares / count))
-    if level < SILENCE:
+    if level < MAX_SILENT_RMS:
         raise SynchronisationError(
-            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least {SILENCE}"
+            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least "
+            f"{MAX_SILENT_RMS}"
         )
-    if clipped > CLIPPED * count:
+    if clipped > MAX_CLIPPED_SHARE * count:
         raise SynchronisationError(
             f"{name}: clipped audio ({100 * clipped / count:.1f} % of the samples at full scale), "
-            f"allowed: at most {100 * CLIPPED:g} %"
+            f"allowed: at most {100 * MAX_CLIPPED_SHARE:g} %"
         )
 
 
@@ -130,21 +131,23 @@ def check_tone(
     start, end = settled_part(x, low_rate, frequency)
     if steady is not None:
         start, end = max(steady[0], 0.0), min(steady[1], len(x) / low_rate)
-    if not (end - start) * frequency > PERIODS - 0.1:
+    if not (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
         raise SynchronisationError(
             f"{name}: {max(end - start, 0):.3f} s of steady tone of {frequency:g} Hz, allowed: at "
-            f"least {PERIODS / frequency:.3f} s, {PERIODS} periods"
+            f"least {MIN_SETTLED_PERIODS / frequency:.3f} s, {MIN_SETTLED_PERIODS} periods"
         )
     part = x[round(start * low_rate) : round(end * low_rate)]
     found = tone_frequency(part, low_rate, frequency)
     share = tone_share(part, low_rate, found)
-    if share < EXPLAINED:
+    if share < MIN_EXPLAINED_SHARE:
         raise SynchronisationError(
             f"{name}: a tone near {frequency:g} Hz is {100 * share:.0f} % of the sound, allowed: "
-            f"at least {100 * EXPLAINED:g} %"
+            f"at least {100 * MIN_EXPLAINED_SHARE:g} %"
         )
-    off = abs(found / frequency - 1) > max(OFF, SLIP / ((end - start) * frequency))
-    if off or tone_share(part, low_rate, frequency) < EXPLAINED:
+    off = abs(found / frequency - 1) > max(
+        MAX_FREQUENCY_ERROR, MAX_SLIP_TURNS / ((end - start) * frequency)
+    )
+    if off or tone_share(part, low_rate, frequency) < MIN_EXPLAINED_SHARE:
         digits = 1 + max(0, int(np.ceil(np.log10(end - start))))
         raise SynchronisationError(
             f"excitation.frequency_hz: given {frequency:g}, but the sound of {name} has "
@@ -187,18 +190,22 @@ def find_tone(
     if steady is not None:
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]
     share, guess, seconds = 0.0, 0.0, len(x) / rate
-    if seconds * rate > FEWEST * PERIODS:
-        guess = strongest(x, rate, PERIODS / seconds, rate / FEWEST, SEGMENT)
+    if seconds * rate > MIN_SAMPLES_PER_PERIOD * MIN_SETTLED_PERIODS:
+        guess = strongest(
+            x, rate, MIN_SETTLED_PERIODS / seconds, rate / MIN_SAMPLES_PER_PERIOD, SPECTRUM_SAMPLES
+        )
         tone, low_rate = decimated(x, rate, TONE_RATE * guess)
         start, end = (0.0, len(tone) / low_rate) if steady else settled_part(tone, low_rate, guess)
-        if (end - start) * guess > PERIODS - 0.1:
+        if (end - start) * guess > MIN_SETTLED_PERIODS - 0.1:
             part = tone[round(start * low_rate) : round(end * low_rate)]
             guess, seconds = tone_frequency(part, low_rate, guess), end - start
             share = tone_share(part, low_rate, guess)
-    if share < EXPLAINED:
+    if share < MIN_EXPLAINED_SHARE:
         raise SynchronisationError(
-            f"{name}: no steady tone below {rate / FEWEST:g} Hz in the sound, of which it must be "
-            f"{100 * EXPLAINED:g} % (that of {guess:.4g} Hz is {100 * share:.0f} %); give "
+            f"{name}: no steady tone below {rate / MIN_SAMPLES_PER_PERIOD:g} Hz in the sound, of "
+            "which it must be "
+            f"{100 * MIN_EXPLAINED_SHARE:g} % (that of {guess:.4g} Hz is {100 * share:.0f} %); "
+            "give "
             "excitation.frequency_hz, or sound: room"
         )
     return guess, seconds

@@ -13,11 +13,11 @@ from scipy.special import i0
 
 from thesis_lib.arrays import Array, Signal
 
-PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
-EDGE = 10  # samples that the low-pass reaches to either side
-KAISER = 5.0  # shape of the low-pass's window: 50 dB beyond its edge
-STRETCH = 1 << 13  # samples that are resampled at once
-BLOCK = 1 << 17  # samples that are filtered at once
+TAP_PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
+FILTER_REACH_SAMPLES = 10  # samples that the low-pass reaches to either side
+KAISER_BETA = 5.0  # shape of the low-pass's window: 50 dB beyond its edge
+RESAMPLED_SAMPLES = 1 << 13  # samples that are resampled at once
+FILTERED_SAMPLES = 1 << 17  # samples that are filtered at once
 
 
 def step_to(rate: float, wanted: float) -> int:
@@ -28,7 +28,7 @@ def step_to(rate: float, wanted: float) -> int:
 @cache
 def low_pass(step: int) -> Array:
     """Taps of the low-pass before every `step`-th sample is kept, symmetric."""
-    return firwin(2 * EDGE * step + 1, 1 / step, window=("kaiser", KAISER))
+    return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
 
 
 def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
@@ -59,10 +59,10 @@ def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
         count = (len(held) - len(taps)) // step + 1
         if count > 0:
             # Taps and samples in rows of `step`: products of matrices are the fastest sums.
-            rows = held[: (count + 2 * EDGE - 1) * step].reshape(-1, step)
+            rows = held[: (count + 2 * FILTER_REACH_SAMPLES - 1) * step].reshape(-1, step)
             sums = rows @ taps[:-1].reshape(-1, step).T
-            kept = taps[-1] * held[2 * EDGE * step :: step][:count]
-            for k in range(2 * EDGE):
+            kept = taps[-1] * held[2 * FILTER_REACH_SAMPLES * step :: step][:count]
+            for k in range(2 * FILTER_REACH_SAMPLES):
                 kept += sums[k : k + count, k]
             yield kept
             held = held[count * step :]
@@ -77,13 +77,13 @@ def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, fl
     x, step = np.asarray(signal), step_to(rate, wanted)
     if step == 1:
         return (x if x.dtype.kind == "f" else x.astype(float)), rate
-    blocks = (x[k : k + BLOCK] for k in range(0, len(x), BLOCK))
+    blocks = (x[k : k + FILTERED_SAMPLES] for k in range(0, len(x), FILTERED_SAMPLES))
     return np.concatenate([np.empty(0), *decimate(blocks, step)]), rate / step
 
 
 def cut_off(rate: float, low_rate: float) -> float:
     """Return the delay in s that :func:`decimated` adds from one rate to another."""
-    return EDGE / low_rate if low_rate < rate else 0.0
+    return FILTER_REACH_SAMPLES / low_rate if low_rate < rate else 0.0
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,13 @@ def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
 @cache
 def _phases(ratio: float) -> Array:
     """Tabulate the low-pass between samples, shape (phases + 1, taps)."""
-    reach = int(np.ceil(EDGE * ratio))
-    shift = np.arange(PHASES + 1)[:, None] / PHASES
+    reach = int(np.ceil(FILTER_REACH_SAMPLES * ratio))
+    shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
     x = (np.arange(-reach, reach + 2) - shift) / ratio
-    window = i0(KAISER * np.sqrt(np.clip(1 - (x / EDGE) ** 2, 0, None))) / i0(KAISER)
-    taps = np.sinc(x) * window * (np.abs(x) <= EDGE)
+    window = i0(KAISER_BETA * np.sqrt(np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None))) / i0(
+        KAISER_BETA
+    )
+    taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
     return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
 
 
@@ -143,10 +145,10 @@ def resample(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Ar
         last = int(np.floor((begin + len(held) - reach - 2 - first) / ratio))
         if last < count:
             continue
-        for start in range(count, last + 1, STRETCH):
-            at = first + ratio * np.arange(start, min(start + STRETCH, last + 1))
+        for start in range(count, last + 1, RESAMPLED_SAMPLES):
+            at = first + ratio * np.arange(start, min(start + RESAMPLED_SAMPLES, last + 1))
             low = np.floor(at).astype(int)
-            phase = (at - low) * PHASES
+            phase = (at - low) * TAP_PHASES
             near = phase.astype(int)
             part = phase - near
             rows = np.lib.stride_tricks.sliding_window_view(held, table.shape[1])

@@ -26,11 +26,13 @@ from thesis_lib.measure.synchronisation.tones import (
     tone_at,
 )
 
-LAGS = 1 << 18  # that are normalised at once
+NORMALISED_LAGS = 1 << 18  # that are normalised at once
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
-UNLIKE = 0.3  # correlation below which two recordings have nothing in common
-DOUBT = 5.0  # standard deviations by which one peak must beat the other
-SAME = 0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
+MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in common
+MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the other
+MAX_PEAK_RATIO = (
+    0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
+)
 
 
 def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
@@ -63,14 +65,16 @@ def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntAr
     c = np.concatenate([values[first:] if first else values[:0], values[: last + 1]])
     del values
     sums_x, sums_y = _running(_centred(a)), _running(_centred(b))
-    for k in range(0, len(c), LAGS):
-        lag = np.arange(first + k, min(first + k + LAGS, last + 1))
+    for k in range(0, len(c), NORMALISED_LAGS):
+        lag = np.arange(first + k, min(first + k + NORMALISED_LAGS, last + 1))
         low, high = np.maximum(lag, 0), np.minimum(n_y + lag, n_x)  # the overlap, in x
         sum_x, energy_x = _energy(sums_x, low, high)
         sum_y, energy_y = _energy(sums_y, low - lag, high - lag)
         energy = np.sqrt(energy_x * energy_y)
-        covariance = c[k : k + LAGS] - sum_x * sum_y / (high - low)
-        c[k : k + LAGS] = np.divide(covariance, energy, out=np.zeros_like(energy), where=energy > 0)
+        covariance = c[k : k + NORMALISED_LAGS] - sum_x * sum_y / (high - low)
+        c[k : k + NORMALISED_LAGS] = np.divide(
+            covariance, energy, out=np.zeros_like(energy), where=energy > 0
+        )
     del sums_x, sums_y
     return np.arange(first, last + 1), c
 
@@ -138,7 +142,7 @@ class Match:
     period: float | None
     ambiguous: bool
     snr: float
-    least: float = UNLIKE
+    least: float = MIN_CORRELATION
 
     @property
     def certain(self) -> bool:
@@ -152,7 +156,7 @@ def compared(
     rate: float,
     max_delay: float | None,
     *,
-    same: float = SAME,
+    same: float = MAX_PEAK_RATIO,
     telling: int | None = None,
     least: float = 0.0,
     by_noise: bool = True,
@@ -200,7 +204,7 @@ def compared(
     overlap = shorter - np.abs(lags[best])
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
-    scatter = DOUBT * 2 / np.sqrt(telling or overlap)
+    scatter = MIN_PEAK_SIGMAS * 2 / np.sqrt(telling or overlap)
     thresholds = np.minimum(same, 1 - by_noise * noise * (scatter + apart / overlap))
     ratios = heights(c, tops) / heights(c, np.array([best]))
     doubtful = ratios >= thresholds

@@ -19,28 +19,38 @@ from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
 from thesis_lib.measure.synchronisation.delays import Match, normalised_correlation, summit
-from thesis_lib.measure.synchronisation.transients import BINS, LATE, whitening
+from thesis_lib.measure.synchronisation.transients import WHITENING_BINS, WHITENING_DELAY, whitening
 
-WINDOW = 1.0  # s
-HOP = 0.005  # s of a step of loudness
-HELD = 300.0  # s from the start whose loudness is compared
-LEAST = 3.0  # s that sounds have in common at least
-NEXT, SECOND = 0.05, 0.7  # s from the highest peak, and share of it, that no other may reach
-CANDIDATES = 12  # peaks of the loudness's correlation that are looked into at most
-REACH = 0.05  # s about the delay that was found, in which a window's is sought
-FASTEST = 2e-4  # most that clocks of cameras are apart, relative
-STEEPEST = 1e-3  # most that is looked for where the sounds are short
-TELLING = 6.0  # times 1/√n, by which unlike sounds correlate, that a window's correlation must be
-PEAKS = 3  # of each window that the line is sought through
+WINDOW_S = 1.0  # s
+HOP_S = 0.005  # s of a step of loudness
+MAX_COMPARED_S = 300.0  # s from the start whose loudness is compared
+MIN_COMMON_S = 3.0  # s that sounds have in common at least
+MIN_PEAK_DISTANCE_S, MAX_SECOND_PEAK_RATIO = (
+    0.05,
+    0.7,
+)  # s from the highest peak, and share of it, that no other may reach
+MAX_CANDIDATES = 12  # peaks of the loudness's correlation that are looked into at most
+WINDOW_SEARCH_S = 0.05  # s about the delay that was found, in which a window's is sought
+MAX_DRIFT = 2e-4  # most that clocks of cameras are apart, relative
+MAX_SHORT_DRIFT = 1e-3  # most that is looked for where the sounds are short
+MIN_CORRELATION_SIGMAS = (
+    6.0  # times 1/√n, by which unlike sounds correlate, that a window's correlation must be
+)
+PEAKS_PER_WINDOW = 3  # of each window that the line is sought through
 ON_LINE = 2.5e-4  # s that a window's peak may be from the line: 9 cm of a sound's way
-OUTLYING = 4.0  # times the middle deviation from the line
-FEWEST = 3  # windows that a drift is told from
-FINER = 16  # times finer than samples at which a peak is interpolated
-BESIDE = 12  # samples on either side that it is interpolated from
-SHARPEST = 0.005  # samples by which a peak between samples errs at least
+MAX_LINE_DEVIATIONS = 4.0  # times the middle deviation from the line
+MIN_WINDOWS = 3  # windows that a drift is told from
+INTERPOLATION_FACTOR = 16  # times finer than samples at which a peak is interpolated
+INTERPOLATION_SAMPLES = 12  # samples on either side that it is interpolated from
+MIN_PEAK_STD_SAMPLES = 0.005  # samples by which a peak between samples errs at least
 
-_AT = np.arange(-FINER, FINER + 1)[:, None] / FINER - np.arange(-BESIDE, BESIDE + 1)
-_INTERPOLATE = np.sinc(_AT) * np.cos(np.pi * _AT / (2 * BESIDE + 4)) ** 2
+_INTERPOLATION_POINTS = np.arange(-INTERPOLATION_FACTOR, INTERPOLATION_FACTOR + 1)[
+    :, None
+] / INTERPOLATION_FACTOR - np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1)
+_INTERPOLATION_WEIGHTS = (
+    np.sinc(_INTERPOLATION_POINTS)
+    * np.cos(np.pi * _INTERPOLATION_POINTS / (2 * INTERPOLATION_SAMPLES + 4)) ** 2
+)
 
 
 @dataclass(frozen=True)
@@ -73,18 +83,18 @@ def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
     """
     lags, c, height = _loudness_heights(reference, other, rate)
     top = int(np.argmax(height))
-    rest = np.abs(lags - lags[top]) > round(NEXT / HOP)
+    rest = np.abs(lags - lags[top]) > round(MIN_PEAK_DISTANCE_S / HOP_S)
     second = float(height[rest].max(initial=0.0))
     ratio = second / max(float(height[top]), 1e-12)
     return Match(
-        delay=float(HOP * summit(lags, c, top)),
+        delay=float(HOP_S * summit(lags, c, top)),
         peak=float(height[top]),
         ratio=ratio,
-        threshold=SECOND,
+        threshold=MAX_SECOND_PEAK_RATIO,
         period=None,
-        ambiguous=ratio >= SECOND,
+        ambiguous=ratio >= MAX_SECOND_PEAK_RATIO,
         snr=np.nan,
-        least=TELLING,
+        least=MIN_CORRELATION_SIGMAS,
     )
 
 
@@ -92,11 +102,11 @@ def loudness_candidates(reference: Signal, other: Signal, rate: float) -> list[f
     """Find the delays in s at which the loudness of two sounds is alike, the likeliest first."""
     lags, c, height = _loudness_heights(reference, other, rate)
     found: list[float] = []
-    least = SECOND * float(height.max(initial=0.0))
-    while len(found) < CANDIDATES and height.max(initial=0.0) > least:
+    least = MAX_SECOND_PEAK_RATIO * float(height.max(initial=0.0))
+    while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > least:
         top = int(np.argmax(height))
-        found.append(float(HOP * summit(lags, c, top)))
-        height[np.abs(lags - lags[top]) <= round(NEXT / HOP)] = 0.0
+        found.append(float(HOP_S * summit(lags, c, top)))
+        height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
     return found
 
 
@@ -105,17 +115,17 @@ def _loudness_heights(
 ) -> tuple[IntArray, Array, Array]:
     """Return lags, correlation of the loudness, and how far that is above chance."""
     a, b = (_loudness(sound, rate) for sound in (reference, other))
-    most = max(len(a), len(b)) - min(len(a), len(b), round(LEAST / HOP))
+    most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
     lags, c = normalised_correlation(a, b, most)
     overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
-    enough = overlap > round(LEAST / HOP) / 2
+    enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
     return lags, c, np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
     """Logarithm of the energy of what is high in a sound, in steps of `HOP`."""
-    n = round(HOP * rate)
-    high = np.diff(sound[: round(HELD * rate)].astype(float))
+    n = round(HOP_S * rate)
+    high = np.diff(sound[: round(MAX_COMPARED_S * rate)].astype(float))
     energy = np.square(high[: len(high) // n * n]).reshape(-1, n).mean(axis=1)
     level = np.log(energy + 1e-3 * energy.mean() + 1e-30)
     return np.asarray(level - level.mean(), float)
@@ -141,35 +151,37 @@ def drift_of(
     -------
     Drift
     """
-    if min(len(reference), len(other)) <= 2 * BINS:
+    if min(len(reference), len(other)) <= 2 * WHITENING_BINS:
         return _nothing(delay)
     taps = whitening(reference, rate), whitening(other, rate)
-    n = round(WINDOW * rate)
-    most = round((REACH + FASTEST * len(other) / rate) * rate)
+    n = round(WINDOW_S * rate)
+    most = round((WINDOW_SEARCH_S + MAX_DRIFT * len(other) / rate) * rate)
     peaks: list[tuple[int, float, float]] = []  # window, delay, correlation
     times: list[float] = []
-    for first in range(0, len(other) - n - BINS + 2, n):
+    for first in range(0, len(other) - n - WHITENING_BINS + 2, n):
         at = round((starts[1] + first / rate + delay - starts[0]) * rate)
-        low, high = at - most, at + n + BINS - 1 + most
+        low, high = at - most, at + n + WHITENING_BINS - 1 + most
         if low < 0 or high > len(reference):
             continue
         one = oaconvolve(reference[low:high], taps[0], "valid")
-        two = oaconvolve(other[first : first + n + BINS - 1], taps[1], "valid")
+        two = oaconvolve(other[first : first + n + WHITENING_BINS - 1], taps[1], "valid")
         lags, c = normalised_correlation(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]
-        for top in _tops(np.abs(c), TELLING / np.sqrt(n)):
+        for top in _tops(np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)):
             here = low + int(lags[top]) + _vertex(np.sign(c[top]) * c, top)
             own = starts[0] + here / rate - (starts[1] + first / rate)
             peaks.append((len(times), own, float(c[top])))
-        times.append(starts[1] + (first + LATE + n / 2) / rate)
+        times.append(starts[1] + (first + WHITENING_DELAY + n / 2) / rate)
     if not peaks:
         return _nothing(delay)
     window = np.array([peak[0] for peak in peaks])
     late, height = np.array([peak[1:] for peak in peaks]).T
     when = np.array(times)
     on = _on_line(window, when[window], late - delay, height)
-    found = _line(when[window[on]], late[on], np.abs(height[on]), delay, SHARPEST / rate)
+    found = _line(
+        when[window[on]], late[on], np.abs(height[on]), delay, MIN_PEAK_STD_SAMPLES / rate
+    )
     return replace(
         found,
         agreement=len(on) / len(np.unique(window)),
@@ -186,13 +198,13 @@ def _tops(c: Array, least: float) -> IntArray:
     inner = c[1:-1]
     peak = (inner >= c[:-2]) & (inner > c[2:]) & (inner >= least)
     places = np.flatnonzero(peak) + 1
-    return places[np.argsort(c[places])[::-1][:PEAKS]]
+    return places[np.argsort(c[places])[::-1][:PEAKS_PER_WINDOW]]
 
 
 def _on_line(window: IntArray, when: Array, late: Array, height: Array) -> IntArray:
     """Choose a peak of each window that has one on the line with most of them; one sign alone."""
-    span = max(float(np.ptp(when)), WINDOW)
-    middle, turn = when.mean(), min(REACH + FASTEST * span, STEEPEST * span)
+    span = max(float(np.ptp(when)), WINDOW_S)
+    middle, turn = when.mean(), min(WINDOW_SEARCH_S + MAX_DRIFT * span, MAX_SHORT_DRIFT * span)
     slopes = np.arange(-turn, turn + ON_LINE, ON_LINE) / span
     best, chosen = -1.0, np.array([], int)
     for sign in (1.0, -1.0):
@@ -218,13 +230,15 @@ def _vertex(c: Array, top: int) -> float:
 
     A parabola through three samples alone errs by up to 0.05 of them.
     """
-    near = np.clip(top + np.arange(-BESIDE, BESIDE + 1), 0, len(c) - 1)
-    fine = _INTERPOLATE @ c[near]
+    near = np.clip(
+        top + np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1), 0, len(c) - 1
+    )
+    fine = _INTERPOLATION_WEIGHTS @ c[near]
     k = int(np.clip(np.argmax(fine), 1, len(fine) - 2))
     left, middle, right = fine[k - 1 : k + 2]
     bend = left - 2 * middle + right
     shift = (left - right) / (2 * bend) if bend else 0.0
-    return float((k - len(fine) // 2 + shift) / FINER)
+    return float((k - len(fine) // 2 + shift) / INTERPOLATION_FACTOR)
 
 
 def _line(times: Array, delays: Array, weights: Array, delay: float, least: float) -> Drift:
@@ -235,14 +249,14 @@ def _line(times: Array, delays: Array, weights: Array, delay: float, least: floa
     kept = np.ones(len(times), bool)
     nothing = Drift(delay, np.nan, np.nan, np.nan, times, delays)
     for _ in range(5):
-        if kept.sum() < FEWEST or np.ptp(times[kept]) < WINDOW:
+        if kept.sum() < MIN_WINDOWS or np.ptp(times[kept]) < WINDOW_S:
             return nothing
         A = np.column_stack([np.ones(kept.sum()), times[kept]])
         w = weights[kept, None]
         normal = A.T @ (w**2 * A)
         line = np.linalg.solve(normal, A.T @ (w[:, 0] ** 2 * delays[kept]))
         off = delays - line[0] - line[1] * times
-        limit = OUTLYING * 1.4826 * max(float(np.median(np.abs(off[kept]))), least)
+        limit = MAX_LINE_DEVIATIONS * 1.4826 * max(float(np.median(np.abs(off[kept]))), least)
         kept = np.abs(off) <= limit
     part, w = off[kept], weights[kept]
     freedom = max(len(part) - 2, 1)

@@ -32,12 +32,12 @@ from thesis_lib.measure.synchronisation.audio import (
     matches,
 )
 from thesis_lib.measure.synchronisation.checks import find_tone
-from thesis_lib.measure.synchronisation.drift import FASTEST
+from thesis_lib.measure.synchronisation.drift import MAX_DRIFT
 from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combined
 from thesis_lib.measure.synchronisation.tones import (
-    FEWEST,
-    SLIP,
+    MAX_SLIP_TURNS,
+    MIN_SAMPLES_PER_PERIOD,
     SynchronisationError,
     fitted_tone,
     frequency_deviation,
@@ -46,8 +46,8 @@ from thesis_lib.measure.synchronisation.tones import (
 )
 
 Interval = tuple[float, float]
-DRIFTS = 4.0  # standard errors from which on clocks drift apart
-NEAR = 1e-3  # s that the delay in the middle may be from that of the whole
+MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
+MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,11 @@ def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
         middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
         delay = middle + float(heard.starts[i] - heard.starts[0])
         sure = known[i]
-        drifting = abs(one.drift) > DRIFTS * one.drift_deviation  # not, if it is unknown
+        drifting = abs(one.drift) > MIN_DRIFT_SIGMAS * one.drift_deviation  # not, if it is unknown
         clock = min(abs(one.drift), abs(one.sample_drift))  # stamps may run at another pace
-        if clock < FASTEST and (sure is None or (drifting and abs(delay - sure) < NEAR)):
+        if clock < MAX_DRIFT and (
+            sure is None or (drifting and abs(delay - sure) < MAX_MIDDLE_OFFSET_S)
+        ):
             matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
         else:
             del drifts[i]
@@ -209,15 +211,15 @@ def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
     tones = []
     for recording in recordings:
-        track, rate, start = low_track(recording, FEWEST * slowest / 2, skip)
+        track, rate, start = low_track(recording, MIN_SAMPLES_PER_PERIOD * slowest / 2, skip)
         begin, end = excitation.steady_s or (start, start)
         part = (begin - start, end - start) if excitation.steady_s else None
         tones.append(find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = tones[0], tones[-1]
-        if abs(tone - first) * seconds > max(SLIP, FASTEST * first * seconds):
+        if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
-                f"{first:.7g} Hz, allowed: the same, to within {SLIP / seconds:.1g} Hz"
+                f"{first:.7g} Hz, allowed: the same, to within {MAX_SLIP_TURNS / seconds:.1g} Hz"
             )
     if first >= slowest / 2:
         raise ManifestError(

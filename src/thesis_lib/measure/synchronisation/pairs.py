@@ -8,25 +8,25 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.arrays import Signal
-from thesis_lib.measure.synchronisation.audio import SPAN, AudioSource, part_of
+from thesis_lib.measure.synchronisation.audio import SPAN_SAMPLES, AudioSource, part_of
 from thesis_lib.measure.synchronisation.decimation import common_rate
 from thesis_lib.measure.synchronisation.drift import (
-    FEWEST,
-    NEXT,
-    REACH,
-    SECOND,
+    MAX_SECOND_PEAK_RATIO,
+    MIN_PEAK_DISTANCE_S,
+    MIN_WINDOWS,
+    WINDOW_SEARCH_S,
     Drift,
     drift_of,
     loudness_candidates,
     loudness_match,
 )
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
-from thesis_lib.measure.synchronisation.transients import BINS, room_match
+from thesis_lib.measure.synchronisation.transients import WHITENING_BINS, room_match
 
-RATE = 16000.0  # Hz at which windows are compared
-LONGEST = 1800.0  # s from the start that are
-AGREEING = 0.5  # share of the windows that must agree on a delay
-ENOUGH = 6  # windows that decide alone; unlike sounds had four at most
+COMPARED_RATE_HZ = 16000.0  # Hz at which windows are compared
+MAX_COMPARED_S = 1800.0  # s from the start that are
+MIN_AGREEING_SHARE = 0.5  # share of the windows that must agree on a delay
+MIN_DECIDING_WINDOWS = 6  # windows that decide alone; unlike sounds had four at most
 
 
 def beside_first(
@@ -98,7 +98,7 @@ class _Tracks:
                 self.paces.append(audio.stated_rate / audio.rate)
                 self.rates.append(audio.stated_rate if stated else audio.rate)
                 starts.append(0.0 if stated else audio.start)
-        self.low = common_rate(self.rates, RATE)
+        self.low = common_rate(self.rates, COMPARED_RATE_HZ)
         self.rate = self.low.rate
         self.starts = [start + self.low.cut for start in starts]  #: Of the first samples, s
         self._read: dict[int, Signal] = {}
@@ -109,7 +109,7 @@ class _Tracks:
             self._read = {i: one for i, one in self._read.items() if i == 0}
             with self.recordings[k].opened() as audio:
                 low = self.low.reduce(audio.blocks, self.rates[k])
-                part = part_of(low, 0, round(LONGEST * self.rate))
+                part = part_of(low, 0, round(MAX_COMPARED_S * self.rate))
                 blocks = [np.asarray(block, np.float32) for block in part]
             self._read[k] = np.concatenate([np.empty(0, np.float32), *blocks])
         return self._read[k]
@@ -124,28 +124,28 @@ def _sought(tracks: _Tracks, k: int) -> Drift | None:
     """
     one, other, rate = tracks[0], tracks[k], tracks.rate
     starts = tracks.starts[0], tracks.starts[k]
-    if min(len(one), len(other)) <= 2 * BINS:
+    if min(len(one), len(other)) <= 2 * WHITENING_BINS:
         return None
     loud = loudness_match(one, other, rate)
-    room = room_match(one[:SPAN], other[:SPAN], rate)
+    room = room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
     delays = [room.delay] if room.certain else []
     delays += [
         delay
         for delay in loudness_candidates(one, other, rate)
-        if not room.certain or abs(delay - room.delay) > NEXT
+        if not room.certain or abs(delay - room.delay) > MIN_PEAK_DISTANCE_S
     ]
     found = [drift_of(one, other, rate, starts, delay + starts[0] - starts[1]) for delay in delays]
     if not found:
         return None
     best, *rest = sorted(found, key=lambda one: -one.score)
-    apart = [one for one in rest if abs(one.delay - best.delay) > NEXT]
-    if any(one.score > SECOND * best.score for one in apart):
+    apart = [one for one in rest if abs(one.delay - best.delay) > MIN_PEAK_DISTANCE_S]
+    if any(one.score > MAX_SECOND_PEAK_RATIO * best.score for one in apart):
         return None
     sound_delay = best.delay + starts[1] - starts[0]
-    by_room = room.certain and abs(sound_delay - room.delay) < REACH
-    by_loudness = loud.certain and abs(sound_delay - loud.delay) < REACH
-    agreeing = best.agreement >= AGREEING
-    enough = FEWEST if by_loudness else ENOUGH
+    by_room = room.certain and abs(sound_delay - room.delay) < WINDOW_SEARCH_S
+    by_loudness = loud.certain and abs(sound_delay - loud.delay) < WINDOW_SEARCH_S
+    agreeing = best.agreement >= MIN_AGREEING_SHARE
+    enough = MIN_WINDOWS if by_loudness else MIN_DECIDING_WINDOWS
     return best if by_room or (agreeing and len(best.times) >= enough) else None
 
 

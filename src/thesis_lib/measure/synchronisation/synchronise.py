@@ -17,7 +17,12 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.synchronisation.checks import check_signals, check_tone, shortest_of
 from thesis_lib.measure.synchronisation.decimation import decimated
-from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, UNLIKE, Match, phase_delays
+from thesis_lib.measure.synchronisation.delays import (
+    CORRELATION_RATE,
+    MIN_CORRELATION,
+    Match,
+    phase_delays,
+)
 from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.tones import TONE_RATE, SynchronisationError, check_rate
 from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
@@ -34,7 +39,7 @@ IN_A_ROOM = (
     "A single knock that only one camera heard cannot be told from one like it that another "
     "heard; several claps at irregular intervals can.",
 )
-UNHEARD = (
+UNHEARD_TEXT = (
     "No sound was used: every recording counts from its own start.",
     "The pictures tell by how much of a period the cameras are then apart, and are put in step by "
     "it. What is not steady, as the start of the vibration, is not.",
@@ -70,7 +75,7 @@ class Synchronisation:
     def describe(self, names: Sequence[str] | None = None) -> list[str]:
         """Sentences for a report: what was found, how sure it is, and what sound cannot show."""
         if self.method == "none":
-            return [*UNHEARD]
+            return [*UNHEARD_TEXT]
         numbers = [str(i) for i in range(len(self.delays))]
         what, named = ("Recording", numbers) if names is None else ("Camera", list(names))
         others = [i for i in range(len(self.delays)) if i != self.reference]
@@ -257,10 +262,10 @@ def combined(
                 f"{names[i]}: no sound in it matches that of {names[reference]} beyond doubt; clap "
                 "a few times where all cameras hear it, within a minute of the first one's start"
             )
-        if sound == "force" and found.peak < UNLIKE:
+        if sound == "force" and found.peak < MIN_CORRELATION:
             raise SynchronisationError(
                 f"{names[i]}: correlation of {found.peak:.2f} with {names[reference]}, allowed: "
-                f"at least {UNLIKE}; do both hold the same sound?"
+                f"at least {MIN_CORRELATION}; do both hold the same sound?"
             )
     count = len(names)
     delays = np.array([matches[i].delay if i in matches else 0.0 for i in range(count)])

@@ -16,13 +16,13 @@ from thesis_lib.arrays import Signal
 from thesis_lib.measure.synchronisation.decimation import decimated
 
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
-FEWEST = 8  # samples per period from which on one is fitted
-PERIODS = 3  # of the settled tone that a recording must hold
-EXPLAINED = 0.8  # share of its variance, up to some harmonics, that the tone must explain
-OFF = 0.01  # relative error of the frequency that is not refused
-SLIP = 0.16  # turns over the length that are not, either
-BLOCK = 1 << 16  # samples that are fitted at once
-SEGMENT = 1 << 18  # samples of which a spectrum is taken at once
+MIN_SAMPLES_PER_PERIOD = 8  # samples per period from which on one is fitted
+MIN_SETTLED_PERIODS = 3  # of the settled tone that a recording must hold
+MIN_EXPLAINED_SHARE = 0.8  # share of its variance, up to some harmonics, that the tone must explain
+MAX_FREQUENCY_ERROR = 0.01  # relative error of the frequency that is not refused
+MAX_SLIP_TURNS = 0.16  # turns over the length that are not, either
+FITTED_SAMPLES = 1 << 16  # samples that are fitted at once
+SPECTRUM_SAMPLES = 1 << 18  # samples of which a spectrum is taken at once
 
 
 class SynchronisationError(ValueError):
@@ -31,10 +31,11 @@ class SynchronisationError(ValueError):
 
 def check_rate(rate: float, frequency: float) -> None:
     """Refuse a tone that has too few samples per period."""
-    if not 0 < FEWEST * frequency <= rate:
+    if not 0 < MIN_SAMPLES_PER_PERIOD * frequency <= rate:
         raise SynchronisationError(
-            f"excitation.frequency_hz: given {frequency:g}, allowed: at most {rate / FEWEST:g} Hz, "
-            f"{FEWEST} samples of the sound per period"
+            f"excitation.frequency_hz: given {frequency:g}, allowed: at most "
+            f"{rate / MIN_SAMPLES_PER_PERIOD:g} Hz, "
+            f"{MIN_SAMPLES_PER_PERIOD} samples of the sound per period"
         )
 
 
@@ -63,8 +64,8 @@ def fitted_tone(
     """
     normal, right, squares, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for block in blocks:
-        for k in range(0, len(x := np.asarray(block, float)), BLOCK):
-            part = x[k : k + BLOCK]
+        for k in range(0, len(x := np.asarray(block, float)), FITTED_SAMPLES):
+            part = x[k : k + FITTED_SAMPLES]
             w = 2 * np.pi * frequency * ((count + np.arange(len(part))) / rate - centre)
             basis = np.stack([np.cos(w), np.sin(w), np.ones_like(w)])
             normal, right = normal + basis @ basis.T, right + basis @ part
@@ -109,7 +110,11 @@ def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
     """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
     x, low_rate = decimated(signal, rate, TONE_RATE * guess)
     resolution, low, high = low_rate / len(x), 0.9 * guess, 1.1 * guess
-    coarse = decimated(x, low_rate, FEWEST * guess) if len(x) > SEGMENT else (x, low_rate)
+    coarse = (
+        decimated(x, low_rate, MIN_SAMPLES_PER_PERIOD * guess)
+        if len(x) > SPECTRUM_SAMPLES
+        else (x, low_rate)
+    )
     best = strongest(*coarse, low, high)
     bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
 
@@ -129,7 +134,7 @@ def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> flo
     """
     x = np.asarray(signal)
     amplitude = tone_at(x, rate, frequency, 0.0)
-    n = min(len(x), SEGMENT)
+    n = min(len(x), SPECTRUM_SAMPLES)
     f, window, powers = np.fft.rfftfreq(n, 1 / rate), np.hanning(n), []
     near = (f > 0.5 * frequency) & (f < 2 * frequency)
     for k in range(0, len(x) - n + 1, n):

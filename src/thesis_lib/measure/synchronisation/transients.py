@@ -19,25 +19,27 @@ from thesis_lib.arrays import Signal
 from thesis_lib.measure.synchronisation.decimation import decimated
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match, compared, match
 from thesis_lib.measure.synchronisation.tones import (
-    FEWEST,
-    PERIODS,
+    MIN_SAMPLES_PER_PERIOD,
+    MIN_SETTLED_PERIODS,
     TONE_RATE,
     settled_part,
     tone_frequency,
 )
 
 ROOM_RATE = 16000  # Hz at which the sound of microphones is correlated: a clap is 5 ms
-SPAN = 0.01  # s over which the energy is averaged of what may stand out
-ABOVE = 12  # times the upper quartile's distance from the median that it must stand out
-LOUD = 0.5  # correlation that what stands out must reach
+ENERGY_SPAN_S = 0.01  # s over which the energy is averaged of what may stand out
+MIN_ONSET_RATIO = 12  # times the upper quartile's distance from the median that it must stand out
+MIN_ONSET_CORRELATION = 0.5  # correlation that what stands out must reach
 ONSET_SAME = 0.95  # ratio of peaks from which on onsets are alike
 CLAP_SAME = 0.9  # and claps
 ROOM_SAME = 0.6  # and the whole sound of a room
 FAR_ABOVE = 9.0  # times its scatter that the correlation of the whole sound must reach
-BINS = 1024  # of the spectrum by which a room's sound is made white
-LATE = BINS - 1 - BINS // 2  # samples that what is whitened starts later
-PIECES = 32  # of a long sound that its spectrum is taken from
-DEEPEST = 1e-6  # of the highest power; what is below is left as weak as it is
+WHITENING_BINS = 1024  # of the spectrum by which a room's sound is made white
+WHITENING_DELAY = (
+    WHITENING_BINS - 1 - WHITENING_BINS // 2
+)  # samples that what is whitened starts later
+SPECTRUM_PIECES = 32  # of a long sound that its spectrum is taken from
+MIN_POWER_RATIO = 1e-6  # of the highest power; what is below is left as weak as it is
 
 
 def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
@@ -81,17 +83,19 @@ def whitening(x: Signal, rate: float) -> Signal:
     ndarray, shape (BINS,)
         Taps of a filter whose delay is `LATE` samples.
     """
-    step = len(x) // PIECES
-    if step > 2 * BINS:
-        pieces = np.concatenate([x[k * step : k * step + 2 * BINS] for k in range(PIECES)])
+    step = len(x) // SPECTRUM_PIECES
+    if step > 2 * WHITENING_BINS:
+        pieces = np.concatenate(
+            [x[k * step : k * step + 2 * WHITENING_BINS] for k in range(SPECTRUM_PIECES)]
+        )
         x = pieces if pieces.any() else x
-    f, power = welch(x, rate, nperseg=BINS, average="median")
+    f, power = welch(x, rate, nperseg=WHITENING_BINS, average="median")
     if not power.any():  # silent for most of the time
-        f, power = welch(x, rate, nperseg=BINS)
-    gain = 1 / np.sqrt(power + DEEPEST * power.max())
+        f, power = welch(x, rate, nperseg=WHITENING_BINS)
+    gain = 1 / np.sqrt(power + MIN_POWER_RATIO * power.max())
     gain *= np.clip((0.95 - 2 * f / rate) / 0.25, 0, 1)
     gain[0] = 0
-    taps = np.roll(np.fft.irfft(gain), BINS // 2) * np.hanning(BINS + 1)[:-1]
+    taps = np.roll(np.fft.irfft(gain), WHITENING_BINS // 2) * np.hanning(WHITENING_BINS + 1)[:-1]
     return (taps / np.abs(taps).max()).astype(x.dtype)
 
 
@@ -117,10 +121,10 @@ def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
     int
         Number of samples where something does.
     """
-    n = max(1, round(SPAN * rate))
+    n = max(1, round(ENERGY_SPAN_S * rate))
     energy = uniform_filter1d(x * x, n)
     middle, upper = np.quantile(energy[:: max(1, n // 4)], [0.5, 0.75])
-    background = middle + ABOVE * (upper - middle)
+    background = middle + MIN_ONSET_RATIO * (upper - middle)
     weight = 1 - background / np.maximum(energy, max(background, 1e-300))
     weight *= x
     return weight.astype(np.float32), int(np.count_nonzero(weight))
@@ -159,14 +163,14 @@ def force_match(
     a, low_rate = decimated(reference, rate, CORRELATION_RATE)
     b, _ = decimated(other, rate, CORRELATION_RATE)
     whole = match(a, b, low_rate, max_delay)
-    if whole.certain or frequency is None or FEWEST * frequency > low_rate:
+    if whole.certain or frequency is None or MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
         return whole
-    if min(len(a), len(b)) < 2 * PERIODS * low_rate / frequency:
+    if min(len(a), len(b)) < 2 * MIN_SETTLED_PERIODS * low_rate / frequency:
         return whole
     most = _largest(a, b, low_rate, max_delay)
     tone, tone_rate = decimated(a, low_rate, TONE_RATE * frequency)
     start, end = settled_part(tone, tone_rate, frequency)
-    if (end - start) * frequency > PERIODS - 0.1:
+    if (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tone_frequency(part, tone_rate, frequency)
     loud_a, n_a = standing_out(without_tone(a, low_rate, frequency), low_rate)
@@ -182,7 +186,7 @@ def force_match(
         telling=min(n_a, n_b),
         least=0.5 / frequency,
     )
-    loud = replace(loud, least=LOUD, snr=whole.snr)
+    loud = replace(loud, least=MIN_ONSET_CORRELATION, snr=whole.snr)
     return loud if loud.certain else whole
 
 
@@ -228,5 +232,5 @@ def room_match(
         telling=min(n_a, n_b),
         either_sign=True,
     )
-    loud = replace(loud, least=LOUD)
+    loud = replace(loud, least=MIN_ONSET_CORRELATION)
     return loud if loud.certain else whole

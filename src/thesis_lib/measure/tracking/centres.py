@@ -9,14 +9,14 @@ from scipy.special import ndtr
 
 from thesis_lib.arrays import Array, Image, IntArray, Mask
 from thesis_lib.measure.tracking.homography import View
-from thesis_lib.vision.lens import HALF
+from thesis_lib.vision.lens import HALF_PIXEL
 
 # Rms residual over contrast from which a fit is doubtful. Printed dots before a real camera leave
 # up to 0.16; an unsharp mask of amount 2 puts up to a tenth of them above 0.15, one of amount 4 a
 # third. With 0.25 those were kept, but so were discs turned out of their plane and 0.13 px off.
-POOR = 0.15
-EDGE = 0.05  # px by which the beam's edge may be off its place
-NOISE = 3.0  # grey levels against which that is weighed
+MAX_POOR_SHARE = 0.15
+EDGE_STD_PX = 0.05  # px by which the beam's edge may be off its place
+NOISE_GREY = 3.0  # grey levels against which that is weighed
 
 
 def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Array, float]:
@@ -63,7 +63,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
     u = u0[inside, None] + np.arange(-half_u, half_u + 1)
     v = v0[inside, None] + np.arange(-half_v, half_v + 1)
     grey = image[v[:, :, None], u[:, None, :]].astype(float)
-    u, v = u + HALF, v + HALF
+    u, v = u + HALF_PIXEL, v + HALF_PIXEL
 
     patch = Patch(view, known, plane[:, known], ellipses)
     usable = patch.usable(u - start[0, :, None], v - start[1, :, None])
@@ -82,19 +82,19 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
         matrix = J @ J.transpose(0, 2, 1)
         trace = np.trace(matrix, axis1=1, axis2=2)[:, None, None]
         matrix += (1e-6 * trace + 1e-9) * np.eye(5)
-        matrix[:, 4, 4] += NOISE**2 / EDGE**2
+        matrix[:, 4, 4] += NOISE_GREY**2 / EDGE_STD_PX**2
         right = J @ residual.reshape(len(known), -1, 1)
-        right[:, 4, 0] -= NOISE**2 / EDGE**2 * outer
+        right[:, 4, 0] -= NOISE_GREY**2 / EDGE_STD_PX**2 * outer
         change = np.linalg.solve(matrix, right)[:, :, 0].T
         centre += np.clip(change[:2], -0.5, 0.5)
         bright, contrast = bright + change[2], np.maximum(contrast + change[3], 1.0)
-        outer = outer + np.clip(change[4], -3 * EDGE, 3 * EDGE)
+        outer = outer + np.clip(change[4], -3 * EDGE_STD_PX, 3 * EDGE_STD_PX)
     count = np.maximum(np.count_nonzero(usable, axis=(1, 2)) - 4, 1)
     rms = np.sqrt(np.sum(residual**2, axis=(1, 2)) / count)
     strayed = np.linalg.solve(ellipses, (centre - start).T[:, :, None])[:, :, 0]
     good = (
         (contrast > 0.4 * np.median(contrast))
-        & (rms < POOR * contrast)
+        & (rms < MAX_POOR_SHARE * contrast)
         & (np.abs(change[:2]).max(axis=0) < 0.05)
         & (np.linalg.norm(strayed, axis=1) < 1)
     )
@@ -155,7 +155,7 @@ class Patch:
         """Share of the beam in each pixel, with edges moved outward, and its derivative in that."""
         n, rows, columns = len(du), dv.shape[1], du.shape[1]
         share, slope = np.ones((n, rows, columns)), np.zeros((n, rows, columns))
-        across, half = self._offset(1, du, dv), HALF / self.blur
+        across, half = self._offset(1, du, dv), HALF_PIXEL / self.blur
         for edge, sign in zip(self.edges, (1, -1), strict=True):
             near = edge < np.abs(across).max(axis=(1, 2)) + 1 + 3 * self.blur
             z = ((edge + outer)[near, None, None] + sign * across[near]) / self.blur
@@ -196,7 +196,7 @@ def blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
 
 def _borders(x: Array) -> Array:
     """Borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
-    return np.concatenate([x - HALF, x[:, -1:] + HALF], axis=1)
+    return np.concatenate([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL], axis=1)
 
 
 @cache

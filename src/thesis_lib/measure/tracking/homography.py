@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.vision.lens import HALF, Camera, distorted, undistorted
+from thesis_lib.vision.lens import HALF_PIXEL, Camera, distorted, undistorted
 
 
 def as_dark(image: Image, markers: Markers) -> Image:
@@ -143,7 +143,7 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
     inside = cv2.drawContours(np.zeros_like(image), [region], 0, 255, cv2.FILLED)
     beam = cv2.bitwise_and(inside, bright)
     outlines, _ = cv2.findContours(beam, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    points = undistorted(camera, np.concatenate(outlines)[:, 0].T + HALF).T
+    points = undistorted(camera, np.concatenate(outlines)[:, 0].T + HALF_PIXEL).T
     points = points[np.isfinite(points[:, 0])]
     hull = cv2.convexHull(points.astype(np.float32))
     if cv2.contourArea(region) < 50 or len(hull) < 4 or min(cv2.minAreaRect(hull)[1]) < 2:
@@ -164,7 +164,7 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
             normal = np.array([vy, -vx]).ravel()
             outward = np.sign(normal @ (np.ravel([x0, y0]) - box.mean(axis=0)))
             # Outlines run through the centres of the outermost pixels, half a pixel inside.
-            gap = last * HALF * np.abs(normal).max() * outward
+            gap = last * HALF_PIXEL * np.abs(normal).max() * outward
             lines.append(np.array([*normal, -normal @ np.ravel([x0, y0]) - gap]))
         cross = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
         box = np.array([c[:2] / c[2] for c in cross])
@@ -213,5 +213,5 @@ def _hole_score(image: Image, view: View) -> float:
 
 
 def _sample(image: Image, uv: Array) -> Array:
-    u, v = (uv - HALF).astype(np.float32)
+    u, v = (uv - HALF_PIXEL).astype(np.float32)
     return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)

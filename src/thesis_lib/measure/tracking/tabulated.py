@@ -13,19 +13,30 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Image, Mask
-from thesis_lib.measure.tracking.centres import EDGE, NOISE, POOR, Patch, blurred_ellipses
+from thesis_lib.measure.tracking.centres import (
+    EDGE_STD_PX,
+    MAX_POOR_SHARE,
+    NOISE_GREY,
+    Patch,
+    blurred_ellipses,
+)
 from thesis_lib.measure.tracking.homography import View
 from thesis_lib.measure.tracking.tracker import Tracker, filled
-from thesis_lib.vision.lens import HALF
+from thesis_lib.vision.lens import HALF_PIXEL
 
-CELLS = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
-ROUNDS = 6  # of the fit, at most
-MIDDLE = 128  # grey level from which all are counted, for the sake of single precision
-CONTRAST = 100.0  # grey levels between structure and ground, with which the edge's place is weighed
-GROUND = 10.0  # grey levels by which the ground may differ from the first frame's
+CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
+MAX_FIT_ROUNDS = 6  # of the fit, at most
+MIDDLE_GREY = 128  # grey level from which all are counted, for the sake of single precision
+CONTRAST_GREY = (
+    100.0  # grey levels between structure and ground, with which the edge's place is weighed
+)
+MAX_GROUND_GREY = 10.0  # grey levels by which the ground may differ from the first frame's
 MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
-LARGEST = 4e8  # bytes of a table
-PRIOR = np.array([NOISE / GROUND, 0, 0, 0, 0, NOISE / (EDGE * CONTRAST)]) ** 2
+MAX_TABLE_BYTES = 4e8  # bytes of a table
+PRIOR_WEIGHTS = (
+    np.array([NOISE_GREY / MAX_GROUND_GREY, 0, 0, 0, 0, NOISE_GREY / (EDGE_STD_PX * CONTRAST_GREY)])
+    ** 2
+)
 
 
 class Table:
@@ -41,7 +52,7 @@ class Table:
     Raises
     ------
     MemoryError
-        If the table would be larger than :data:`LARGEST`.
+        If the table would be larger than :data:`MAX_TABLE_BYTES`.
     ValueError
         If the lens shows a marker nowhere.
     """
@@ -56,32 +67,32 @@ class Table:
         along, down = (np.arange(-k, k + 1) for k in half)
         self.half = half[:, None]
         self.u, self.v = (part.ravel() for part in np.meshgrid(along, down))
-        shape, size = (n, CELLS, CELLS), len(self.u)
+        shape, size = (n, CELLS_PER_PIXEL, CELLS_PER_PIXEL), len(self.u)
         if not np.isfinite(start).all():
             raise ValueError("a marker is where the lens shows nothing")
-        if 4 * np.prod(shape) * 6 * size > LARGEST:
+        if 4 * np.prod(shape) * 6 * size > MAX_TABLE_BYTES:
             raise MemoryError(f"a table of {n} markers with {size} pixels each is too large")
         patch = Patch(view, np.arange(n), plane, ellipses)
         # Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
         self.columns = np.empty((*shape, 6, size), np.float32)
         self.inverse = np.empty((*shape, 6, 6))
-        for row, column in np.ndindex(CELLS, CELLS):
-            du = np.tile(along + HALF - (column + 0.5) / CELLS, (n, 1))
-            dv = np.tile(down + HALF - (row + 0.5) / CELLS, (n, 1))
+        for row, column in np.ndindex(CELLS_PER_PIXEL, CELLS_PER_PIXEL):
+            du = np.tile(along + HALF_PIXEL - (column + 0.5) / CELLS_PER_PIXEL, (n, 1))
+            dv = np.tile(down + HALF_PIXEL - (row + 0.5) / CELLS_PER_PIXEL, (n, 1))
             white, outward = patch.beam(du, dv, np.zeros(n))
             usable = patch.usable(du, dv)
             parts = [1 - white, white, *blurred_ellipses(du, dv, ellipses, view.blur), outward]
             model = (np.stack(parts, axis=1) * usable[:, None]).reshape(n, 6, size)
-            gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR + 1e-6)
+            gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR_WEIGHTS + 1e-6)
             self.columns[:, row, column] = model
             self.inverse[:, row, column] = np.linalg.inv(gram)
         whole = np.floor(start).astype(int)
         u, v = (part[:, None] for part in whole)
         height, width = image.shape
         grey = image[np.clip(v + self.v, 0, height - 1), np.clip(u + self.u, 0, width - 1)]
-        du = along + HALF + (whole - start)[0][:, None]
-        dv = down + HALF + (whole - start)[1][:, None]
-        self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE
+        du = along + HALF_PIXEL + (whole - start)[0][:, None]
+        dv = down + HALF_PIXEL + (whole - start)[1][:, None]
+        self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE_GREY
         self.contrast = 0.0  # median between structure and markers, in the frame
         self.contrast = self.fit(image, start)[3]
 
@@ -92,33 +103,33 @@ class Table:
         contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)
         offsets, pixels = self.v * width + self.u, image.reshape(-1)
         size = np.array([[width], [height]])
-        told = PRIOR * [self.ground, 0, 0, 0, 0, 0]
+        told = PRIOR_WEIGHTS * [self.ground, 0, 0, 0, 0, 0]
         left = np.flatnonzero(inside)
-        for _ in range(ROUNDS):
+        for _ in range(MAX_FIT_ROUNDS):
             whole = np.floor(centre[:, left])
             within = np.all((whole >= self.half) & (whole < size - self.half), axis=0)
             inside[left[~within]] = False
             left, whole = left[within], whole[:, within].astype(int)
-            column, row = np.floor(CELLS * (centre[:, left] - whole)).astype(int)
+            column, row = np.floor(CELLS_PER_PIXEL * (centre[:, left] - whole)).astype(int)
             corner, at = whole[1] * width + whole[0], (left, row, column)
-            grey = pixels[corner[:, None] + offsets].astype(np.float32) - MIDDLE
+            grey = pixels[corner[:, None] + offsets].astype(np.float32) - MIDDLE_GREY
             columns = self.columns[at]
             right = (columns @ grey[:, :, None])[:, :, 0].astype(float)
             x = (self.inverse[at] @ (right + told)[:, :, None])[:, :, 0]
             usable = columns[:, 0] + columns[:, 1]  # ground and structure: all there is
-            fitted = np.sum(x * (right - told + PRIOR * x), axis=1)
+            fitted = np.sum(x * (right - told + PRIOR_WEIGHTS * x), axis=1)
             squares[left] = np.einsum("np,np,np->n", usable, grey, grey) - fitted
             contrast[left] = np.maximum(-x[:, 2], 1)
             step = -x[:, 3:5].T / contrast[left]
-            middle = whole + (np.stack([column, row]) + 0.5) / CELLS
+            middle = whole + (np.stack([column, row]) + 0.5) / CELLS_PER_PIXEL
             centre[:, left] = middle + np.clip(step, -1, 1)
             used[left] = usable.sum(axis=1)
-            left = left[np.abs(step).max(axis=0) > 1 / CELLS]
+            left = left[np.abs(step).max(axis=0) > 1 / CELLS_PER_PIXEL]
             if len(left) == 0:
                 break
         rms = np.sqrt(np.maximum(squares, 0) / np.maximum(used - 4, 1))
         strayed = (self.radii @ (centre - start).T[:, :, None])[:, :, 0]
-        holds = inside & (rms < POOR * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        holds = inside & (rms < MAX_POOR_SHARE * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
         holds[left] = False
         median = float(np.median(contrast[inside])) if inside.any() else 0.0
         holds &= contrast > 0.4 * max(median, self.contrast)  # without light nothing holds

@@ -21,14 +21,19 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.centres import refine
 from thesis_lib.measure.tracking.homography import TrackingError, View, homography
-from thesis_lib.vision.lens import HALF, undistorted
+from thesis_lib.vision.lens import HALF_PIXEL, undistorted
 
-PIXELS = 10  # of the resampled beam in a marker's diameter
-FAR = 5  # diameters that it is searched beyond the beam: more than a row moves on its plane
-SCALE, REACH = 2000.0, 0.025  # what that gives for the thesis's markers, px/m and m
-MOST = 2e7  # pixels of the resampled beam
-OFF = 1.5  # px from the grid, rms, from which the markers are taken for others
-BLURS = (0.15, 1.5)  # px
+PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
+SEARCH_DIAMETERS = (
+    5  # diameters that it is searched beyond the beam: more than a row moves on its plane
+)
+THESIS_SCALE_PX_PER_M, THESIS_REACH_M = (
+    2000.0,
+    0.025,
+)  # what that gives for the thesis's markers, px/m and m
+MAX_RESAMPLED_PIXELS = 2e7  # pixels of the resampled beam
+MAX_GRID_RMS_PX = 1.5  # px from the grid, rms, from which the markers are taken for others
+BLUR_RANGE_PX = (0.15, 1.5)  # px
 LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be considered
 
 
@@ -64,9 +69,9 @@ def sharpen(image: Image, view: View) -> View:
     wrong = ""
     if any(len(row) > 2 and np.isnan(row).all() for row in rows):
         wrong = "no marker is found in one of the rows"
-    elif off > max(OFF, 0.1 * between):
+    elif off > max(MAX_GRID_RMS_PX, 0.1 * between):
         wrong = f"the markers found are {off:.1f} px off their grid"
-    elif moved > max(2 * OFF, 0.4 * between):
+    elif moved > max(2 * MAX_GRID_RMS_PX, 0.4 * between):
         wrong = f"the markers found put the beam's corners {moved:.1f} px from where they are"
     if wrong:
         raise TrackingError(
@@ -89,7 +94,9 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
 
     if misfit(view.blur) == 1e3:
         return view.blur
-    return float(minimize_scalar(misfit, bounds=BLURS, method="bounded", options={"xatol": 0.01}).x)
+    return float(
+        minimize_scalar(misfit, bounds=BLUR_RANGE_PX, method="bounded", options={"xatol": 0.01}).x
+    )
 
 
 def gate_of(markers: Markers) -> float:
@@ -126,19 +133,24 @@ class Tracker:
     def __init__(self, view: View, turn: float = 0.0) -> None:
         self.view, self.turn = view, turn
         markers = view.markers
-        self.scale, self.reach = PIXELS / markers.diameter, FAR * markers.diameter
+        self.scale, self.reach = (
+            PIXELS_PER_MARKER / markers.diameter,
+            SEARCH_DIAMETERS * markers.diameter,
+        )
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
         nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
-        if nx * ny > MOST:
+        if nx * ny > MAX_RESAMPLED_PIXELS:
             raise TrackingError(
-                f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at {PIXELS} to a "
-                f"marker's diameter, at most {MOST:.0e} are handled; are the diameter and the "
+                f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at "
+                f"{PIXELS_PER_MARKER} to a "
+                f"marker's diameter, at most {MAX_RESAMPLED_PIXELS:.0e} are handled; are the "
+                "diameter and the "
                 "beam's size right?"
             )
         grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / self.scale
         u, v = view.to_image(grid + self.origin[:, None, None]).astype(np.float32)
-        self.maps = u - np.float32(HALF), v - np.float32(HALF)
-        self.template = _disc(PIXELS)
+        self.maps = u - np.float32(HALF_PIXEL), v - np.float32(HALF_PIXEL)
+        self.template = _disc(PIXELS_PER_MARKER)
         self.grid = markers.positions
         self.gate = gate_of(markers)
         self.moved = np.zeros_like(self.grid)

@@ -29,8 +29,8 @@ from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.vision.lens import Camera, undistorted_tracks
 
-OFTEN = 100  # frames after which the state is written
-CHUNK = 512  # frames that are read back at once
+FRAMES_PER_STATE = 100  # frames after which the state is written
+CHUNK_FRAMES = 512  # frames that are read back at once
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Recording:
     def parts(self, begin: float, end: float) -> Iterator[tuple[Array, Array]]:
         """Yield times (n,) in s and undistorted centres (n, 2, markers), some frames at once."""
         first, last = self.between(begin, end)
-        for start in range(first, last, CHUNK):
-            stop = min(start + CHUNK, last)
+        for start in range(first, last, CHUNK_FRAMES):
+            stop = min(start + CHUNK_FRAMES, last)
             uv = undistorted_tracks(self.camera, self.centres[start:stop])
             yield self.times[start:stop], uv
 
@@ -172,7 +172,7 @@ def record(
             written.update(centres)
             done += 1
             tick(1)
-            if done % OFTEN == 0 or done == count:
+            if done % FRAMES_PER_STATE == 0 or done == count:
                 file.flush()
                 os.fsync(file.fileno())
                 so_far = {
@@ -192,8 +192,8 @@ def record(
 def lost_share(recording: Recording) -> Array:
     """Share of the frames in which each marker is missing, shape (markers,)."""
     missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
-    for start in range(0, count, CHUNK):
-        missing += np.isnan(recording.centres[start : start + CHUNK, 0]).sum(axis=0)
+    for start in range(0, count, CHUNK_FRAMES):
+        missing += np.isnan(recording.centres[start : start + CHUNK_FRAMES, 0]).sum(axis=0)
     return missing / count
 
 
