@@ -18,9 +18,8 @@ _SHIPPED_FOLDER = "_project"  # what of the project a wheel has beside the libra
 STAGING_PREFIX = ".staging-"
 LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
-_CACHE_VARIABLE = (
-    "THESIS_CACHE"  # in the environment: the cache of a command that cannot write its own
-)
+# In the environment: the cache of a command that cannot write its own
+_CACHE_VARIABLE = "THESIS_CACHE"
 
 
 class InUseError(RuntimeError):

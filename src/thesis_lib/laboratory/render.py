@@ -22,9 +22,8 @@ from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
-SUBPIXELS_PER_PIXEL = (
-    2  # the spread acts on pixels this much finer: light is spread before pixels collect it
-)
+# The spread acts on pixels this much finer: light is spread before pixels collect it
+SUBPIXELS_PER_PIXEL = 2
 
 
 @dataclass(frozen=True)

@@ -38,12 +38,10 @@ _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results 
 # Newton steps after which a polytope counts as empty: of 144,249 feasible ones all were done by 25.
 _MAX_STEPS = 30
 _MARGIN_RATIO = 0.1  # share of a slab that the start is away from its faces, or is made to be
-_MAX_CENTRED_DECREMENT = (
-    1e-5  # Newton decrement below which the step is the last: its error is the square
-)
-_MIN_FINISHED_SHARE = (
-    0.25  # share of points that are done before they are put aside: moving costs, too
-)
+# Newton decrement below which the step is the last: its error is the square
+_MAX_CENTRED_DECREMENT = 1e-5
+# Share of points that are done before they are put aside: moving costs, too
+_MIN_FINISHED_SHARE = 0.25
 _MAX_QUADRATIC_DECREMENT = 0.25  # Newton decrement below which full steps converge
 
 

@@ -23,9 +23,8 @@ from thesis_lib.arrays import Array
 
 Numbers = tuple[float, float, float, float]
 
-BLOCK_POINTS = (
-    256  # points: their normal equations and images in 12 cameras fill a first or second cache
-)
+# Points: their normal equations and images in 12 cameras fill a first or second cache
+BLOCK_POINTS = 256
 # Where rows of BLOCK numbers begin in a block's memory: points (x y z); matrices, upper triangles
 # (xx xy xz yy yz zz); right sides; inverse depths.
 _MATRIX_AT, _RIGHT_AT, _INVERSE_AT, _WORK_SIZE = (

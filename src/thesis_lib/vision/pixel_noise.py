@@ -26,9 +26,8 @@ from thesis_lib.vision.triangulation import covariance
 MOST_PX = 1.0  # noise that is looked for
 _SIGMA_STEPS = 16  # of an integral over σ
 _REACH_SIGMAS = 10  # σ beyond a pixel's faces, where the integral ends
-_LIKELIHOOD_FALL = (
-    1.92  # fall of the logarithm of the likelihood at the ends of an interval of 95 %
-)
+# Fall of the logarithm of the likelihood at the ends of an interval of 95 %
+_LIKELIHOOD_FALL = 1.92
 
 
 def information(sigma_px: float) -> float:

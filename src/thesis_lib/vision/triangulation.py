@@ -29,9 +29,8 @@ UPPER_INDICES = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz
 # Points per block: intermediate results stay in cache, and the allocator reuses their memory.
 _BLOCK_POINTS, _BLOCK_VALUES = 6000, 72000  # the latter: camera × point values, for many cameras
 _COMPILED_ABOVE = 10**6  # points: loading compiled code costs less than it gains (first: seconds)
-_MAX_FIXED_MOTION = (
-    1e-5  # motion over depth in a step below which JᵀJ is kept: its change is of second order
-)
+# Motion over depth in a step below which JᵀJ is kept: its change is of second order
+_MAX_FIXED_MOTION = 1e-5
 
 
 def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:

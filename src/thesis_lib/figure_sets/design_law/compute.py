@@ -43,9 +43,8 @@ CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 
 MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
 CONE_ANGLES_DEG = np.arange(5.0, 86.0)  # degrees, of the cone
 DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
-MAX_PROCESSOR_DIFFERENCE = (
-    1e-13  # what differs by less is equal on some processors and not on others
-)
+# What differs by less is equal on some processors and not on others
+MAX_PROCESSOR_DIFFERENCE = 1e-13
 
 VARIABLES = declared(f"""
     motion_error(motion) [px] rms rounding error of a motion by the law
@@ -59,8 +58,7 @@ VARIABLES = declared(f"""
     cone_drawn_error(angle, axis) [m] rms error of random motions with whole pixels, drawn
     cone_drawn_error_std(angle, axis) [m] standard error of the drawn error of a cone
     cone_difference() [1] largest relative difference of closed form and Jacobian,
-    {MAX_PROCESSOR_DIFFERENCE:g} if
-        less
+        {MAX_PROCESSOR_DIFFERENCE:g} if less
     swept(finding, structure, step) [1] value of the varied parameter
     expected_error(finding, structure, step) [percent] rms error of markers by the law, amplitudes
         averaged

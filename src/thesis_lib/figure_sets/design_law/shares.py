@@ -40,9 +40,8 @@ MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
 # `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
 FOLLOWED_PX = 1.5
 MAX_FITTED_TRIALS = 100  # trials of films at most: they take longest
-MAX_FRAME_TRIALS = (
-    50  # trials of one frame at most: 75 motions each, which know an rms to some percent
-)
+# Trials of one frame at most: 75 motions each, which know an rms to some percent
+MAX_FRAME_TRIALS = 50
 _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 

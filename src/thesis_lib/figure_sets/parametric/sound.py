@@ -247,9 +247,8 @@ def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
-COMPARED_STEPS = (
-    74  # steps between the points of a plane that are compared, or twice as many at most
-)
+# Steps between the points of a plane that are compared, or twice as many at most
+COMPARED_STEPS = 74
 
 
 def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:

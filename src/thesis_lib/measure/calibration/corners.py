@@ -28,9 +28,8 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF_PIXEL
 
 _WINDOW_RATIO = 0.35  # half-size of the window over the distance to the neighbouring corners
-_MAX_WINDOW_PX = (
-    14  # most pixels from a corner to its window's edge: more add little to the precision
-)
+# Most pixels from a corner to its window's edge: more add little to the precision
+_MAX_WINDOW_PX = 14
 _OFF_MARK = 2.0  # least distance of a window's pixel from an ArUco mark: its blur's reach, px
 # Largest distance of a corner from a smooth grid, over that from its neighbour, as found and as
 # fitted. OpenCV's finders are off by up to 0.09. Fitted corners: 0.019 on a bent paper board, 0.005

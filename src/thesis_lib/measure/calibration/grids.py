@@ -17,9 +17,8 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF_PIXEL
 
 _MIN_BORDER_PX = 4.0  # least distance of a corner from the image's border, px
-_MIN_MARKED_CORNERS = (
-    12  # corners of a board with marks that must be seen, or half of a small one's
-)
+# Corners of a board with marks that must be seen, or half of a small one's
+_MIN_MARKED_CORNERS = 12
 _DICTIONARY_SIZES = (
     50,
     100,

@@ -41,9 +41,8 @@ from thesis_lib.studies.cache import kept, key_of
 from thesis_lib.studies.schema import declared, labelled, with_origin
 from thesis_lib.vision.lens import Camera
 
-MIN_JACKKNIFE_IMAGES = (
-    5  # shots that the jackknife needs: with fewer, a direction often has too little by chance
-)
+# Shots that the jackknife needs: with fewer, a direction often has too little by chance
+MIN_JACKKNIFE_IMAGES = 5
 _COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two standard deviations
 _MIN_EIGENVALUE = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
 

@@ -27,9 +27,8 @@ from thesis_lib.vision.triangulation import gain
 
 ALWAYS_S = 1e6  # s, before and after all recordings
 INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
-MAX_INTERPOLATED_RATIO = (
-    0.25  # of the frame rate; faster motion cannot be interpolated, only fitted
-)
+# Of the frame rate; faster motion cannot be interpolated, only fitted
+MAX_INTERPOLATED_RATIO = 0.25
 STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
 FLAG_MEANINGS = (
     "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"

@@ -38,9 +38,8 @@ HARMONIC_ORDER = 2  # harmonics of the images that are fitted
 MAX_ALIAS_RATIO = 4.0  # frame rates up to which aliases are considered
 ALIAS_FRAMES = 1000  # frames that tell them
 MAX_SCALE_ERROR = 0.002  # by which the grid's size may be off before it counts as wrong
-MIN_FOLDED_RATIO = (
-    0.2  # of the frame rate; from there on the second harmonic's alias nears the first's
-)
+# Of the frame rate; from there on the second harmonic's alias nears the first's
+MIN_FOLDED_RATIO = 0.2
 VARIABLES = declared("""
     x(marker) [m] place along the structure
     y(marker) [m] place across the structure

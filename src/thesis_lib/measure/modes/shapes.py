@@ -26,9 +26,8 @@ from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import jacobian
 
-MAX_ERROR_RATIO = (
-    8.0  # times the usual error, from which on a camera has no part in a marker's result
-)
+# Times the usual error, from which on a camera has no part in a marker's result
+MAX_ERROR_RATIO = 8.0
 
 
 @dataclass(frozen=True)
@@ -134,9 +133,8 @@ def straightened(
 
 
 ASSUMED_START_STD_S = 0.01  # s by which starts are thought to be off at most, rather
-MAX_PHASE_CHI2 = (
-    100.0  # of a phase's square over its error's that counts: one mode alone decides nothing
-)
+# Of a phase's square over its error's that counts: one mode alone decides nothing
+MAX_PHASE_CHI2 = 100.0
 PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 

@@ -27,9 +27,8 @@ from thesis_lib.measure.recordings.manifest_model import (
 from thesis_lib.measure.recordings.validation import ChainError
 
 MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
-MAX_MODEL_CHI = (
-    3.0  # times what noise explains, up to which a model's modes are taken for the shape
-)
+# Times what noise explains, up to which a model's modes are taken for the shape
+MAX_MODEL_CHI = 3.0
 PLANE_SHAPE = (61, 41)  # points of a plane
 
 

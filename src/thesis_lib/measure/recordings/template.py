@@ -56,9 +56,8 @@ ASKED_FIELDS = (  # what no file shows
     "cameras.exposure_s",
 )  # fmt: skip
 ASKED_OF_MARKS = ("board.mark_mm", "board.dictionary")
-ASSUMED_EXPOSURE_RATIO = (
-    0.25  # of the shortest frame, which stands for an exposure that is not given
-)
+# Of the shortest frame, which stands for an exposure that is not given
+ASSUMED_EXPOSURE_RATIO = 0.25
 
 
 def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:

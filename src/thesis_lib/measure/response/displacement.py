@@ -34,9 +34,8 @@ from thesis_lib.vision.triangulation import jacobian
 
 NEAR_SAMPLES = 24  # samples that an estimate rests on
 MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
-MAX_REPORTED_RATIO = (
-    0.4  # of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
-)
+# Of the rate, up to which the estimate is good: 1 % of the amplitude, mostly far better
+MAX_REPORTED_RATIO = 0.4
 OUT_OF_BAND_POWER_RATIO = 1e-6  # power beside the band over that in it
 QUADRATURE_NODES = 28  # of the quadrature over the band
 CHUNK_TIMES = 512  # times at once
@@ -114,9 +113,8 @@ def _mended(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array
     return found
 
 
-MAX_SURFACE_SHIFT_RATIO = (
-    0.25  # of the next marker's distance that a marker may seem to move along the surface
-)
+# Of the next marker's distance that a marker may seem to move along the surface
+MAX_SURFACE_SHIFT_RATIO = 0.25
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:

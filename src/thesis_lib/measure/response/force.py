@@ -25,12 +25,10 @@ from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, ste
 from thesis_lib.measure.synchronisation.pairs import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
-SETTLING_TIME_CONSTANTS = (
-    4.0  # times the resonance's time constant in which it settles: to e⁻⁴, 2 %
-)
-MIN_SEGMENT_POWER_RATIO = (
-    0.03  # of the largest power of a segment; weaker ones are before or after the sweep
-)
+# Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
+SETTLING_TIME_CONSTANTS = 4.0
+# Of the largest power of a segment; weaker ones are before or after the sweep
+MIN_SEGMENT_POWER_RATIO = 0.03
 SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
 
 

@@ -30,9 +30,8 @@ NORMALISED_LAGS = 1 << 18  # that are normalised at once
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
 MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in common
 MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the other
-MAX_PEAK_RATIO = (
-    0.9998  # ratio of peaks from which on they are alike, as recordings never are quite
-)
+# Ratio of peaks from which on they are alike, as recordings never are quite
+MAX_PEAK_RATIO = 0.9998
 
 
 def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:

@@ -33,9 +33,8 @@ MAX_CANDIDATES = 12  # peaks of the loudness's correlation that are looked into 
 WINDOW_SEARCH_S = 0.05  # s about the delay that was found, in which a window's is sought
 MAX_DRIFT = 2e-4  # most that clocks of cameras are apart, relative
 MAX_SHORT_DRIFT = 1e-3  # most that is looked for where the sounds are short
-MIN_CORRELATION_SIGMAS = (
-    6.0  # times 1/√n, by which unlike sounds correlate, that a window's correlation must be
-)
+# Times 1/√n, by which unlike sounds correlate, that a window's correlation must be
+MIN_CORRELATION_SIGMAS = 6.0
 PEAKS_PER_WINDOW = 3  # of each window that the line is sought through
 ON_LINE = 2.5e-4  # s that a window's peak may be from the line: 9 cm of a sound's way
 MAX_LINE_DEVIATIONS = 4.0  # times the middle deviation from the line

@@ -12,9 +12,8 @@ from thesis_lib.arrays import Array, Image
 GROUND_QUANTILE = 0.2  # of a row or column that the structure leaves free, at least
 ROW_BLUR_PX = 2.0  # px over which the light of rows varies little, standard deviation
 COARSE_STEP_PX = 8  # px of the frame in one of those in which its ground is looked for
-GROUND_REACH = (
-    0.12  # of the frame's width, beyond which ground is seen from everywhere on the structure
-)
+# Of the frame's width, beyond which ground is seen from everywhere on the structure
+GROUND_REACH = 0.12
 MIN_GROUND_LEVEL = 4.0  # grey levels of a ground that tell its light
 WHITE_LEVEL = 250.0  # grey level of the brightest hundredth of an evened frame
 

@@ -27,9 +27,8 @@ from thesis_lib.vision.lens import HALF_PIXEL
 CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
 MAX_FIT_ROUNDS = 6  # of the fit, at most
 MIDDLE_GREY = 128  # grey level from which all are counted, for the sake of single precision
-CONTRAST_GREY = (
-    100.0  # grey levels between structure and ground, with which the edge's place is weighed
-)
+# Grey levels between structure and ground, with which the edge's place is weighed
+CONTRAST_GREY = 100.0
 MAX_GROUND_GREY = 10.0  # grey levels by which the ground may differ from the first frame's
 MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
 MAX_TABLE_BYTES = 4e8  # bytes of a table

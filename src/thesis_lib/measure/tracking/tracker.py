@@ -24,9 +24,8 @@ from thesis_lib.measure.tracking.homography import TrackingError, View, homograp
 from thesis_lib.vision.lens import HALF_PIXEL, undistorted
 
 PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
-SEARCH_DIAMETERS = (
-    5  # diameters that it is searched beyond the beam: more than a row moves on its plane
-)
+# Diameters that it is searched beyond the beam: more than a row moves on its plane
+SEARCH_DIAMETERS = 5
 THESIS_SCALE_PX_PER_M, THESIS_REACH_M = (
     2000.0,
     0.025,
