@@ -44,7 +44,7 @@ class Amplitudes:
 
     @property
     def stacked(self) -> Array:
-        """Real parts, then imaginary parts, shape (2n,)."""
+        """Return the real parts, then imaginary parts, shape (2n,)."""
         return np.concatenate([self.value.real, self.value.imag])
 
     def part(self, places: IntArray) -> Amplitudes:
@@ -111,7 +111,7 @@ def summed(rows: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:
-    """Quotient of two forms wᴴAw / wᴴBw, to the first order of their errors."""
+    """Return the quotient of two forms wᴴAw / wᴴBw, to the first order of their errors."""
     A, B = (np.kron(np.eye(2), np.asarray(form, float)) for form in (above, below))
     a, b = (float(quadratic(form, of).value) for form in (above, below))
     value = a / b
@@ -134,7 +134,7 @@ def magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
 
 
 def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
-    """Real and imaginary parts of rₖ·w, (2, k), and their covariances, (k, 2, 2)."""
+    """Return the real and imaginary parts of rₖ·w, (2, k), and their covariances, (k, 2, 2)."""
     parts = np.stack(np.split(stacked_matrix(rows), 2))  # (2, k, 2n)
     spread = (parts.reshape(-1, parts.shape[2]) @ of.covariance).reshape(parts.shape)
     return parts @ of.stacked, np.einsum("akn,bkn->kab", spread, parts, optimize=True)

@@ -45,7 +45,7 @@ class Plane:
 
     @property
     def u(self) -> Array:
-        """X or Y of the columns in m, shape (columns,), symmetric about 0."""
+        """Return X or Y of the columns in m, shape (columns,), symmetric about 0."""
         return (
             self.half_width * np.linspace(-1, 1, self.shape[0])
             if self.shape[0] > 1
@@ -54,7 +54,7 @@ class Plane:
 
     @property
     def z(self) -> Array:
-        """Z of the rows in m, shape (rows,)."""
+        """Return Z of the rows in m, shape (rows,)."""
         return np.linspace(self.bottom, self.top, self.shape[1])
 
     @property
@@ -97,7 +97,7 @@ class PlaneOperator:
         return folded.reshape(flat), folded[..., ::-1].reshape(flat)
 
     def field(self, velocity: ArrayLike) -> ComplexArray:
-        """Pressure (columns, rows) in Pa of velocities (pistons,) in m/s."""
+        """Return the pressure (columns, rows) in Pa of velocities (pistons,) in m/s."""
         folded, mirrored = self.fold(velocity)
         columns, rows = self.plane.shape
         both = (self.kernel @ np.stack([folded, mirrored], axis=-1)).reshape(-1, rows, 2)
@@ -105,7 +105,7 @@ class PlaneOperator:
         return np.concatenate([left[columns % 2 :][::-1], right])
 
     def rms_factor(self) -> Array:
-        """Triangular factor F with ‖F v‖ the rms of |p| over the plane for folded, real v.
+        """Return triangular factor F with ‖F v‖ the rms of |p| over the plane for folded, real v.
 
         ‖F v‖² = vᵀ Re(GᴴG) v / N, without the loss of digits of that quadratic form. Rows of G
         for u > 0 and u < 0 share the kernel: the mirrored half is the kernel with its columns
@@ -122,7 +122,7 @@ class PlaneOperator:
         return factor / np.sqrt(columns * rows)
 
     def rms(self, velocity: ArrayLike, factor: Array | None = None) -> Array:
-        """Root mean square of |p| over the plane in Pa, for real velocities (..., pistons).
+        """Return root mean square of |p| over the plane in Pa, for real velocities (..., pistons).
 
         Parameters
         ----------
@@ -179,7 +179,7 @@ def operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> 
 
 
 def full_factor(op: PlaneOperator) -> Array:
-    """Factor F of a plane for unfolded velocities: ‖F v‖ is the rms of |p|, for real v."""
+    """Return factor F of a plane for unfolded velocities: ‖F v‖ is the rms of |p|, for real v."""
     n = op.grid[0] * op.grid[1]
     folded, _ = op.fold(np.eye(n))
     return op.rms_factor() @ np.real(folded).T

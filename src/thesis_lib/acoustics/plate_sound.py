@@ -51,7 +51,7 @@ class PlateSound:
         )
 
     def fields(self, deflection: ArrayLike) -> ComplexArray:
-        """Pressure (planes, u, z) in Pa of a deflection (markers,) in m."""
+        """Return the pressure (planes, u, z) in Pa of a deflection (markers,) in m."""
         velocity = 1j * self.omega * np.asarray(deflection, float)
         return np.stack([op.field(velocity) for op in self.operators])
 
@@ -79,12 +79,12 @@ class PlateSound:
         return self.expected_plane_errors(np.eye(len(self.reference)) * peak**2) / 100
 
     def power(self, deflection: ArrayLike) -> Array:
-        """Radiated power in W of deflections (..., markers) in m."""
+        """Return the radiated power in W of deflections (..., markers) in m."""
         w = np.asarray(deflection, float)
         return np.asarray(self.omega**2 * np.sum((w @ self.resistance) * w, axis=-1))
 
     def power_errors(self, deflection: ArrayLike) -> Array:
-        """Radiated power over that of the reference, less one, in %."""
+        """Return the radiated power over that of the reference, less one, in %."""
         return 100 * (self.power(deflection) / self.power(self.reference) - 1)
 
     def expected_power_error(self, covariance: ArrayLike) -> float:

@@ -23,7 +23,7 @@ _EXTRA_NODES = 10  # nodes, for the shape and the wave
 
 
 def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
-    """Nodes along and across that leave an error below 1e-6 at points so high above, in m.
+    """Return nodes along and across that leave an error below 1e-6 at points so high above, in m.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def integral(
     medium: Medium = AIR,
     nodes: tuple[int, int] | None = None,
 ) -> ComplexArray:
-    """Pressure in Pa of a plate that moves everywhere (eq. 6.4).
+    """Return the pressure in Pa of a plate that moves everywhere (eq. 6.4).
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from thesis_lib.arrays import Array
 
 
 def radiation_modes(factor: ArrayLike) -> Array:
-    """Rows √λₖ qₖ, the loudest first: the factor of the same form with orthogonal rows.
+    """Return the rows √λₖ qₖ, the loudest first: the factor of the same form with orthogonal rows.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def mean_squares(modes: ArrayLike, covariance: ArrayLike) -> Array:
 
 
 def coherence(factor: ArrayLike, covariance: ArrayLike) -> float:
-    """Rms pressure over that of errors as large on average that no two pistons share.
+    """Return the rms pressure over that of errors as large on average that no two pistons share.
 
     √(tr QC / (tr Q · mean of C's diagonal)): 1 if errors are independent and of equal size, up to
     the square root of the number of pistons if all have the one error that radiates most.

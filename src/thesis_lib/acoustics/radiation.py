@@ -33,7 +33,7 @@ REFERENCE_POWER = 1e-12  # W
 def rayleigh(
     pistons: Pistons, velocity: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of a baffled plate at any points in front of it (eq. 6.4, 6.7).
+    """Return the pressure in Pa of a baffled plate at any points in front of it (eq. 6.4, 6.7).
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def rayleigh(
 
 
 def radiation_matrix(pistons: Pistons, omega: float, medium: Medium = AIR) -> Array:
-    """Radiation resistance R = ω²ρ₀A_e²/(4πc) · sin(kr)/(kr), shape (pistons, pistons).
+    """Return the radiation resistance R = ω²ρ₀A_e²/(4πc) · sin(kr)/(kr), shape (pistons, pistons).
 
     The power of velocities v is W = vᴴRv (Elliott and Johnson 1993); the matrix is symmetric and
     positive semi-definite, in W s²/m².
@@ -74,7 +74,7 @@ def radiation_matrix(pistons: Pistons, omega: float, medium: Medium = AIR) -> Ar
 
 
 def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR) -> float:
-    """Radiated power vᴴRv in W."""
+    """Return the radiated power vᴴRv in W."""
     v = np.asarray(velocity)
     return float(np.real(np.conj(v) @ radiation_matrix(pistons, omega, medium) @ v))
 
@@ -92,7 +92,7 @@ def radiation_efficiency(
 def far_field(
     pistons: Pistons, velocity: ArrayLike, directions: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Far-field pressure times distance, p r e^{jkr}, in Pa m, shape (...)."""
+    """Return the far-field pressure times distance, p r e^{jkr}, in Pa m, shape (...)."""
     k = wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
     u = np.asarray(directions, float)
@@ -102,13 +102,13 @@ def far_field(
 
 
 def pressure_level(pressure: ArrayLike) -> Array:
-    """Sound pressure level in dB re 20 µPa of complex amplitudes in Pa."""
+    """Return the sound pressure level in dB re 20 µPa of complex amplitudes in Pa."""
     rms = np.abs(np.asarray(pressure)) / np.sqrt(2)
     with np.errstate(divide="ignore"):
         return np.asarray(20 * np.log10(rms / REFERENCE_PRESSURE))
 
 
 def power_level(power: ArrayLike) -> Array:
-    """Sound power level in dB re 1 pW of a power in W."""
+    """Return the sound power level in dB re 1 pW of a power in W."""
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(np.asarray(power, float) / REFERENCE_POWER))

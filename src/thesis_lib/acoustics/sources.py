@@ -49,12 +49,12 @@ class Pistons:
 
     @property
     def area(self) -> float:
-        """Area A_e of one piston in m²."""
+        """Return the area A_e of one piston in m²."""
         return self.size[0] * self.size[1]
 
 
 def wavenumber(omega: float, medium: Medium) -> float:
-    """Wavenumber ω/c in rad/m of a circular frequency in a medium."""
+    """Return the wavenumber ω/c in rad/m of a circular frequency in a medium."""
     _check_positive("omega", omega)
     return omega / medium.speed_of_sound
 
@@ -110,7 +110,7 @@ def pulsating_sphere(
 def monopole(
     distance: ArrayLike, volume_velocity: complex, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of a point monopole in free space (eq. 6.2), at distances r > 0 in m.
+    """Return pressure in Pa of a point monopole in free space (eq. 6.2), at distances r > 0 in m.
 
     The volume velocity Q is in m³/s, `omega` in rad/s.
     """
@@ -125,14 +125,14 @@ def monopole(
 def piston(
     distance: ArrayLike, velocity: complex, area: float, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of one small baffled piston (eq. 6.3): a monopole with Q = 2 v A_e."""
+    """Return pressure in Pa of one small baffled piston (eq. 6.3): a monopole with Q = 2 v A_e."""
     return monopole(distance, 2 * velocity * area, omega, medium)
 
 
 def transfer(
     pistons: Pistons, points: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).
+    """Return the pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).
 
     The exponent has the sign of eq. 6.4, that of outgoing waves.
 
@@ -166,7 +166,7 @@ def transfer(
 
 
 def outgoing_wave(k: float, R: Array) -> tuple[Array, Array]:
-    """Real and imaginary part of j e^{−jkR} / R: sin(kR)/R and cos(kR)/R, in 1/m.
+    """Return the real and imaginary part of j e^{−jkR} / R: sin(kR)/R and cos(kR)/R, in 1/m.
 
     Both come from tan(kR/2), one fast function in place of two slow ones.
     """
@@ -177,14 +177,14 @@ def outgoing_wave(k: float, R: Array) -> tuple[Array, Array]:
 
 
 def per_velocity(pistons: Pistons, omega: float, medium: Medium) -> float:
-    """Factor ωρA/2π in kg/s² from a piston's velocity to its wave's strength."""
+    """Return the factor ωρA/2π in kg/s² from a piston's velocity to its wave's strength."""
     return omega * medium.density * pistons.area / (2 * np.pi)
 
 
 def spherical_waves(
     pistons: Pistons, points: Array, omega: float, medium: Medium
 ) -> Iterator[tuple[slice, Array, Array]]:
-    """Outgoing waves from every piston to blocks of points, (points, pistons) each."""
+    """Yield the outgoing waves from every piston to blocks of points, (points, pistons) each."""
     k = wavenumber(omega, medium)
     check_pistons(pistons, omega, medium)
     flat = points.reshape(3, -1)

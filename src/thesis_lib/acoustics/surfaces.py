@@ -71,7 +71,7 @@ class Surface:
 
     @cached_property
     def area(self) -> float:
-        """Area in m²."""
+        """Return the area in m²."""
         return float(self.pistons.area * self.share.sum())
 
     @cached_property
@@ -123,7 +123,7 @@ class Surface:
 
 
 def _part(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
-    """Share of a cell's area inside an outline, and its nodes (2, 4)."""
+    """Return the share of a cell's area inside an outline, and its nodes (2, 4)."""
     area, centre, variances = moments(clip(corners - middle, -size / 2, size / 2))
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
     if share > 1 - MIN_AREA_RATIO:

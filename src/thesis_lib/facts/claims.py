@@ -143,7 +143,7 @@ class Claim:
 
     @property
     def chapter(self) -> int:
-        """Chapter of the thesis."""
+        """Return the chapter of the thesis."""
         return int(self.section[0])
 
     @property

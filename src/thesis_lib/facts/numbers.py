@@ -46,12 +46,12 @@ class StatedNumber:
 
     @property
     def low(self) -> float:
-        """Least value that would be printed like this."""
+        """Return the least value that would be printed like this."""
         return _interval(self.stated)[0]
 
     @property
     def high(self) -> float:
-        """Largest value that would be printed like this."""
+        """Return the largest value that would be printed like this."""
         return _interval(self.stated)[1]
 
     @property
@@ -110,7 +110,7 @@ def _axes_angle(one: Direction, other: Direction) -> float:
 
 
 def _equations(n_cameras: int) -> int:
-    """Independent rows of eq. 3.18 that cameras with rounded images give for one point."""
+    """Return independent rows of eq. 3.18 that cameras with rounded images give for one point."""
     (pair,) = setups.distance_settings([500], 30, 25, (320, 180))
     P = pair.cameras(24, 36).P[:n_cameras]
     u, v = pixelate(project(P, [[0.1], [0.004], [0.003]]))[:, :, 0].T
@@ -126,7 +126,7 @@ def _sine_factor() -> float:
 
 
 def _mixed_term() -> float:
-    """Factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
+    """Return the factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
     a2, b2 = ((math.pi / side) ** 2 for side in THESIS_PLATE.extent)
     waves = (
         THESIS_PLATE.angular_frequencies(1)[0] ** 2

@@ -60,7 +60,7 @@ class Setting:
 
 
 def data_folder() -> Path:
-    """Folder with the thesis's facts."""
+    """Return the folder with the thesis's facts."""
     return shipped() / "data" / "thesis"
 
 
@@ -84,13 +84,13 @@ def plate(grid: tuple[int, int] | None = None) -> Plate:
 
 
 def table(structure: str, study: str) -> dict[str, Any]:
-    """One study's entry of the tables: its printed parameters and figure numbers."""
+    """Return one study's entry of the tables: its printed parameters and figure numbers."""
     entry: dict[str, Any] = dict(read_toml("setups.toml")[structure][study])
     return entry
 
 
 def pairs() -> dict[str, list[list[Direction]]]:
-    """Camera pairs of Table 3.4 by case, in printed order."""
+    """Return the camera pairs of Table 3.4 by case, in printed order."""
     printed: dict[str, list[list[Direction]]] = read_toml("setups.toml")["pairs"]
     return printed
 
@@ -127,7 +127,7 @@ def distance_settings(
     elevation_deg: float,
     resolution_px: tuple[int, int],
 ) -> list[Setting]:
-    """Case 1: a pair at ± azimuth and growing distance."""
+    """Return the case 1: a pair at ± azimuth and growing distance."""
     pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
     return [Setting("1", d, f"{d:g} mm", d, pair, resolution_px) for d in distances_mm]
 
@@ -140,7 +140,7 @@ def aperture_settings(
     distance_mm: float,
     resolution_px: tuple[int, int],
 ) -> list[Setting]:
-    """Cases 2a, 2c (arc at constant elevation) and 2b, 2d (arc overhead: α = 180° − 2φ)."""
+    """Return cases 2a, 2c (arc at constant elevation) and 2b, 2d (arc overhead: α = 180° − 2φ)."""
     settings = []
     for case in cases:
         if case in CENTRES_DEG:
@@ -162,7 +162,7 @@ def aperture_settings(
 def resolution_settings(
     widths_px: Sequence[int], distance_mm: float, azimuth_deg: float, elevation_deg: float
 ) -> list[Setting]:
-    """Case 3: one pair, growing 16:9 resolution."""
+    """Return the case 3: one pair, growing 16:9 resolution."""
     pair = ((azimuth_deg, elevation_deg), (-azimuth_deg, elevation_deg))
     sizes = [(w, round(w * 9 / 16)) for w in widths_px]
     return [Setting("3", w, f"{w}×{h}", distance_mm, pair, (w, h)) for w, h in sizes]
@@ -175,7 +175,7 @@ def array_settings(
     distance_mm: float,
     resolution_px: tuple[int, int],
 ) -> list[Setting]:
-    """Cases 4a–4e: pairs added one after the other; then the reader's own layouts.
+    """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def text(cube: xr.Dataset, name: str, *which: int) -> str:
 
 
 def caption(figure_set: str, name: str, *which: int) -> Caption:
-    """Caption of a picture; empty if ``captions.toml`` has none."""
+    """Return the caption of a picture; empty if ``captions.toml`` has none."""
     words = read_toml("captions.toml").get(figure_set, {}).get(name, {})
     return Caption(**{key: text.format(*which) for key, text in words.items()})
 

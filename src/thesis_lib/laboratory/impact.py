@@ -33,7 +33,7 @@ class ImpactMotion(Motion):
 
     @property
     def poles(self) -> ComplexArray:
-        """λ = ω (−ζ + j √(1 − ζ²)) of every mode, 1/s, shape (components,)."""
+        """Return λ = ω (−ζ + j √(1 − ζ²)) of every mode, 1/s, shape (components,)."""
         omega = 2 * np.pi * np.array([part.frequency for part in self.components])
         zeta = np.array(self.damping)
         return np.asarray(omega * (1j * np.sqrt(1 - zeta**2) - zeta), complex)

@@ -313,7 +313,7 @@ class RigRequest(Fields):
 
     @property
     def directions_deg(self) -> dict[str, tuple[float, float]]:
-        """Azimuth and elevation of each camera."""
+        """Return the azimuth and elevation of each camera."""
         a = self.azimuth_deg
         azimuths = (a, -a, 180 + a, 180 - a)
         return {

@@ -122,7 +122,7 @@ class Rig:
 
     @property
     def full_scale(self) -> float:
-        """Force in N at full scale of the audio tracks."""
+        """Return the force in N at full scale of the audio tracks."""
         times = np.linspace(self.motion.start, self.motion.steady + 1, 4000)
         return float(np.abs(self.motion.force(times)).max()) / MAX_FORCE_SHARE
 

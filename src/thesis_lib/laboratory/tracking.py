@@ -56,7 +56,7 @@ class TrackedCentres:
 
     @property
     def missing(self) -> float:
-        """Share of the marker images that are missing."""
+        """Return the share of the marker images that are missing."""
         return float(np.mean(np.isnan(self.centres[:, 0])))
 
     def error(self) -> Array:

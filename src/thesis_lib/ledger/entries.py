@@ -86,7 +86,7 @@ class Entry:
 
     @property
     def record(self) -> dict[str, object]:
-        """All fields as JSON values: None where there is no number."""
+        """Return all fields as JSON values: None where there is no number."""
         values = vars(self) | {"modes": list(self.modes)}
         none = {n: None for n, v in values.items() if isinstance(v, float) and not np.isfinite(v)}
         return values | none

@@ -33,7 +33,7 @@ class Series:
     _means: dict[int, Array] = field(default_factory=dict, compare=False, repr=False)
 
     def means(self, seed: int) -> Array:
-        """Means over resampled trials, shape (settings, resamples), computed once."""
+        """Return the means over resampled trials, shape (settings, resamples), computed once."""
         if seed not in self._means:
             self._means[seed] = self.errors @ _weights(self.errors.shape[1], seed)
         return self._means[seed]
@@ -119,7 +119,7 @@ class Evidence:
 
     @property
     def cases(self) -> tuple[str, ...]:
-        """Cases that the trend speaks of."""
+        """Return the cases that the trend speaks of."""
         return self.trend.cases or tuple(self.values)
 
     @property
@@ -134,11 +134,11 @@ class Evidence:
 
     @property
     def series(self) -> list[Array]:
-        """Errors of all that the trend speaks of and that has a reference."""
+        """Return the errors of all that the trend speaks of and that has a reference."""
         return [errors for _, errors in self.named]
 
     def of_modes(self, quantity: str) -> dict[int, Array]:
-        """Geometric mean over all settings of the cases, by mode: shape (draws,)."""
+        """Return the geometric mean over all settings of the cases, by mode: shape (draws,)."""
         by: dict[int, list[Array]] = {}
         for name, case, mode in self.errors:
             if name == quantity and case in self.cases:
@@ -148,7 +148,7 @@ class Evidence:
         return {mode: np.exp(np.concatenate(logs).mean(axis=0)) for mode, logs in by.items()}
 
     def pairs(self, other: str) -> Iterator[tuple[Array, Array, str]]:
-        """Errors of the trend's own case and of another, for each quantity and mode."""
+        """Yield the errors of the trend's own case and of another, for each quantity and mode."""
         for quantity in self.trend.quantities:
             for mode in self.trend.modes:
                 own = self.errors[quantity, self.cases[0], mode]

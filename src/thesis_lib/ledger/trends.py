@@ -75,7 +75,7 @@ class Finding:
 
     @property
     def verdict(self) -> str:
-        """One word of the ledger: agrees, within scatter, differs or no material change."""
+        """Return one word of the ledger: agrees, within scatter, differs or no material change."""
         if _are_unchanged(np.array([self.effect, self.largest_effect])):
             return UNCHANGED
         if self.confidence >= MIN_CONFIDENCE:
@@ -327,7 +327,7 @@ def _best_mode(evidence: Evidence, argument: str) -> Mask:
 
 
 def _planes_alike(evidence: Evidence, argument: str) -> Mask:
-    """Both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
+    """Return both planes, or with ``planes_alike XZ 2 1`` a plane in two modes."""
     if argument:
         plane, mode, other = argument.split()
         by = evidence.of_modes(f"plane_error_{plane.lower()}")

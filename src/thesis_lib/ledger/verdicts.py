@@ -51,7 +51,7 @@ class Check:
 
     @property
     def verdict(self) -> str:
-        """One of ``VERDICTS``."""
+        """Return one of ``VERDICTS``."""
         return "agrees" if self.exact else "within scatter" if self.inside else "differs"
 
     @property

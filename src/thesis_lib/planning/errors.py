@@ -47,7 +47,7 @@ class Simulated:
     point: Array  #: Rms errors over the trials, shape (modes, markers)
 
     def error(self, objective: str, at: NDArray[np.int_]) -> Array:
-        """Rms over the trials of the error that counts, by mode.
+        """Return the rms over the trials of the error that counts, by mode.
 
         Of the mean over the markers, or of the marker `at` (modes,) which is predicted worst: the
         largest of many scattered errors would be too high.
@@ -64,7 +64,7 @@ class Simulated:
 
 
 def percent(scene: Scene) -> Array:
-    """Factor (modes, 1) from m to % of the largest deflection of a marker in each mode."""
+    """Return factor (modes, 1) from m to % of the largest deflection of a marker in each mode."""
     largest = np.max(np.abs(scene.body.shapes), axis=1) * np.array(scene.peaks)
     return np.asarray(100 / largest[:, None])
 
@@ -82,7 +82,7 @@ def counted(point: Array, objective: str) -> Array:
 def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
-    """Cameras and markers that go together, and these cameras."""
+    """Yield the cameras and markers that go together, and these cameras."""
     rig, seen = cameras(scene, layout, width), visible(scene, layout)
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
@@ -93,7 +93,7 @@ def _groups(
 
 
 def predicted(scene: Scene, layout: Array, width: int) -> Array:
-    """Rms error of every marker by the law of rounding, shape (modes, markers), in %."""
+    """Return the rms error of every marker by the law of rounding, shape (modes, markers), in %."""
     body, point = scene.body, np.empty(scene.body.shapes.shape)
     deflected = body.deflected(scene.peaks)
     for _, markers, part in _groups(scene, layout, width):
@@ -131,7 +131,7 @@ def simulated(
 
 
 def drawn(scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str) -> Array:
-    """Errors of the deflections in that simulation, shape (modes, trials, markers), in m."""
+    """Return errors of the deflections in that simulation, shape (modes, trials, markers), in m."""
     body = scene.body
     points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
     shifts = rounding.grid_shifts(seed, trials, len(layout))[1:]
@@ -188,17 +188,17 @@ def variances(total: Array) -> Array:
 
 
 def cost(variance: Array, objective: str) -> Array:
-    """Mean or largest variance over the markers, which are the last axis."""
+    """Return the mean or largest variance over the markers, which are the last axis."""
     return variance.mean(axis=-1) if objective == "mean" else variance.max(axis=-1)
 
 
 def layout_cost(scene: Scene, places: Array, objective: str) -> float:
-    """Cost of a layout; infinite unless every marker is seen well enough by two cameras."""
+    """Return cost of a layout; infinite unless every marker is seen well enough by two cameras."""
     return together(information(scene, places), objective)
 
 
 def together(known: Array, objective: str) -> float:
-    """Cost of cameras from the information of each, shape (6, cameras, markers)."""
+    """Return the cost of cameras from the information of each, shape (6, cameras, markers)."""
     return float(cost(variances(known.sum(axis=1)), objective))
 
 

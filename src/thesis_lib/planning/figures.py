@@ -84,7 +84,7 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
 
 
 def front_figure(cube: xr.Dataset, target: float | None = None) -> Figure:
-    """Error against cost of every option, and the front of those that nothing beats."""
+    """Return the error against cost of every option, and the front of those that nothing beats."""
     with in_style():
         drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
         front_panel(axes, cube, target)
@@ -185,5 +185,5 @@ def _option(cube: xr.Dataset, index: int) -> dict[str, Any]:
 
 
 def _finite(points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Points (points, 3) without the rows that only fill up."""
+    """Return the points (points, 3) without the rows that only fill up."""
     return points[np.isfinite(points).all(axis=1)]

@@ -153,7 +153,7 @@ def _same(one: Scene, other: Scene) -> bool:
 
 
 def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
-    """Cost of the best layout on a coarse grid; infinite if there is no room."""
+    """Return the cost of the best layout on a coarse grid; infinite if there is no room."""
     grid = candidates(scene, np.radians(max(request.step_deg, 15.0)))
     if not len(grid):
         return np.inf
@@ -189,12 +189,12 @@ class Option:
 
     @property
     def error(self) -> float:
-        """Largest error of a mode in %."""
+        """Return the largest error of a mode in %."""
         return float(self.predicted.max())
 
     @property
     def pixel_rate(self) -> float:
-        """Pixels per second of all cameras."""
+        """Return the pixels per second of all cameras."""
         return len(self.layout) * self.resolution[0] * self.resolution[1] * self.frame_rate
 
 
@@ -327,7 +327,7 @@ def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
 
 
 def _aspects(request: PlanRequest) -> dict[Fraction, list[int]]:
-    """Resolutions by height over width: those of one shape share their layouts."""
+    """Return the resolutions by height over width: those of one shape share their layouts."""
     groups: dict[Fraction, list[int]] = {}
     for kind, (width, height) in enumerate(request.resolutions_px):
         groups.setdefault(Fraction(height, width), []).append(kind)

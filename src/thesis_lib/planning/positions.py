@@ -56,21 +56,21 @@ class Body:
 
     @cached_property
     def centre(self) -> Array:
-        """Middle of the box around the markers, shape (3,): what all cameras look at."""
+        """Return the middle of the box around the markers, shape (3,): what all cameras look at."""
         return (self.points.max(axis=1) + self.points.min(axis=1)) / 2
 
     @property
     def reach(self) -> float:
-        """Largest distance of a marker from the centre in m."""
+        """Return the largest distance of a marker from the centre in m."""
         return float(np.max(np.linalg.norm(self.points - self.centre[:, None], axis=0)))
 
     def deflected(self, peaks: Sequence[float]) -> Array:
-        """Markers at the peaks (m) of the modes, shape (3, modes, markers)."""
+        """Return the markers at the peaks (m) of the modes, shape (3, modes, markers)."""
         moved = np.asarray(peaks)[:, None] * self.shapes
         return self.points[:, None] + self.normals[:, None] * moved
 
     def extremes(self, peaks: Sequence[float]) -> Array:
-        """Markers at both ends of their largest motion, shape (3, 2, markers).
+        """Return the markers at both ends of their largest motion, shape (3, 2, markers).
 
         What sees both ends sees the whole motion of any of the modes, since images of straight
         lines are straight.
@@ -109,12 +109,12 @@ def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
 
 
 def angles(values: Array, limits: Limits) -> Array:
-    """Angles in rad rounded to tenths of a degree, within limits."""
+    """Return the angles in rad rounded to tenths of a degree, within limits."""
     return np.clip(_rounded(values), *limits)
 
 
 def azimuths(values: Array, limits: Limits) -> Array:
-    """Azimuths rounded like :func:`angles`; of a full turn from -180° to below 180°."""
+    """Return the azimuths rounded like :func:`angles`; of a full turn from -180° to below 180°."""
     if full_turn(limits):
         half = np.pi * (1 + 1e-12)  # -180° and 180° are one
         return _rounded(np.mod(_rounded(values) + half, 2 * np.pi) - half)
@@ -132,7 +132,7 @@ def full_turn(limits: Limits) -> bool:
 
 
 def lengths(values: Array, limits: Limits) -> Array:
-    """Lengths in m rounded to millimetres, within limits."""
+    """Return the lengths in m rounded to millimetres, within limits."""
     return np.clip(np.rint(np.round(values * PER_METRE, _STEP_DIGITS)) / PER_METRE, *limits)
 
 
@@ -213,7 +213,7 @@ class Scene:
 
 
 def centres(scene: Scene, places: Array) -> Array:
-    """Camera centres in m in the body's frame, shape (places, 3)."""
+    """Return the camera centres in m in the body's frame, shape (places, 3)."""
     out = hemisphere_directions(places[:, 0], places[:, 1]) * places[:, 2:3]
     return out + scene.body.centre
 
@@ -242,7 +242,7 @@ class Sights:
 
 
 def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
-    """Sights in directions (directions, 2) through lenses (directions,)."""
+    """Return the sights in directions (directions, 2) through lenses (directions,)."""
     body, R = scene.body, hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
@@ -336,7 +336,7 @@ def apart(scene: Scene, places: Array, others: Array) -> Mask:
 
 
 def directions(scene: Scene, step: float) -> Array:
-    """Grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
+    """Return grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
     turn = full_turn(scene.rules.azimuths)
     count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
@@ -346,7 +346,7 @@ def directions(scene: Scene, step: float) -> Array:
 
 
 def _grid(*axes: Array) -> Array:
-    """All combinations, shape (combinations, axes)."""
+    """Return all combinations, shape (combinations, axes)."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 

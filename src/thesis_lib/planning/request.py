@@ -195,7 +195,7 @@ class PlanRequest(Study):
 
     @property
     def peaks_m(self) -> tuple[float, ...]:
-        """Peak deflection of each mode in m."""
+        """Return the peak deflection of each mode in m."""
         if isinstance(self.amplitude_mm, list):
             return tuple(peak / 1000 for peak in self.amplitude_mm)
         return (float(self.amplitude_mm) / 1000,) * len(self.modes)

@@ -143,7 +143,7 @@ def as_cube(plan: Plan) -> xr.Dataset:
 
 
 def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:
-    """Azimuth and elevation in degrees, distance and focal length in m, position in m."""
+    """Return azimuth and elevation in degrees, distance and focal length in m, position in m."""
     layout = option.layout
     azimuth = np.mod(np.degrees(layout[:, 0]) + 180, 360) - 180
     focal = layout[:, 3] * plan.request.sensor_width_mm / 1000

@@ -271,7 +271,7 @@ def best_layouts(
 
 
 def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:
-    """Candidates drawn one after the other where there is room; -1 where there is none."""
+    """Return candidates drawn one after the other where there is room; -1 where there is none."""
     chosen: list[int] = []
     for _ in range(count):
         open_ = np.flatnonzero(~np.any(near[chosen], axis=0))

@@ -129,7 +129,7 @@ def averaged(
 def predicted(
     sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """Errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
+    """Return errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
     P, rest = cameras(scene, layout, width).P, scene.body.points
     moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
     covariances = [rounding.deflection_covariance(P, rest, one) for one in moved]
@@ -137,7 +137,7 @@ def predicted(
 
 
 def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array, Array]:
-    """Errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
+    """Return errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
 
     Returns
     -------

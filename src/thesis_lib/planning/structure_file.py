@@ -155,7 +155,7 @@ def _numbers(path: Path, mesh: xr.Dataset) -> list[int]:
 
 
 def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
-    """Markers and mode shapes.
+    """Return the markers and mode shapes.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Refused(click.ClickException):
 
 
 def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
-    """Values of parameters from ``KEY=VALUE`` texts, as JSON or else as text."""
+    """Return the values of parameters from ``KEY=VALUE`` texts, as JSON or else as text."""
     values: dict[str, Any] = {}
     for assignment in assignments:
         key, equals, text = assignment.partition("=")

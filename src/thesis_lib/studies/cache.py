@@ -100,7 +100,7 @@ def cache_path(study: Study, key: str) -> Path:
 
 
 def key_of(values: Any, files: Iterable[Path] = ()) -> str:
-    """Key of a step that depends on JSON values and on the contents of files.
+    """Return the key of a step that depends on JSON values and on the contents of files.
 
     A file's digest is remembered while its size, times and inode are the same; reading a gigabyte
     takes about a second, tracking it takes minutes.

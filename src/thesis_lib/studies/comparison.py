@@ -32,7 +32,7 @@ MAX_LISTED_NAMES = 12  # names in a list
 
 
 def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
-    """Two summaries side by side, for the settings and modes that both have.
+    """Return two summaries side by side, for the settings and modes that both have.
 
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
     and ``apart`` tells whether the 5–95 % bands do not meet.
@@ -147,7 +147,7 @@ class _Found:
         self.differ.append(f"{name}{dims}: {off.sum()} of {off.size} values differ{far}")
 
     def lines(self, name: str) -> Iterator[str]:
-        """All of it, in words."""
+        """Yield all of it, in words."""
         yield from self.differ
         yield f"no difference from {name} in {len(self.same)} variables and coordinates" + (
             ", those above apart" if self.differ else ""

@@ -48,7 +48,7 @@ def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def error(cube: xr.Dataset, name: str) -> xr.DataArray:
-    """One of them."""
+    """Return one of them."""
     variable, plane = ERROR_VARIABLES[name]
     return cube[variable] if plane is None else cube[variable].sel(plane=plane)
 
@@ -62,7 +62,7 @@ def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
 
 
 def summary(cube: xr.Dataset) -> pd.DataFrame:
-    """Each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
+    """Return each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
     Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
     a cube that lists quantities: each with its value and unit.
@@ -93,7 +93,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def band(values: xr.DataArray) -> Any:
-    """Quantiles 5, 50 and 95 % of errors over their trials but the literal run.
+    """Return the quantiles 5, 50 and 95 % of errors over their trials but the literal run.
 
     They are (3, setting, ...), NaN without such trials. One setting is read at a time.
     """
@@ -128,6 +128,6 @@ def percent_text(value: float) -> str:
 
 
 def band_text(median: float, low: float, high: float) -> str:
-    """Median and band as they stand in tables; a dash where there were no trials."""
+    """Return the median and band as they stand in tables; a dash where there were no trials."""
     text = percent_text
     return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"

@@ -15,7 +15,7 @@ def abreast(
     items: Iterable[Item],
     stop: Callable[[], object] = lambda: None,
 ) -> list[Result]:
-    """Results of all items in their order, two computed at a time.
+    """Return the results of all items in their order, two computed at a time.
 
     As soon as one fails, or an interrupt comes, what has not begun is not begun, `stop` is called
     to end what has, and the failure is raised.

@@ -103,12 +103,12 @@ class Study(Fields):
 
     @property
     def request(self) -> dict[str, Any]:
-        """All that determines the result, as JSON values; where it is written does not."""
+        """Return all that determines the result, as JSON values; where it is written does not."""
         return self.model_dump(mode="json", exclude={"cube"})
 
     @property
     def digest(self) -> str:
-        """Ten hexadecimal digits that stand for the request."""
+        """Return ten hexadecimal digits that stand for the request."""
         text = json.dumps([self.name, self.request])  # the order of layouts is part of it
         return hashlib.sha256(text.encode()).hexdigest()[:10]
 

@@ -83,7 +83,7 @@ def declared(lines: str) -> dict[str, Variable]:
 def labelled(
     values: Mapping[str, Any], table: Mapping[str, Variable], over: Iterable[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], Any, Any]]:
-    """Values as variables of a dataset, in the order in which they come."""
+    """Return the values as variables of a dataset, in the order in which they come."""
     return {name: table[name].of(each, over) for name, each in values.items()}
 
 
@@ -119,7 +119,7 @@ def structure_kind(cube: xr.Dataset) -> str:
 
 
 def structure_extent(cube: xr.Dataset) -> tuple[float, float]:
-    """Length and width of a cube's structure in m."""
+    """Return the length and width of a cube's structure in m."""
     about = cube["outline"].attrs
     return float(about["length"]), float(about["width"])
 
@@ -200,7 +200,7 @@ def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
 
 
 def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
-    """Coordinates of fields on planes, and of the extreme settings of each case."""
+    """Return the coordinates of fields on planes, and of the extreme settings of each case."""
     values = {
         "case_name": cases,
         "plane": [plane.name for plane in planes],
@@ -253,7 +253,7 @@ def drawn_by(others: xr.Dataset | None) -> dict[str, str]:
 def coordinates(
     study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
 ) -> dict[str, Any]:
-    """Coordinates of a study's cube: settings, modes, trials, points."""
+    """Return the coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
     words = "random shift of the pixel grids, 0 for the literal run"

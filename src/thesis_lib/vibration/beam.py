@@ -37,22 +37,22 @@ class Beam:
 
     @property
     def bending_stiffness(self) -> float:
-        """EI in N m², with I = b h³ / 12."""
+        """Return EI in N m², with I = b h³ / 12."""
         return self.youngs_modulus * self.width * self.thickness**3 / 12
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """Return the length and width in m."""
         return self.length, self.width
 
     @property
     def force_point(self) -> Array:
-        """Position of the force, shape (2, 1), in m."""
+        """Return the position of the force, shape (2, 1), in m."""
         return np.array([[self.force_position], [self.width / 2]])
 
     @property
     def markers(self) -> Array:
-        """Marker positions, shape (2, n_markers), in m: a row on the beam's axis."""
+        """Return the marker positions, shape (2, n_markers), in m: a row on the beam's axis."""
         row = np.arange(self.n_markers) * self.marker_spacing
         x = (
             row + (self.length - row[-1]) / 2
@@ -67,16 +67,16 @@ class Beam:
         return k**2 * np.sqrt(self.bending_stiffness * self.length / self.mass)
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, the same for any supports at high ω."""
+        """Return modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, the same for any supports at high ω."""
         stiffness = self.bending_stiffness * self.length / self.mass
         return self.length / (2 * np.pi) * stiffness**-0.25 / np.sqrt(np.asarray(omega, float))
 
     def shape_peak(self, mode: int) -> float:
-        """Largest absolute value of a mode shape: 2, at the tip."""
+        """Return the largest absolute value of a mode shape: 2, at the tip."""
         return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike, derivative: int = 0) -> Array:
-        """Mode shapes of eq. 3.4 with its sign put right, or their derivatives.
+        """Return the mode shapes of eq. 3.4 with its sign put right, or their derivatives.
 
         φ = cosh kx − cos kx − σ (sinh kx − sin kx) is evaluated with the growing exponential
         scaled to the free end, so that nothing cancels however high the mode.
@@ -124,7 +124,7 @@ def _cantilever_roots(n_modes: int) -> tuple[float, ...]:
 
 
 def cantilever_roots(n_modes: int) -> Array:
-    """First positive roots β = kL of cos β cosh β = −1, shape (n_modes,), ascending.
+    """Return the first positive roots β = kL of cos β cosh β = −1, shape (n_modes,), ascending.
 
     Solved as cos β + 1/cosh β = 0, which neither overflows nor loses digits for high modes.
 

@@ -40,13 +40,13 @@ class PlateModes:
 
     @property
     def peaks(self) -> Array:
-        """Largest absolute value of each shape at a corner of a triangle, shape (modes,)."""
+        """Return largest absolute value of each shape at a corner of a triangle, shape (modes,)."""
         at_corners = self.coefficients[self.basis.nodal_dofs[0]]
         peaks: Array = np.max(np.abs(at_corners), axis=0)
         return peaks
 
     def at(self, points: Array) -> Array:
-        """Shapes at points (2, n) of the plate, shape (modes, n)."""
+        """Return the shapes at points (2, n) of the plate, shape (modes, n)."""
         basis = self.basis
         cells, weights = located(basis.mesh, points)
         shapes = np.zeros((points.shape[1], self.coefficients.shape[1]))
@@ -199,14 +199,14 @@ def _compliance(B: csc_array) -> LinearOperator:
 
 
 def _one(basis: Any) -> Array:
-    """Coefficients of the function 1: values at corners 1, slopes 0."""
+    """Return the coefficients of the function 1: values at corners 1, slopes 0."""
     one = np.zeros(basis.N)
     one[basis.nodal_dofs[0]] = 1
     return one
 
 
 def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> IntArray:
-    """Boundary sides of triangles that lie on the segment from start to end."""
+    """Return the boundary sides of triangles that lie on the segment from start to end."""
     facets = mesh.boundary_facets()
     a, b = np.array(start, float), np.array(end, float)
     reach = float(np.hypot(*(b - a)))

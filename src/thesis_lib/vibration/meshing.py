@@ -66,7 +66,7 @@ def _rings(circle: Circle, count: int, size: float) -> list[Array]:
 def triangles(
     outline: Sequence[Point], holes: Sequence[Hole], size: float
 ) -> tuple[Array, IntArray]:
-    """Triangles of a polygon without its holes.
+    """Return the triangles of a polygon without its holes.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _anticlockwise(points: Array, corners: IntArray) -> IntArray:
 
 
 def _reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
-    """Corners of a boundary at which the region has an angle above 180°."""
+    """Return the corners of a boundary at which the region has an angle above 180°."""
     corners = np.array(polygon, float)
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

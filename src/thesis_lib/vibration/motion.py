@@ -51,11 +51,11 @@ class Motion:
 
     @property
     def steady(self) -> float:
-        """Time from which the vibration is harmonic, s."""
+        """Return the time from which the vibration is harmonic, s."""
         return self.start + self.ramp
 
     def shapes(self, points: ArrayLike) -> Array:
-        """Shapes of the components at points (2, ...), shape (components, ...)."""
+        """Return the shapes of the components at points (2, ...), shape (components, ...)."""
         return np.stack([part.shape(self.structure, points) for part in self.components])
 
     def coordinates(self, times: ArrayLike) -> Array:
@@ -64,11 +64,11 @@ class Motion:
         return np.stack([self._histories(part, t)[0] for part in self.components])
 
     def deflection(self, points: ArrayLike, times: ArrayLike) -> Array:
-        """Deflection in m at points (2, ...) and times (n,), shape (n, ...)."""
+        """Return the deflection in m at points (2, ...) and times (n,), shape (n, ...)."""
         return np.tensordot(self.coordinates(times), self.shapes(points), axes=(0, 0))
 
     def force(self, times: ArrayLike) -> Array:
-        """Force in N of the shaker that makes the bending components move as they do.
+        """Return the force in N of the shaker that makes the bending components move as they do.
 
         One-mode inverse dynamics, F φ(x_F) = m (q̈ + 2ξωₙ q̇ + ωₙ² q), with the natural frequency
         that puts the displacement resonance at the component's frequency; torsion takes none, as

@@ -87,7 +87,7 @@ class Panel(Sheet):
 
     @property
     def area(self) -> float:
-        """Area in m²."""
+        """Return the area in m²."""
         cut = (
             math.pi * hole.radius**2 if isinstance(hole, Circle) else abs(area(hole))
             for hole in self.holes
@@ -101,7 +101,7 @@ class Panel(Sheet):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Length and width of the box around the panel in m."""
+        """Return the length and width of the box around the panel in m."""
         x, y = np.max(self.outline, axis=0).tolist()
         return x, y
 
@@ -139,17 +139,17 @@ class Panel(Sheet):
         return on
 
     def angular_frequencies(self, n_modes: int) -> Array:
-        """First natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
+        """Return the first natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
         ratio = self.bending_stiffness / self.mass_per_area
         return np.sqrt(_found(self, n_modes).eigenvalues[:n_modes] * ratio)
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Modes per rad/s at high frequency, S/(4π) √(m/D), whatever the shape."""
+        """Return the modes per rad/s at high frequency, S/(4π) √(m/D), whatever the shape."""
         density = self.area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
         return np.full_like(np.asarray(omega, float), density)
 
     def shape_peak(self, mode: int) -> float:
-        """Largest absolute value of a mode shape at the corners of the elements."""
+        """Return the largest absolute value of a mode shape at the corners of the elements."""
         return float(_found(self, mode).peaks[mode - 1])
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:

@@ -24,7 +24,7 @@ class Sheet:
 
     @property
     def bending_stiffness(self) -> float:
-        """D = E h³ / (12 (1 − ν²)) in N m."""
+        """Return D = E h³ / (12 (1 − ν²)) in N m."""
         return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
 
     @property
@@ -34,7 +34,7 @@ class Sheet:
 
     @property
     def force_point(self) -> Array:
-        """Position of the force, shape (2, 1), in m."""
+        """Return the position of the force, shape (2, 1), in m."""
         return np.array(self.force_position, float)[:, None]
 
 
@@ -60,19 +60,19 @@ class Plate(Sheet):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """Return the length and width in m."""
         return self.length, self.width
 
     @property
     def markers(self) -> Array:
-        """Cell centres, shape (2, nx · ny), in m; x runs fastest."""
+        """Return the cell centres, shape (2, nx · ny), in m; x runs fastest."""
         nx, ny = self.grid
         x = (np.arange(nx) + 0.5) * self.length / nx
         y = (np.arange(ny) + 0.5) * self.width / ny
         return np.stack([np.tile(x, ny), np.repeat(y, nx)])
 
     def mode_indices(self, n_modes: int) -> IntArray:
-        """Index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
+        """Return index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
 
         The order is that of the natural frequencies; the thesis's Table 4.2 departs from it from
         its fourth mode on.
@@ -82,18 +82,18 @@ class Plate(Sheet):
         return np.array(_plate_indices(self.length / self.width, int(n_modes)))
 
     def angular_frequencies(self, n_modes: int) -> Array:
-        """First natural frequencies in rad/s, shape (n_modes,) (eq. 4.6)."""
+        """Return the first natural frequencies in rad/s, shape (n_modes,) (eq. 4.6)."""
         waves = np.pi * self.mode_indices(n_modes) / self.extent
         return np.sqrt(self.bending_stiffness / self.mass_per_area) * np.sum(waves**2, axis=1)
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Modes per rad/s, S/(4π) √(m/D), at any frequency the same."""
+        """Return the modes per rad/s, S/(4π) √(m/D), at any frequency the same."""
         area = self.length * self.width
         density = area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
         return np.full_like(np.asarray(omega, float), density)
 
     def shape_peak(self, mode: int) -> float:
-        """Largest absolute value of a mode shape: 2, at the antinodes."""
+        """Return the largest absolute value of a mode shape: 2, at the antinodes."""
         return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:

@@ -26,11 +26,11 @@ class Structure(Protocol):
 
     @property
     def damping(self) -> float:
-        """Modal damping ratio, equal for all modes."""
+        """Return the modal damping ratio, equal for all modes."""
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Length along x and width along y in m."""
+        """Return the length along x and width along y in m."""
 
     @property
     def force_point(self) -> Array:
@@ -38,23 +38,23 @@ class Structure(Protocol):
 
     @property
     def markers(self) -> Array:
-        """Marker positions, shape (2, markers), in m."""
+        """Return the marker positions, shape (2, markers), in m."""
 
     def shape_peak(self, mode: int) -> float:
-        """Largest absolute value of a mode shape over the structure."""
+        """Return the largest absolute value of a mode shape over the structure."""
 
     def angular_frequencies(self, n_modes: int) -> Array:
-        """First natural frequencies in rad/s, shape (n_modes,)."""
+        """Return the first natural frequencies in rad/s, shape (n_modes,)."""
 
     def modal_density(self, omega: ArrayLike) -> Array:
-        """Asymptotic modes per rad/s at angular frequency `omega`."""
+        """Return the asymptotic modes per rad/s at angular frequency `omega`."""
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
-        """Mode shapes at `points` (2, ...), shape (modes, ...)."""
+        """Return the mode shapes at `points` (2, ...), shape (modes, ...)."""
 
 
 def numbers_from_one(modes: Sequence[int]) -> IntArray:
-    """Mode numbers as an array, refused unless they begin with 1."""
+    """Return the mode numbers as an array, refused unless they begin with 1."""
     numbers = np.asarray(modes, np.int64)
     if numbers.min() < 1:
         raise ValueError(f"modes: given {list(modes)}, needs numbers from 1")
@@ -70,7 +70,7 @@ def resonance(structure: Structure, mode: int) -> float:
 def modal_coordinates(
     structure: Structure, omega: ArrayLike, n_modes: int, force: float = 1.0
 ) -> ComplexArray:
-    """Complex amplitudes qₙ of eq. 3.5 for a harmonic point force.
+    """Return the complex amplitudes qₙ of eq. 3.5 for a harmonic point force.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def full_response(
 def single_mode_response(
     structure: Structure, mode: int, points: ArrayLike, omega: float, force: float = 1.0
 ) -> ComplexArray:
-    """One mode's share of the response (eq. 3.7) at `points` (2, ...), complex, in m."""
+    """Return one mode's share of the response (eq. 3.7) at `points` (2, ...), complex, in m."""
     q = modal_coordinates(structure, omega, mode, force)[mode - 1]
     return q * structure.mode_shapes([mode], points)[0]
 
@@ -140,7 +140,7 @@ def deflection_shape(
     peak: float | None = None,
     force: float | None = None,
 ) -> Array:
-    """Single-mode deflection at the instant of its maximum (eq. 3.7), in m.
+    """Return the single-mode deflection at the instant of its maximum (eq. 3.7), in m.
 
     The instant is that of the largest |Re q|: at resonance q is almost purely imaginary, so the
     instant printed in the thesis, t = nπ/ω, would give about 2 % of it.
@@ -177,7 +177,7 @@ def deflection_shape(
 
 
 def modal_overlap(structure: Structure, omega: ArrayLike) -> Array:
-    """Modal overlap factor: modal density times half-power bandwidth 2ξω, dimensionless."""
+    """Return modal overlap factor: modal density times half-power bandwidth 2ξω, dimensionless."""
     return structure.modal_density(omega) * 2 * structure.damping * np.asarray(omega, float)
 
 

@@ -14,20 +14,20 @@ POISSON_RATIO = 0.31  # Table 3.1
 
 
 def rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
-    """GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
+    """Return GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
     b, h = beam.width, beam.thickness
     shear = beam.youngs_modulus / (2 * (1 + poisson))
     return shear * b * h**3 / 3 * (1 - 0.63 * h / b * (1 - h**4 / (12 * b**4)))
 
 
 def inertia(beam: Beam) -> float:
-    """Polar moment of inertia per length, ρbh (b² + h²) / 12, in kg m."""
+    """Return the polar moment of inertia per length, ρbh (b² + h²) / 12, in kg m."""
     b, h = beam.width, beam.thickness
     return beam.density * b * h * (b**2 + h**2) / 12
 
 
 def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON_RATIO) -> float:
-    """Natural angular frequency in rad/s of a torsional mode."""
+    """Return the natural angular frequency in rad/s of a torsional mode."""
     wave = (2 * mode - 1) * np.pi / (2 * beam.length)
     return float(wave * np.sqrt(rigidity(beam, poisson) / inertia(beam)))
 
@@ -40,7 +40,7 @@ def twist(
     modes: int = 1,
     poisson: float = POISSON_RATIO,
 ) -> float:
-    """Deflection in m of the tip's edges by a harmonic force beside the axis.
+    """Return the deflection in m of the tip's edges by a harmonic force beside the axis.
 
     Parameters
     ----------

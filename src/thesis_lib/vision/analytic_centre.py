@@ -56,7 +56,7 @@ class Centres:
 
 
 def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
-    """Analytic centres of the polytopes that rounded images leave for their points.
+    """Return the analytic centres of the polytopes that rounded images leave for their points.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> 
 
 
 def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
-    """Analytic centres for several images of markers that move along Z: common x and y.
+    """Return the analytic centres for several images of markers that move along Z: common x and y.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class _Slabs:
         self.gradient = np.concatenate([a[:, 0], a[:, 1], -a[:, 2]]).T.copy()
 
     def slacks(self, edges: Array, x: Array) -> Array:
-        """Slacks s (lo and hi, u and v, cameras, points) in px·m at points (3, points)."""
+        """Return slacks s (lo and hi, u and v, cameras, points) in px·m at points (3, points)."""
         n = len(self.rows) // 3
         image = self.rows[:, :3] @ x
         image += self.rows[:, 3:]
@@ -157,7 +157,7 @@ class _Slabs:
         return s
 
     def newton(self, edges: Array, s: Array, wanted: Array) -> tuple[Array, Array]:
-        """Hessian (6, points) of −Σ log s, and Σ ∇s (2 − wanted/s)/s: the step's right side.
+        """Return hessian (6, points) of −Σ log s, and Σ ∇s (2 − wanted/s)/s: the step's right side.
 
         `wanted` is s without what it was widened by; where both are one this is ∇ Σ log s.
         """

@@ -62,7 +62,7 @@ def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
 
 
 def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
-    """Azimuths and elevations in rad of cameras at equal steps on a cone, from +Y on."""
+    """Return the azimuths and elevations in rad of cameras at equal steps on a cone, from +Y on."""
     azimuth = 2 * np.pi * np.arange(n_cameras) / n_cameras
     return azimuth, np.full(n_cameras, np.pi / 2 - angle)
 
@@ -70,7 +70,7 @@ def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
 def cone_cameras(
     distance: float, angle: float, n_cameras: int, focal_px: float, size: tuple[int, int]
 ) -> CameraArray:
-    """Equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
+    """Return the equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def pair_motion_error(
 def _rounded(
     distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
 ) -> Array:
-    """Variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
+    """Return the variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
     rig = hemisphere_cameras(distance, azimuth, elevation, focal_px, (2, 2))
     moved = np.asarray(motion, float)
     images = project(rig.P, np.stack([np.zeros_like(moved), moved], axis=1))
@@ -271,7 +271,7 @@ def _rounded(
 
 
 def swing_error(amplitude_px: ArrayLike) -> Array:
-    """Rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
+    """Return the rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
 
     One camera rounds all frames on one grid, so its errors repeat and do not average out. With
     rint(x) − x = Σ (−1)ᵏ sin(2πkx) / (πk), the fundamental of a cos τ + s is wrong by
@@ -304,7 +304,7 @@ def useful_frames(amplitudes_px: ArrayLike) -> Array:
 
 
 def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
-    """Rms of a weighted sum of rounding errors on one randomly shifted grid.
+    """Return the rms of a weighted sum of rounding errors on one randomly shifted grid.
 
     The square root of wᵀ C w with the covariance C of
     :func:`thesis_lib.vision.rounding.error_covariance`, as its Fourier series Σ |Σ_t w_t e^{2πik
@@ -334,7 +334,7 @@ def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
 def equal_pixel_rate(
     pixels_per_second: float, n_cameras: ArrayLike, frame_rate: ArrayLike
 ) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
-    """Sensors 16:9 with which cameras share a number of pixels per second.
+    """Return the sensors 16:9 with which cameras share a number of pixels per second.
 
     Sizes are whole pixels; the frame rate makes up for that, so that N W H r is the same for all.
 

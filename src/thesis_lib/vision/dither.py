@@ -55,7 +55,7 @@ def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> A
 
 
 def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Array:
-    """Variance of the amplitude 2⟨u cos θ⟩ fitted to endless frames of a rounded sinusoid.
+    """Return variance of the amplitude 2⟨u cos θ⟩ fitted to endless frames of a rounded sinusoid.
 
     The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²). Below half
     a pixel most grids show no motion at all, and the others too much. Parameters, result and errors
@@ -65,7 +65,7 @@ def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Ar
 
 
 def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
-    """Variance of the mean over some frames of a marker at rest, seen by a shaking camera.
+    """Return variance of the mean over some frames of a marker at rest, seen by a shaking camera.
 
     One frame is off by s² + 1/12. The part b² = Σ_k exp(−4π²k²s²) / (2π²k²) is common to all of
     them, and the rest is averaged: b² + (s² + 1/12 − b²) / frames.
@@ -161,7 +161,7 @@ def disc_variance(diameter_px: float) -> float:
 def _sum(
     square: Callable[[Array, Array], Array], amplitude_px: ArrayLike, shake_px: ArrayLike
 ) -> Array:
-    """Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
+    """Return Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
     a, s = np.broadcast_arrays(
         _checked("amplitude_px", amplitude_px), _checked("shake_px", shake_px)
     )

@@ -54,7 +54,7 @@ def random_hemisphere(
     focal_px: float = CHECK_FOCAL_PX,
     size: tuple[int, int] = CHECK_SIZE_PX,
 ) -> CameraArray:
-    """Cameras at given distances (cameras,) in m, directions even over the hemisphere."""
+    """Return cameras at given distances (cameras,) in m, directions even over the hemisphere."""
     distances = np.asarray(distances, float)
     azimuth = rng.uniform(-np.pi, np.pi, len(distances))
     elevation = np.arcsin(rng.uniform(0, 1, len(distances)))
@@ -62,7 +62,7 @@ def random_hemisphere(
 
 
 def moved_markers(rng: np.random.Generator, markers: int) -> Array:
-    """Markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
+    """Return the markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
     points = np.zeros((3, 2, markers))
     points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(CHECK_EXTENT_M)[:, None, None]
     points[2, 1] = rng.uniform(-CHECK_MOTION_M, CHECK_MOTION_M, markers)
@@ -86,7 +86,7 @@ def deflection_errors(
     seed: int = 0,
     rules: Sequence[str] = ESTIMATORS,
 ) -> Array:
-    """Rms errors of deflections rebuilt from whole pixels, by layout and estimator.
+    """Return the rms errors of deflections rebuilt from whole pixels, by layout and estimator.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def rms_with_std(errors: ArrayLike) -> tuple[Array, Array]:
 
 
 def over_layouts(errors: Array) -> Array:
-    """Root mean square over the layouts of errors (layouts, ...)."""
+    """Return the root mean square over the layouts of errors (layouts, ...)."""
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
 
 

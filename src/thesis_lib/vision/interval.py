@@ -81,7 +81,7 @@ class Posterior:
 
 
 def interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
-    """Posterior means of points whose noisy images were rounded to whole pixels.
+    """Return the posterior means of points whose noisy images were rounded to whole pixels.
 
     Of `P` and `uv` as for :func:`thesis_lib.vision.analytic_centre.analytic_centre`, and the
     standard deviation `sigma_px` of every image coordinate before it was rounded, in px; a
@@ -197,7 +197,7 @@ def _tail(x: Array) -> Array:
 
 @cache
 def _tail_coefficients() -> list[float]:
-    """Coefficients of (1 + x) times Mills' ratio in powers of t, x = knee (1 + t) / (1 − t).
+    """Return coefficients of (1 + x) times Mills' ratio in powers of t, x = knee (1 + t) / (1 − t).
 
     It is ∫ exp(−x s − s²/2) ds from 0, here over (1 + x) s up to 40.
     """

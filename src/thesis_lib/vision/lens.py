@@ -39,18 +39,18 @@ class Camera:
 
     @property
     def t(self) -> Array:
-        """Translation −R C of the extrinsic matrix [R | t], shape (3,), m."""
+        """Return the translation −R C of the extrinsic matrix [R | t], shape (3,), m."""
         translation: Array = -self.R_camera_world @ self.centre
         return translation
 
     @property
     def P(self) -> Array:
-        """Projection matrix K [R | t] of the undistorted camera, shape (3, 4)."""
+        """Return the projection matrix K [R | t] of the undistorted camera, shape (3, 4)."""
         return self.K @ np.column_stack([self.R_camera_world, self.t])
 
 
 def distort(xy: ArrayLike, distortion: ArrayLike) -> Array:
-    """Distorted normalised coordinates of undistorted ones, both (2, ...)."""
+    """Return the distorted normalised coordinates of undistorted ones, both (2, ...)."""
     x, y = np.asarray(xy, float)
     k1, k2, p1, p2, k3 = np.asarray(distortion, float)
     r2 = x * x + y * y
@@ -102,13 +102,13 @@ def undistort(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
 
 
 def to_pixels(K: ArrayLike, xy: ArrayLike) -> Array:
-    """Pixels of normalised coordinates, both (2, ...)."""
+    """Return the pixels of normalised coordinates, both (2, ...)."""
     K, (x, y) = np.asarray(K, float), np.asarray(xy, float)
     return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]])
 
 
 def from_pixels(K: ArrayLike, uv: ArrayLike) -> Array:
-    """Normalised coordinates of pixels, both (2, ...)."""
+    """Return the normalised coordinates of pixels, both (2, ...)."""
     K, (u, v) = np.asarray(K, float), np.asarray(uv, float)
     y = (v - K[1, 2]) / K[1, 1]
     return np.stack([(u - K[0, 2] - K[0, 1] * y) / K[0, 0], y])
@@ -135,7 +135,7 @@ def undistorted_tracks(camera: Camera, tracks: ArrayLike) -> Array:
 
 
 def distorted(camera: Camera, uv: ArrayLike) -> Array:
-    """Pixels that the camera sees of those without distortion, (2, ...)."""
+    """Return the pixels that the camera sees of those without distortion, (2, ...)."""
     return to_pixels(camera.K, distort(from_pixels(camera.K, uv), camera.distortion))
 
 
@@ -146,5 +146,5 @@ def resized(camera: Camera, size: tuple[int, int]) -> Camera:
 
 
 def projection_matrices(cameras: Sequence[Camera]) -> Array:
-    """Projection matrices of several cameras, shape (cameras, 3, 4)."""
+    """Return the projection matrices of several cameras, shape (cameras, 3, 4)."""
     return np.array([camera.P for camera in cameras])

@@ -29,7 +29,7 @@ def angle_of_view(size: ArrayLike, focal: ArrayLike) -> Array:
 
 
 def crop_factor(sensor: ArrayLike, reference: ArrayLike = FULL_FRAME) -> Array:
-    """Diagonal of a reference over that of a sensor (2.4).
+    """Return the diagonal of a reference over that of a sensor (2.4).
 
     A lens of focal length f sees as much on the sensor, diagonally, as one of f times this factor
     on the reference.
@@ -43,7 +43,7 @@ def crop_factor(sensor: ArrayLike, reference: ArrayLike = FULL_FRAME) -> Array:
 
 
 def picture_height(width: int, across: int, up: int) -> int:
-    """Whole rows of a picture `width` px wide in the proportion across : up (Table 2.1)."""
+    """Return whole rows of a picture `width` px wide in the proportion across : up (Table 2.1)."""
     return width * up // across
 
 
@@ -57,7 +57,7 @@ def image_distance(focal: ArrayLike, distance: ArrayLike) -> Array:
 
 
 def magnification(focal: ArrayLike, distance: ArrayLike) -> Array:
-    """Size of a sharp image over that of its object, Z′/Z = f/(Z − f) (Appendix A)."""
+    """Return the size of a sharp image over that of its object, Z′/Z = f/(Z − f) (Appendix A)."""
     f, z = np.asarray(focal, float), np.asarray(distance, float)
     return f / (z - f)
 
@@ -65,7 +65,7 @@ def magnification(focal: ArrayLike, distance: ArrayLike) -> Array:
 def blur_circle(
     focal: ArrayLike, f_number: ArrayLike, focused: ArrayLike, distance: ArrayLike
 ) -> Array:
-    """Diameter on the sensor of the image of a point that is not in focus (Appendix A).
+    """Return the diameter on the sensor of the image of a point that is not in focus (Appendix A).
 
     With a lens of diameter f/N focused at d, a point at Z spreads over
     (f/N) · f/(d − f) · |Z − d| / Z.
@@ -83,7 +83,7 @@ def hyperfocal_distance(focal: ArrayLike, f_number: ArrayLike, circle: ArrayLike
 def depth_of_field(
     focal: ArrayLike, f_number: ArrayLike, distance: ArrayLike, circle: ArrayLike
 ) -> tuple[Array, Array]:
-    """Nearest and farthest sharp depth of a thin lens, all lengths in one unit (Appendix A).
+    """Return nearest and farthest sharp depth of a thin lens, all lengths in one unit (Appendix A).
 
     With the hyperfocal distance H = f²/(Nc) + f, near is d(H − f)/(H + d − 2f), and far is
     d(H − f)/(H − d), or infinite from d = H on. NaN unless d > f.
@@ -120,7 +120,7 @@ def stereo_depth(disparity_px: ArrayLike, baseline: ArrayLike, focal_px: ArrayLi
 def depth_error(
     depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, disparity_error: ArrayLike
 ) -> Array:
-    """First-order error Z²/(b f) · δ of a depth for an error δ in px of the disparity."""
+    """Return first-order error Z²/(b f) · δ of a depth for an error δ in px of the disparity."""
     z = np.asarray(depth, float)
     return z**2 / (np.asarray(baseline, float) * focal_px) * np.asarray(disparity_error, float)
 
@@ -128,7 +128,7 @@ def depth_error(
 def rounded_depth(
     depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, shifts: ArrayLike
 ) -> Array:
-    """Depths that two parallel cameras find in whole pixels of a point midway between them.
+    """Return depths that two parallel cameras find in whole pixels of a point midway between them.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def rounded_depth(
 
 
 def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
-    """Images with one depth for all points, the mean of theirs (eq. 2.6, 2.7).
+    """Return the images with one depth for all points, the mean of theirs (eq. 2.6, 2.7).
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def bayer_mosaic(picture: ArrayLike, pattern: str = "RGGB") -> Array:
 
 
 def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
-    """Three colours at every pixel, by bilinear interpolation, shape (rows, columns, 3).
+    """Return three colours at every pixel, by bilinear interpolation, shape (rows, columns, 3).
 
     Missing values are means of the two or four nearest pixels of their colour, weighted at the
     border by those that there are; recorded values stay. Exact for colours that change linearly,
@@ -257,7 +257,7 @@ def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
 
 
 def _filtered(values: Array, kernel: Array) -> Array:
-    """Correlation with a 3×3 kernel; zeros beyond the border."""
+    """Return the correlation with a 3×3 kernel; zeros beyond the border."""
     rows, columns = values.shape
     padded = np.pad(values, 1)
     shifted = [

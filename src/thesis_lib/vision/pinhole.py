@@ -28,7 +28,7 @@ class CameraArray:
 
     @property
     def P(self) -> Array:
-        """Projection matrices K [R | −R C], shape (cameras, 3, 4) (eq. 3.10)."""
+        """Return the projection matrices K [R | −R C], shape (cameras, 3, 4) (eq. 3.10)."""
         t = -np.einsum("nij,nj->ni", self.R_camera_world, self.centres)
         return self.K @ np.concatenate([self.R_camera_world, t[:, :, None]], axis=2)
 
@@ -39,7 +39,7 @@ class CameraArray:
 def intrinsics(
     focal_px: float, size: tuple[int, int], skew: float = 0.0, aspect: float = 1.0
 ) -> Array:
-    """Intrinsic matrix of eq. 3.12 with the principal point at (W/2, H/2), shape (3, 3), px.
+    """Return intrinsic matrix of eq. 3.12 with the principal point at (W/2, H/2), shape (3, 3), px.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def hemisphere_directions(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
 
 
 def hemisphere_rotations(azimuth: ArrayLike, elevation: ArrayLike) -> Array:
-    """Rotations from world to camera for optical axes through the origin, shape (..., 3, 3).
+    """Return rotations from world to camera for optical axes through the origin, shape (..., 3, 3).
 
     The rows are x right = (−cosθ, sinθ, 0), parallel to the XY plane and defined at φ = 90° too,
     y down = z × x, and z forward, towards the origin.
@@ -92,7 +92,7 @@ def hemisphere_cameras(
     focal_px: float,
     size: tuple[int, int],
 ) -> CameraArray:
-    """Equal cameras at one or several distances from the origin, all looking at it.
+    """Return the equal cameras at one or several distances from the origin, all looking at it.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def information(sigma_px: float) -> float:
 
 
 def least_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float) -> Array:
-    """Bound the covariance (3, 3, ...) in m² of any estimate of points (3, ...) from below.
+    """Return bound the covariance (3, 3, ...) in m² of any estimate of points (3, ...) from below.
 
     That of a deflection is the sum of those at rest and deflected.
     """

@@ -27,7 +27,7 @@ _SERIES_TERMS = 1000  # of a Fourier series
 
 
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
-    """Shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
+    """Return the shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def image_noise(
 
 
 def difference_variance(displacement_px: ArrayLike) -> Array:
-    """Variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
+    """Return the variance f(1 − f) in px² of the rounding error of a displacement, f = frac |δ|."""
     delta = np.asarray(displacement_px, float)
     f = np.abs(delta - np.rint(delta))  # or 1 − f, which gives the same
     return f * (1 - f)
@@ -132,7 +132,7 @@ def deflection_variance(
     normals: ArrayLike | None = None,
     noise_px: float = 0.0,
 ) -> Array:
-    """First-order variance of the measured deflection Z − Z_rest over random grid shifts.
+    """Return first-order variance of the measured deflection Z − Z_rest over random grid shifts.
 
     With g = ∂Z/∂m of the refined point at rest (r) and deflected (d), a coordinate adds
     Var(g_d ε_d − g_r ε_r) = (g_d − g_r)²/12 + g_d g_r f(1 − f), and g_d²/12 if the rest position

@@ -12,7 +12,7 @@ LEAST_SQUARES = "least-squares"
 
 
 def assurance(measured: Array, reference: Array) -> Array:
-    """Modal assurance criterion of shapes (..., markers) over the markers that are known.
+    """Return modal assurance criterion of shapes (..., markers) over the markers that are known.
 
     (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
     """
@@ -43,7 +43,7 @@ def measure(
     noise: Array | None = None,
     noise_px: float = 0.0,
 ) -> Array:
-    """Deflections that cameras with whole pixels measure.
+    """Return the deflections that cameras with whole pixels measure.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def measure(
 
 
 def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Array]:
-    """Point, mean (rms) and largest error in % of the largest reference deflection.
+    """Return the point, mean (rms) and largest error in % of the largest reference deflection.
 
     Equations 3.22 and 3.23; `measured` is (modes, trials, markers), `reference` (modes, markers).
     """
@@ -95,7 +95,7 @@ def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Arr
 
 
 def modal_assurance(measured: Array, reference: Array) -> Array:
-    """Modal assurance criterion |mᵀr|² / (mᵀm · rᵀr), from 0 to 1; NaN if nothing moves."""
+    """Return modal assurance criterion |mᵀr|² / (mᵀm · rᵀr), from 0 to 1; NaN if nothing moves."""
     cross = np.einsum("mtp,mp->mt", measured, reference)
     norms = np.einsum("mtp,mtp->mt", measured, measured)
     with np.errstate(invalid="ignore"):

@@ -82,7 +82,7 @@ def _compiled_solve() -> Callable[..., Any] | None:
 
 
 def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
-    """Both as arrays of numbers; a shape that is wrong is a ValueError."""
+    """Return both as arrays of numbers; a shape that is wrong is a ValueError."""
     P, uv = np.asarray(P, float), np.asarray(uv, float)
     if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
         raise ValueError(f"P: given shape {P.shape}, needs (cameras, 3, 4) with 2 or more cameras")
@@ -116,7 +116,7 @@ def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
 
 
 def gain(P: ArrayLike, points: ArrayLike) -> Array:
-    """First-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
+    """Return the first-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
 
     Of `P` and `points` as for :func:`jacobian`: ∂(X, Y, Z)/∂(u, v) in m/px, shape
     (3, cameras, 2, ...).
@@ -130,7 +130,7 @@ def gain(P: ArrayLike, points: ArrayLike) -> Array:
 
 
 def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
-    """First-order covariance σ² (JᵀJ)⁻¹ of the refined points for independent pixel noise.
+    """Return first-order covariance σ² (JᵀJ)⁻¹ of the refined points for independent pixel noise.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
 
 
 def centred(P: Array) -> tuple[Array, Array]:
-    """Projection matrices for pixels counted from the principal point, and that point.
+    """Return the projection matrices for pixels counted from the principal point, and that point.
 
     The point is in px, shape (2, cameras, 1).
     """
@@ -192,7 +192,7 @@ class _NormalEquations:
         self.room = np.empty(10 * n * block)
 
     def solve(self, pixels: Array, steps: int) -> Array:
-        """Points (3, m) from images (cameras, 2, m) in px."""
+        """Return the points (3, m) from images (cameras, 2, m) in px."""
         n, m = len(pixels), pixels.shape[2]
         room = self.room[: 10 * n * m].reshape(10, n, m)
         # What is used up makes room for what comes next: features of the linear start, images,
@@ -248,7 +248,7 @@ def _factorise(matrix: Array) -> tuple[Array, ...]:
 
 
 def _solve(factors: tuple[Array, ...], right: Array) -> Array:
-    """Solutions (3, m) of factorised systems with right sides (3, m)."""
+    """Return the solutions (3, m) of factorised systems with right sides (3, m)."""
     dx, dy, dz, yx, zx, zy = factors
     x, y, z = right
     y = y - yx * x

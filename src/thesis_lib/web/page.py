@@ -185,7 +185,7 @@ class _Text:
 
 
 def _math(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
-    """One equation, as MathJax finds it."""
+    """Return one equation, as MathJax finds it."""
     if not options.get("display_mode"):
         return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'
     tag = f"\\tag{{{number}}}" if number else ""

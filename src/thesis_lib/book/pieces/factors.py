@@ -117,7 +117,7 @@ class Curve:
 
     @property
     def rms(self) -> Array:
-        """Root mean square over the trials in %, shape (settings,)."""
+        """Return the root mean square over the trials in %, shape (settings,)."""
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
 
     def judge_trend(self, better: int) -> Finding:

@@ -42,7 +42,7 @@ PANEL_TICKS = {
 
 
 def draw(opened: Cubes) -> Figure:
-    """Five panels, one for each factor, all with the same axis of errors.
+    """Return five panels, one for each factor, all with the same axis of errors.
 
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
     diamond is one figure that the thesis states.

@@ -127,7 +127,7 @@ def judge_interpretation(
 
 
 def run(study: OtherReadings) -> xr.Dataset:
-    """Agreement with the stated values under several readings, the adopted one first.
+    """Return the agreement with the stated values under several readings, the adopted one first.
 
     Returns
     -------

@@ -233,7 +233,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
 
 
 def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
-    """One coordinate: the law, and as many draws."""
+    """Return one coordinate: the law, and as many draws."""
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
     error = pixelate(place + MOTIONS_PX) - pixelate(place) - MOTIONS_PX
@@ -246,7 +246,7 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Every setting of chapters 3 and 4: law, simulation, and independent roundings."""
+    """Return every setting of chapters 3 and 4: law, simulation, and independent roundings."""
     law, simulated, naive = [], [], []
     for structure in STRUCTURES:
         for part in CHAPTER_PARTS:

@@ -74,7 +74,7 @@ def _named(name: str, found: list[tuple[Array, Array]]) -> dict[str, ArrayLike]:
 
 
 def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
-    """Noise in px before the rounding that leaves the analytic centre half of its gain.
+    """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
 
     The gain is how much less than that of least squares its error is, relative to it. Errors
     (layouts, 2) without noise are drawn unless they are given.

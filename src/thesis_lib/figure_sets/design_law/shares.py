@@ -46,7 +46,7 @@ _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 
 def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Cameras on the cone that share a number of pixels per second, around the beam."""
+    """Return the cameras on the cone that share a number of pixels per second, around the beam."""
     widths, heights, frame_rate = study.shared
     focal = study.focal_length_mm / study.sensor_width_mm * widths
     angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
@@ -116,7 +116,7 @@ class Film:
 
 
 def spread(n: int) -> Array:
-    """Factors from half to one and a half, whose mean is one."""
+    """Return the factors from half to one and a half, whose mean is one."""
     return 0.5 + (np.arange(n) + 0.5) / n
 
 

@@ -54,7 +54,7 @@ class Rig:
         return hemisphere_cameras(self.distance, azimuth, elevation, focal_px, self.size)
 
     def centre_error(self, noisy: bool = False) -> float:
-        """Error of a deflection at the centre in m by the closed forms, amplitudes averaged.
+        """Return error of a deflection at the centre in m by the closed forms, amplitudes averaged.
 
         Of rounding, or of independent noise as large in every coordinate.
         """
@@ -102,7 +102,7 @@ def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
 
 
 def shapes(structure: Structure, peak: float) -> Array:
-    """Markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
+    """Return the markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
     bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in SWEPT_MODES]
     return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
 
@@ -114,7 +114,7 @@ def noisy(cameras: CameraArray, points: Array) -> float:
 
 
 def expected(cameras: CameraArray, points: Array) -> float:
-    """Rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
+    """Return the rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
 
     Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
     """
@@ -132,7 +132,7 @@ def exact(cameras: CameraArray, points: Array) -> float:
 
 
 def findings(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Distance, resolution, number, elevation and aperture, each by itself."""
+    """Return the distance, resolution, number, elevation and aperture, each by itself."""
     shape = (len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS)
     values, averaged, usual, small, centre, noise, noisy_centre = (
         np.empty(shape) for _ in range(7)
@@ -173,7 +173,7 @@ def findings(study: DesignLaw) -> dict[str, ArrayLike]:
 def best_aperture(
     study: DesignLaw, structure: str, points: Array, law: Callable[[CameraArray, Array], float]
 ) -> tuple[float, float]:
-    """Aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
+    """Return aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
 
     def error(aperture: float) -> float:
         return law(rig(study, structure, "aperture", aperture).cameras(), points)
@@ -186,7 +186,7 @@ def best_aperture(
 
 
 def _exponents(values: Array, errors: Array) -> Array:
-    """Exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
+    """Return exponents (findings, structures): of cos φ for elevations, NaN for the aperture's."""
     found = np.full(values.shape[:2], np.nan)
     for f, s in np.ndindex(found.shape):
         if SWEPT_FINDINGS[f] != "aperture":
@@ -197,7 +197,7 @@ def _exponents(values: Array, errors: Array) -> Array:
 
 
 def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
-    """One of the studies of chapters 3 and 4, with this study's lens, trials and seed."""
+    """Return one of the studies of chapters 3 and 4, with this study's lens, trials and seed."""
     names = ("focal_length_mm", "sensor_width_mm", "trials", "seed")
     return camera_study(f"{structure}-{part}", {name: getattr(study, name) for name in names})
 
@@ -223,7 +223,7 @@ DRAWS_PER_TRIAL = 20  # for each trial
 
 
 def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Deflections of the centre, seen by a pair: closed forms, and drawn by triangulation.
+    """Return deflections of the centre, seen by a pair: closed forms, and drawn by triangulation.
 
     Rounded on grids that rest and moved image share, and with noise of the same 1/6 px² that every
     image coordinate has by itself.

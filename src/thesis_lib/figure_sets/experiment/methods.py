@@ -243,7 +243,7 @@ class Tracks(Fitted):
 
     @property
     def rate(self) -> float:
-        """Frames per second of the first camera."""
+        """Return the frames per second of the first camera."""
         return float(1 / (self.times[0, 1] - self.times[0, 0]))
 
 

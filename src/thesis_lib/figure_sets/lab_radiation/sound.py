@@ -108,7 +108,7 @@ class MarkerSound:
 
     @cached_property
     def matrix(self) -> ComplexArray:
-        """Pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
+        """Return the pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
         points = PRESSURE_PLANE.points.reshape(3, -1)
         return self._surface.pressure_matrix(self.between.moving, points, self._omega, self.medium)
 

@@ -104,7 +104,7 @@ class Cameras(Study):
     trials: Shifts = Field(200, description="random shifts of the pixel grids of the parallel pair")
 
     def settings(self) -> list[Setting]:
-        """One setting per distance: the camera that looks at the beam."""
+        """Return one setting per distance: the camera that looks at the beam."""
         direction = ((self.azimuth_deg, self.elevation_deg),)
         return [
             Setting("beam", d, f"{d:g} mm", d, direction, self.resolution_px)

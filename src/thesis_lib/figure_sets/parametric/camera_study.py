@@ -90,13 +90,13 @@ class CameraStudy(Study):
 
     @property
     def predicted_by(self) -> str:
-        """Meaning of `predicted_error`, for legends."""
+        """Return the meaning of `predicted_error`, for legends."""
         least = self.estimator == LEAST_SQUARES
         return self._cause if least else f"{self._cause} of least squares"
 
     @property
     def peaks_m(self) -> list[float]:
-        """Peak deflection of each mode in m."""
+        """Return the peak deflection of each mode in m."""
         if self.amplitude_mm == "force":
             return [peak_deflection(self.structure, mode) for mode in self.modes]
         if isinstance(self.amplitude_mm, list):

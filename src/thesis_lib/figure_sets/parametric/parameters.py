@@ -68,7 +68,7 @@ class Distance(CameraStudy):
     resolution_px: SensorSize
 
     def printed(self) -> list[Setting]:
-        """One setting per distance."""
+        """Return one setting per distance."""
         return setups.distance_settings(
             self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
         )
@@ -96,7 +96,7 @@ class Aperture(CameraStudy):
     resolution_px: SensorSize
 
     def printed(self) -> list[Setting]:
-        """Cases in the order asked for, apertures in the order of the table."""
+        """Return the cases in the order asked for, apertures in the order of the table."""
         return setups.aperture_settings(
             self.cases,
             self.half_apertures_deg,
@@ -123,7 +123,7 @@ class Resolutions(CameraStudy):
     elevation_deg: Elevation = Field(..., description="elevation of the cameras")
 
     def printed(self) -> list[Setting]:
-        """One setting per width."""
+        """Return one setting per width."""
         return setups.resolution_settings(
             self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
         )

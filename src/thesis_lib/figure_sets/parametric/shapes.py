@@ -88,7 +88,7 @@ class ShapeMarkers(PlateMarkers):
 
     @property
     def holes(self) -> tuple[Hole, ...]:
-        """Holes in m."""
+        """Return the holes in m."""
         cut = (tuple((x / 1000, y / 1000) for x, y in corners) for corners in self.cutouts_mm)
         return (*(Circle(x / 1000, y / 1000, r / 1000) for x, y, r in self.circles_mm), *cut)
 

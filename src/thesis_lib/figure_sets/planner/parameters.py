@@ -35,13 +35,13 @@ MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: wha
 
 
 def _reach(body: str) -> float:
-    """Half the diagonal of beam or plate in mm."""
+    """Return the half the diagonal of beam or plate in mm."""
     given = setups.beam() if body == "beam" else setups.plate()
     return 500 * float(np.hypot(*given.extent))
 
 
 def room(body: str) -> tuple[float, float]:
-    """Distances in mm, from half a step of 50 mm or more beyond the structure on.
+    """Return the distances in mm, from half a step of 50 mm or more beyond the structure on.
 
     Examples
     --------

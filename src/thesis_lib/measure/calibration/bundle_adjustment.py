@@ -57,7 +57,7 @@ def adjust(
     distortion: bool = True,
     steps: int = 100,
 ) -> Adjustment:
-    """Cameras and board poses of least squared reprojection error (eq. 5.1).
+    """Return the cameras and board poses of least squared reprojection error (eq. 5.1).
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjust
 
 
 def alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array, Array]:
-    """Rigid motion, without change of scale, that brings cameras nearest to true ones.
+    """Return the rigid motion, without change of scale, that brings cameras nearest to true ones.
 
     Kabsch's method on the centres and the axes together: the motion minimises the sum of
     |ΔC|² + ℓ²|Δω|², ℓ being the rms distance of the true centres from their mean and Δω the angle
@@ -230,7 +230,7 @@ def alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array
 def align(
     cameras: Sequence[Camera], truth: Sequence[Camera]
 ) -> tuple[tuple[Camera, ...], Array, Array]:
-    """Cameras in the frame of the true ones, and how far they are off (:func:`alignment`).
+    """Return cameras in the frame of the true ones, and how far they are off (:func:`alignment`).
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ _REFINEMENT_ROUNDS = 3  # curvatures, and starts of corners that strayed, come f
 
 
 def find_corners(image: Image, board: Board) -> Array:
-    """Inner corners of the board in an image.
+    """Return the inner corners of the board in an image.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
 
 
 def _spacing(grid: Array) -> Array:
-    """Distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
+    """Return distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
     along_x = np.linalg.norm(np.diff(grid, axis=2), axis=0)
     along_y = np.linalg.norm(np.diff(grid, axis=1), axis=0)
     padded_x = np.pad(along_x, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -139,7 +139,7 @@ def _smooth(grid: Array, seen: Mask, board: Board) -> Array:
 
 
 def _off(grid: Array, other: Array) -> Array:
-    """Distances between the corners of two grids (2, ...), px."""
+    """Return the distances between the corners of two grids (2, ...), px."""
     return np.linalg.norm(grid - other, axis=0)
 
 
@@ -236,7 +236,7 @@ def _asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
 
 
 def _bend(grid: Array) -> Array:
-    """Signed curvature 1/px of the grid's lines along the last axis, shape (ny, nx)."""
+    """Return the signed curvature 1/px of the grid's lines along the last axis, shape (ny, nx)."""
     a, b = grid[:, :, 1:-1] - grid[:, :, :-2], grid[:, :, 2:] - grid[:, :, 1:-1]
     chord = a + b
     turn = a[0] * b[1] - a[1] * b[0]
@@ -247,7 +247,7 @@ def _bend(grid: Array) -> Array:
 def _windows(
     image: Image, corners: Array, steps: Array, beside: float
 ) -> tuple[Array, Array, Array]:
-    """Pixels about each corner.
+    """Return the pixels about each corner.
 
     Returns their coordinates (2, corners, n), whether they are in the window, a parallelogram along
     the steps to the neighbours, as 1 or 0, and their grey levels, both (corners, n). Beside each
@@ -278,7 +278,7 @@ def _windows(
 
 
 def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
-    """Grey levels (corners, n) and their derivatives (7, corners, n).
+    """Return the grey levels (corners, n) and their derivatives (7, corners, n).
 
     The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
     signed half contrast and the blur's width s.

@@ -212,7 +212,7 @@ def _others(image: Image, name: str, count: int) -> str:
 
 
 def _to_border(corners: Array, image: Image) -> Array:
-    """Distances (ny, nx) of corners from the image's border, px; NaN where they are."""
+    """Return the distances (ny, nx) of corners from the image's border, px; NaN where they are."""
     height, width = image.shape
     u, v = corners
     return np.minimum.reduce([u, v, width - u, height - v])

@@ -44,14 +44,14 @@ class Network:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns, the lenses' included."""
+        """Return the number of unknowns, the lenses' included."""
         return (POSE_UNKNOWNS + LENS_UNKNOWNS) * len(self.cameras) + POSE_UNKNOWNS * len(
             self.rotations
         )
 
 
 def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]) -> Network:
-    """Poses chained from picture to picture, the world being the first shot's board.
+    """Return the poses chained from picture to picture, the world being the first shot's board.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def of_pictures(points: Array, which: Any) -> Array:
 
 
 def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]:
-    """Rotation and translation from a board to a camera that sees points of one z of it.
+    """Return the rotation and translation from a board to a camera that sees points of one z of it.
 
     Points whose place `uv` is NaN do not count.
     """
@@ -106,7 +106,7 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
 
 
 def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
-    """Images of the boards' points in a camera and their derivatives.
+    """Return the images of the boards' points in a camera and their derivatives.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
 
 
 def _crossed(a: Array, b: Array) -> Array:
-    """Product a × b: the derivative in a rotation of a if b is the one in a."""
+    """Return the product a × b: the derivative in a rotation of a if b is the one in a."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
@@ -169,7 +169,7 @@ def _crossed(a: Array, b: Array) -> Array:
 def normal_equations(
     observations: Array, seen: Mask, points: Array, network: Network
 ) -> tuple[Array, Array, Array]:
-    """JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
+    """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 
     Points that a picture does not show are NaN in the observations and count for nothing. Each
     picture touches the twenty unknowns of its camera and its board only; the matrix is gathered
@@ -258,6 +258,6 @@ def transformed(network: Network, rotation: Array, translation: Array) -> Networ
 
 
 def to_board(network: Network, shot: int) -> tuple[Array, Array]:
-    """Rotation and translation from the world to the frame of a shot's board."""
+    """Return the rotation and translation from the world to the frame of a shot's board."""
     R, t = network.rotations[shot], network.translations[shot]
     return R.T, -R.T @ t

@@ -65,7 +65,7 @@ def _chosen(found: Found, manifest: Manifest, path: Path) -> Found:
 
 
 def _rows(order: IntArray, count: int) -> IntArray:
-    """Rows of the unknowns of some of a covariance's cameras."""
+    """Return the rows of the unknowns of some of a covariance's cameras."""
     poses = POSE_UNKNOWNS * order[:, None] + np.arange(POSE_UNKNOWNS)
     lenses = POSE_UNKNOWNS * count + LENS_UNKNOWNS * order[:, None] + np.arange(LENS_UNKNOWNS)
     return np.concatenate([poses.ravel(), lenses.ravel()])

@@ -125,12 +125,12 @@ def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[A
 
 
 def _rms(differences: Array) -> Array:
-    """Root mean square distance over the corners of (..., 3, corners)."""
+    """Return the root mean square distance over the corners of (..., 3, corners)."""
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
 def _moved(pose: Pose, points: Array | None) -> Array:
-    """Points (..., 3, n) of a camera in the rig's frame."""
+    """Return the points (..., 3, n) of a camera in the rig's frame."""
     R, t = pose
     assert points is not None
     return R @ points + t[:, None]
@@ -163,7 +163,7 @@ def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None
 
 
 def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
-    """Pose that takes points to their targets in all shots, and whether only one does.
+    """Return the pose that takes points to their targets in all shots, and whether only one does.
 
     The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
     targets (shots, 3, n). A shot can miss by no more than rigs differ, so that a bad one does not
@@ -181,7 +181,7 @@ def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
 
 
 def _rigid(points: Array, target: Array) -> Pose:
-    """Rotation and translation that take points (3, n) to their targets (Kabsch)."""
+    """Return the rotation and translation that take points (3, n) to their targets (Kabsch)."""
     a, b = points.mean(axis=1), target.mean(axis=1)
     U, _, Vt = np.linalg.svd((target - b[:, None]) @ (points - a[:, None]).T)
     R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt

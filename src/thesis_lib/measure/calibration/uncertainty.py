@@ -116,7 +116,7 @@ def of_cameras(adjustment: Adjustment) -> Array:
 def with_lenses(
     observations: Array, points: Array, adjustment: Adjustment, held: Array, poses: Array
 ) -> Array:
-    """Covariance of cameras whose lenses were held fixed, errors of these lenses included.
+    """Return covariance of cameras whose lenses were held fixed, errors of these lenses included.
 
     An error of the lenses moves the poses by −N_pp⁻¹ N_pl of it.
 
@@ -201,7 +201,7 @@ def _widths(parts: Array, gauge: Array, count: int) -> Array:
 
 
 def _widening(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
-    """Factor of the variances by which shots differ more than independent corners would.
+    """Return the factor of the variances by which shots differ more than independent corners would.
 
     The sum of gₛᵀ N⁻¹ gₛ over all shots is then σ² (p − Σ tr (N⁻¹ Nₛ)²) on average, p being the
     number of unknowns besides the gauge.
@@ -283,7 +283,7 @@ def contradict(calibration: xr.Dataset) -> bool:
 
 
 def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
-    """Covariance of the lenses, (8 n, 8 n), as each camera's own images determine them."""
+    """Return covariance of the lenses, (8 n, 8 n), as each camera's own images determine them."""
     blocks = []
     for k, camera in enumerate(cameras):
         seen = np.isfinite(corners[k]).any(axis=(1, 2))

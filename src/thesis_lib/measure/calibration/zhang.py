@@ -147,7 +147,7 @@ def central(board: Board) -> IntArray:
 
 
 def _spread(points: Sequence[Array], images: Sequence[Array], size: tuple[int, int]) -> float:
-    """Largest angle between the normals of the boards, rad.
+    """Return the largest angle between the normals of the boards, rad.
 
     A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. How
     much the normals differ hardly depends on K, so a focal length of the image's width will do.

@@ -22,7 +22,7 @@ from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
 
 def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:
-    """Cameras of the calibration's frame in that of the structure.
+    """Return the cameras of the calibration's frame in that of the structure.
 
     `data` is what :func:`~thesis_lib.measure.fitting.result.result` returns.
     """

@@ -52,7 +52,7 @@ def matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
 
 
 def _structure(data: xr.Dataset) -> dict[str, object]:
-    """Variables by name, with what MATLAB keeps: numbers, and texts as cells."""
+    """Return the variables by name, with what MATLAB keeps: numbers, and texts as cells."""
     fields: dict[str, object] = {}
     for name, variable in data.variables.items():
         texts = variable.dtype.kind in "OSU"

@@ -48,7 +48,7 @@ VARIABLES = declared("""
 
 
 def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset:
-    """Time histories of all markers, while all cameras recorded.
+    """Return the time histories of all markers, while all cameras recorded.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _span(own: Recording) -> tuple[float, float]:
 
 
 def _still(own: Recording, end: float) -> Array:
-    """Mean centres before a time, (2, markers), px."""
+    """Return the mean centres before a time, (2, markers), px."""
     last = end - 1 / own.rate
     return mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS_S, last)]))
 
@@ -141,7 +141,7 @@ def _within(times: Array, span: Array) -> Mask:
 def _at(
     own: Recording, P: Array, data: xr.Dataset, rest: Array, times: Array, steady: Mask
 ) -> Array:
-    """Images of the markers in a camera at other times, (2, times, markers), px."""
+    """Return the images of the markers in a camera at other times, (2, times, markers), px."""
     pad = (INTERPOLATION_FRAMES + 1) / own.rate + abs(own.readout)
     found = [*own.parts(times[0] - pad, times[-1] + pad)]
     s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))

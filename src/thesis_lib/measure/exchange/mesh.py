@@ -13,7 +13,7 @@ MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spa
 
 
 def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
-    """Faces between markers, counted from 0, with corners in one sense of rotation.
+    """Return the faces between markers, counted from 0, with corners in one sense of rotation.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
 
 
 def edges(x: ArrayLike, y: ArrayLike) -> IntArray:
-    """Lines between neighbours, (lines, 2), each once; along the row if all stand in one."""
+    """Return lines between neighbours, (lines, 2), each once; along the row if all stand in one."""
     corners = faces(x, y)
     if not len(corners):
         order = np.lexsort((np.asarray(y, float), np.asarray(x, float)))
@@ -54,14 +54,14 @@ def edges(x: ArrayLike, y: ArrayLike) -> IntArray:
 
 
 def triangles(corners: IntArray) -> IntArray:
-    """Faces as triangles, (triangles, 3)."""
+    """Return the faces as triangles, (triangles, 3)."""
     if corners.shape[1] == 3:
         return corners
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def _classes(values: Array) -> IntArray:
-    """Numbers of values in ascending order; those that are as good as equal have one."""
+    """Return the numbers of values in ascending order; those that are as good as equal have one."""
     order = np.argsort(values)
     number = np.empty(len(values), int)
     number[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > MAX_ROW_OFFSET_M)])

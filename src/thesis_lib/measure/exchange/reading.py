@@ -70,7 +70,7 @@ class Found:
 
 
 def read_cameras(path: Path, unit: str | None = None) -> Found:
-    """Cameras of a calibration in a file or folder.
+    """Return the cameras of a calibration in a file or folder.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def _values(path: Path) -> dict[str, Any]:
 
 
 def _of_xml(element: Element) -> Any:
-    """Values of an element of OpenCV's XML: an object, or a text, a number or numbers."""
+    """Return values of an element of OpenCV's XML: an object, or a text, a number or numbers."""
     if len(element):
         return {inside.tag: _of_xml(inside) for inside in element}
     text = (element.text or "").strip()
@@ -187,7 +187,7 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
 
 
 def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Names and values of the cameras of a camchain, each placed by the one before."""
+    """Yield the names and values of the cameras of a camchain, each placed by the one before."""
     pose = np.eye(4)
     for k, (name, given) in enumerate(cameras.items()):
         entry = {key.lower(): value for key, value in given.items()}
@@ -207,7 +207,7 @@ def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, 
 
 
 def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
-    """One camera with lengths times a scale, and whether its place is known."""
+    """Return one camera with lengths times a scale, and whether its place is known."""
 
     def of(*names: str) -> Any:
         return next((entry[one] for one in names if entry.get(one) is not None), None)
@@ -239,7 +239,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
 
 
 def _rotation(given: Array) -> Array:
-    """Rotation matrix of nine or three numbers."""
+    """Return the rotation matrix of nine or three numbers."""
     R = given.reshape(3, 3) if given.size == 9 else np.asarray(cv2.Rodrigues(given)[0], float)
     if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
         raise ValueError("rotation: no rotation matrix, allowed: nine or three numbers of one")
@@ -249,7 +249,7 @@ def _rotation(given: Array) -> Array:
 
 
 def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
-    """Coefficients k₁, k₂, p₁, p₂, k₃, or a refusal of another model by its name."""
+    """Return the coefficients k₁, k₂, p₁, p₂, k₃, or a refusal of another model by its name."""
     allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
     model = str(of("distortion_model", "camera_model", "model") or "").lower()
     if of("fisheye", "fisheye_model"):
@@ -266,7 +266,7 @@ def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
 
 
 def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
-    """Finite numbers in a row, of a matrix in OpenCV's form or of lists."""
+    """Return the finite numbers in a row, of a matrix in OpenCV's form or of lists."""
     if given is None or (isinstance(given, list) and None in given):
         raise KeyError(name)
     inner = given.get("data") if isinstance(given, Mapping) else given

@@ -16,7 +16,7 @@ MAX_UNEVENNESS = 1e-6  # of a step, within which times are even
 
 
 def channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
-    """Deflections of the markers as SEP 5 dictionaries, one for each.
+    """Return the deflections of the markers as SEP 5 dictionaries, one for each.
 
     Parameters
     ----------

@@ -189,7 +189,7 @@ def _write(path: Path, sets: Iterable[dict[str, Any]]) -> None:
 
 
 def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
-    """Header, units, nodes and the lines between them."""
+    """Yield the header, units, nodes and the lines between them."""
     places = data["rest_position"].values
     x, y, z = np.where(np.isfinite(places), places, 0.0)
     nodes = np.arange(1, len(x) + 1)

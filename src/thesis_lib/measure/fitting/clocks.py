@@ -97,7 +97,7 @@ def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
 
 
 def _amplitudes(fit: Fitted, omega: float, exposures: Array) -> ComplexArray:
-    """Complex image amplitudes (cameras, 2, markers), px."""
+    """Return the complex image amplitudes (cameras, 2, markers), px."""
     own = unblurred(fit, omega, exposures)
     return np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in own])
 

@@ -66,14 +66,14 @@ class Harmonics:
         return replace(self, coefficients=coefficients)
 
     def at(self, omega: float, times: ArrayLike) -> Array:
-        """Values at times (n,), shape (n, ...)."""
+        """Return the values at times (n,), shape (n, ...)."""
         order = (len(self.coefficients) - 1) // 2
         values: Array = np.tensordot(basis(omega, times, order), self.coefficients, axes=1)
         return values
 
 
 def basis(omega: float, times: ArrayLike, order: int) -> Array:
-    """Columns 1, cos ωt, sin ωt, cos 2ωt …, shape (times, 1 + 2 order)."""
+    """Return the columns 1, cos ωt, sin ωt, cos 2ωt …, shape (times, 1 + 2 order)."""
     t = np.asarray(times, float)
     columns = [np.ones_like(t)]
     for n in range(1, order + 1):
@@ -138,7 +138,7 @@ def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -
 
 
 def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Harmonics:
-    """Least-squares harmonics of values (times, ...); NaN is left out.
+    """Return the least-squares harmonics of values (times, ...); NaN is left out.
 
     A series with fewer values than coefficients plus two has NaN for all of its coefficients.
     """
@@ -155,7 +155,7 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
 def harmonic_motion(
     P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
 ) -> ComplexArray:
-    """Complex amplitudes along the beam's axes at ω, time factor e^{+jωt}, (3, markers), m.
+    """Return complex amplitudes along the beam's axes at ω, time factor e^{+jωt}, (3, markers), m.
 
     The harmonics of each camera, fitted at that camera's own times, are evaluated at common
     instants of one period, triangulated there without any linearisation, and summed to the first
@@ -189,7 +189,7 @@ def harmonic_deflection(
 
 
 def mean_of(values: Array) -> Array:
-    """Mean over the first axis of what is known; NaN where less than half is."""
+    """Return the mean over the first axis of what is known; NaN where less than half is."""
     known = np.isfinite(values)
     count = known.sum(axis=0)
     mean = np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1)
@@ -208,17 +208,17 @@ class Fitted:
 
     @property
     def P(self) -> Array:
-        """Projection matrices, shape (cameras, 3, 4)."""
+        """Return the projection matrices, shape (cameras, 3, 4)."""
         return lens.projection_matrices(self.cameras)
 
     @property
     def sigma(self) -> Array:
-        """Scatter of the centres about the harmonics, (cameras, 2, markers), px."""
+        """Return the scatter of the centres about the harmonics, (cameras, 2, markers), px."""
         return np.array([h.sigma for h in self.harmonics])
 
     @property
     def points(self) -> Array:
-        """Markers at rest in the calibration's frame, shape (3, markers), m."""
+        """Return the markers at rest in the calibration's frame, shape (3, markers), m."""
         return triangulate_seen(self.P, self.rest)[0]
 
 
@@ -238,12 +238,12 @@ def unblurred(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics
 
 
 def amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
-    """Complex amplitudes of the deflection at ω, shape (markers,), in m."""
+    """Return the complex amplitudes of the deflection at ω, shape (markers,), in m."""
     return np.asarray(motion(fit, omega, exposures)[2], complex)
 
 
 def motion(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
-    """Complex amplitudes along the structure's axes at ω, shape (3, markers), in m."""
+    """Return the complex amplitudes along the structure's axes at ω, shape (3, markers), in m."""
     return harmonic_motion(fit.P, fit.frame, omega, unblurred(fit, omega, exposures))
 
 
@@ -259,7 +259,7 @@ def deviation(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) ->
 
 
 def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:
-    """Phase in rad that leaves least of the shape in quadrature.
+    """Return the phase in rad that leaves least of the shape in quadrature.
 
     Of the two that do, half a period apart, it is the one that a force at resonance gives; where
     the force is unknown, the one in which the largest deflection is upward.

@@ -114,6 +114,6 @@ def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]
 
 
 def rms(values: Array) -> float:
-    """Root mean square of what is known; NaN if nothing is."""
+    """Return the root mean square of what is known; NaN if nothing is."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

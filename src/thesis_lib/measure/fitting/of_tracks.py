@@ -28,7 +28,7 @@ def fit_tracks(
     end: float,
     order: int,
 ) -> Fitted:
-    """All cameras' harmonics as they are, with the markers' places at rest.
+    """Return all cameras' harmonics as they are, with the markers' places at rest.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def fit_tracks(
 
 
 def at_rest(own: Recording, seconds: float) -> Array:
-    """Mean centres before the motion, without distortion, (2, markers), px."""
+    """Return the mean centres before the motion, without distortion, (2, markers), px."""
     last = own.delay + seconds - 1 / own.rate
     parts = [uv for _, uv in own.parts(own.delay, last)]
     return mean_of(np.concatenate(parts))
@@ -62,7 +62,7 @@ def at_rest(own: Recording, seconds: float) -> Array:
 def _harmonics(
     own: Recording, still: Array, omega: float, begin: float, end: float, order: int
 ) -> Harmonics:
-    """Harmonics of the tracks of one camera, part by part about the markers' places at rest.
+    """Return harmonics of the tracks of one camera, part by part about the markers' places at rest.
 
     A rolling shutter sees every marker at the time of its row; the harmonics are those at the
     frames' times.

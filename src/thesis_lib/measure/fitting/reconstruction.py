@@ -23,7 +23,7 @@ GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of s
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
-    """Points from the cameras that see them.
+    """Return the points from the cameras that see them.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Frame:
     tilt: float  #: Angle between the plane of the markers alone and the fitted one, rad
 
     def to_beam(self, points: ArrayLike) -> Array:
-        """Points (3, ...) of the calibration's frame in the beam's, m."""
+        """Return the points (3, ...) of the calibration's frame in the beam's, m."""
         p = np.asarray(points, float)
         shifted = p - self.origin.reshape((3,) + (1,) * (p.ndim - 1))
         turned: Array = np.tensordot(self.R, shifted, axes=1)
@@ -69,7 +69,7 @@ class Frame:
 
 
 def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
-    """Rigid fit of measured markers (3, n) to their nominal grid (3, n), by Kabsch's method.
+    """Return rigid fit of measured markers (3, n) to their nominal grid (3, n), by Kabsch's method.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def frozen(scatter: Array) -> Mask:
 
 
 def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
-    """One camera's harmonics with the scatter that makes up for what compression swallowed.
+    """Return one camera's harmonics with the scatter that makes up for what compression swallowed.
 
     A codec repeats a part of a picture that hardly changes, so small motions are lost altogether,
     those a little larger in part. Up to which image amplitude θ, those markers tell that move
@@ -88,7 +88,7 @@ def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
 def in_plane(
     fit: Fitted, omega: float, exposures: Array, places: Array, thickness: float
 ) -> tuple[ComplexArray, Array]:
-    """Motion in the plane that bending does not explain, and what the scatter lets it be.
+    """Return motion in the plane that bending does not explain, and what the scatter lets it be.
 
     Markers are on the surface, half a thickness above the middle of a structure whose normal turns
     with the slope of its deflection: they move in the plane by that slope times a length, which is
@@ -135,7 +135,7 @@ def _slope(places: Array, w: ComplexArray) -> ComplexArray:
 
 
 def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> tuple[Array, Array]:
-    """Shapes from all cameras but one, and how far they should be from that of all.
+    """Return the shapes from all cameras but one, and how far they should be from that of all.
 
     Both (cameras, markers), in m. The estimate of all is the best of all their combinations, so the
     difference has the variance of the part less that of all.

@@ -120,7 +120,7 @@ def result(
     recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Deflection shape, its standard errors, and what they rest on.
+    """Return the deflection shape, its standard errors, and what they rest on.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def _aliases(
 
 
 def _uneven(own: Recording) -> float:
-    """Rms in s by which frames are off an even rate."""
+    """Return the rms in s by which frames are off an even rate."""
     times = own.times
     k = np.arange(0, len(times), -(-len(times) // 4096))  # of a long recording some frames tell
     return float(np.std(times[k] - np.polyval(np.polyfit(k, times[k], 1), k)))

@@ -87,13 +87,13 @@ class Modes:
 
     @property
     def poles(self) -> ComplexArray:
-        """λ of each mode, 1/s."""
+        """Return λ of each mode, 1/s."""
         turn = np.sqrt(1 - self.damping**2)
         return np.asarray(2 * np.pi * self.frequency * (-self.damping + 1j * turn), complex)
 
 
 def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
-    """Frequencies, damping and shapes of the modes in some tracks.
+    """Return the frequencies, damping and shapes of the modes in some tracks.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
 
 
 def assurance(shapes_: ArrayLike) -> Array:
-    """Modal assurance criterion of complex shapes (modes, markers) among each other.
+    """Return the modal assurance criterion of complex shapes (modes, markers) among each other.
 
     |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both, shape (modes, modes).
     """
@@ -207,7 +207,7 @@ def _block(track: Track, zero: float, noise: Array) -> Block:
 
 
 def _scatter(block: Block, poles: Poles) -> Array:
-    """Scatter of each series about the modes, px."""
+    """Return the scatter of each series about the modes, px."""
     B = columns(block.times, poles.rates)
     return scatter(block, B, seen_fit(B, block)[0])
 
@@ -247,7 +247,7 @@ def _scale(block: Block, poles: Poles) -> Array:
 def _nearest_in_step(
     tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest, asked: Asked
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
-    """Each mode at that of the frequencies that frames show alike with which cameras agree.
+    """Return each mode at that of the frequencies that frames show alike with which cameras agree.
 
     With it, for each mode: these frequencies in Hz, and the phases in rad by which cameras are out
     of step then; the one that is taken comes first.

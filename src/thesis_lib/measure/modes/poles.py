@@ -63,17 +63,17 @@ class Poles:
 
     @property
     def frequency(self) -> Array:
-        """Natural frequencies |λ| / 2π in Hz, shape (modes,)."""
+        """Return the natural frequencies |λ| / 2π in Hz, shape (modes,)."""
         return np.asarray(np.hypot(*self.rates.T) / (2 * np.pi), float)
 
     @property
     def damping(self) -> Array:
-        """Damping ratios α / |λ|, shape (modes,)."""
+        """Return the damping ratios α / |λ|, shape (modes,)."""
         return np.asarray(self.rates[:, 0] / np.hypot(*self.rates.T), float)
 
     @property
     def deviations(self) -> tuple[Array, Array]:
-        """Standard errors of :attr:`frequency` and :attr:`damping`."""
+        """Return the standard errors of :attr:`frequency` and :attr:`damping`."""
         alpha, omega = self.rates.T
         size = np.hypot(alpha, omega)
         k = 2 * np.arange(len(alpha))
@@ -355,7 +355,7 @@ def beside(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]
 
 
 def span_of(blocks: Sequence[Block]) -> float:
-    """Length of the part that is fitted, s."""
+    """Return the length of the part that is fitted, s."""
     return max(float(np.ptp(block.times)) for block in blocks)
 
 

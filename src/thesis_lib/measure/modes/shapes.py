@@ -60,7 +60,7 @@ def blurred(rate: Array, exposure: float) -> complex:
 
 
 def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
-    """Each mode in one camera's pictures, as if rows and exposures took no time."""
+    """Return each mode in one camera's pictures, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = columns(block.times, poles.rates)
     fit, inverse = seen_fit(B, block)

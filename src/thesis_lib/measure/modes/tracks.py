@@ -34,7 +34,7 @@ class Track:
 
     @property
     def seen_rows(self) -> Array:
-        """Rows in which the centres were seen, px, shape (frames, markers)."""
+        """Return the rows in which the centres were seen, px, shape (frames, markers)."""
         return self.uv[:, 1] if self.rows is None else self.rows
 
     @property

@@ -44,7 +44,7 @@ class PaperError(ValueError):
 
 
 def area(paper: str, landscape: bool) -> tuple[float, float]:
-    """Width and height in mm that can be drawn on, above the strip with the ruler."""
+    """Return the width and height in mm that can be drawn on, above the strip with the ruler."""
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
     return width - 2 * BORDER_MM, height - 2 * BORDER_MM - STRIP_MM
 
@@ -103,7 +103,7 @@ def discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black"
 
 
 def rectangle(x: float, y: float, width: float, height: float) -> list[tuple[float, float]]:
-    """Vertices of a rectangle with its lower left corner at x, y."""
+    """Return the vertices of a rectangle with its lower left corner at x, y."""
     return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
 
 
@@ -224,7 +224,7 @@ def _drawing(tiles: Array) -> Draw:
 
 
 def _marks(columns: int, rows: int, tile: float) -> Array:
-    """Dark cells of the marks, (cells, 4, 2), mm from the board's lower left corner.
+    """Return the dark cells of the marks, (cells, 4, 2), mm from the board's lower left corner.
 
     OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
     """

@@ -44,14 +44,14 @@ class Between:
         return np.asarray(amplitudes - self.fitted @ amplitudes, complex)
 
     def left(self, of: Amplitudes) -> tuple[float, float]:
-        """Norm of the residuals, and what errors alone would make of it (rms), in m."""
+        """Return the norm of the residuals, and what errors alone would make of it (rms), in m."""
         D = np.kron(np.eye(2), np.eye(len(self.fitted)) - self.fitted)
         noise = np.sqrt(np.sum((D @ of.covariance) * D))
         return float(np.linalg.norm(self.residual(of.value))), float(noise)
 
 
 def spacing(markers: Array) -> float:
-    """Distance in m to the next marker where that is largest, of markers (2, n).
+    """Return the distance in m to the next marker where that is largest, of markers (2, n).
 
     Along the structure and across it by themselves: close rows of markers that are far apart tell
     no shorter waves along the rows.

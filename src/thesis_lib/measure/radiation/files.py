@@ -28,7 +28,7 @@ def write(folder: Path, data: xr.Dataset) -> None:
 
 
 def heard(data: xr.Dataset, point: int) -> Array:
-    """Pressure in Pa at a point over time, all tones together, faded in and out.
+    """Return the pressure in Pa at a point over time, all tones together, faded in and out.
 
     Tones have the phases that were measured. Modes die away from the moment on that their
     amplitudes are of.
@@ -43,7 +43,7 @@ def heard(data: xr.Dataset, point: int) -> Array:
 
 
 def table(data: xr.Dataset) -> pd.DataFrame:
-    """Every number with its standard error, one in a row."""
+    """Return every number with its standard error, one in a row."""
     rows: list[tuple[object, ...]] = []
 
     def told(of: object, name: str, what: object, one: xr.Dataset) -> None:

@@ -113,7 +113,7 @@ def _one_mode(data: xr.Dataset) -> xr.Dataset:
 
 
 def tones_of(data: xr.Dataset) -> list[Tone]:
-    """Frequencies in rad/s, and of modes that decay how fast, in 1/s.
+    """Return the frequencies in rad/s, and of modes that decay how fast, in 1/s.
 
     Parameters
     ----------

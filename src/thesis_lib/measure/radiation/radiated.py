@@ -238,7 +238,7 @@ def _of_tone(
 
 
 def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
-    """Energies W / 2α. An error of α that made W too large makes the time too short.
+    """Return the energies W / 2α. An error of α that made W too large makes the time too short.
 
     NaN of a mode that does not seem to die away.
     """
@@ -281,7 +281,7 @@ def _of_bands(
 
 
 def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
-    """Rows (k, markers) of each tone as rows of the amplitudes of all tones."""
+    """Return the rows (k, markers) of each tone as rows of the amplitudes of all tones."""
     places = np.eye(len(rows))[:, None]
     return np.concatenate([np.kron(place, own) for place, own in zip(places, rows, strict=True)])
 
@@ -289,7 +289,7 @@ def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
 def _levels(
     name: str, scale: float, reference: float, known: estimates.Estimate
 ) -> dict[str, Array]:
-    """Level in dB and its standard error; NaN where errors are all there is."""
+    """Return the level in dB and its standard error; NaN where errors are all there is."""
     value = np.where(known.value > 0, known.value, np.nan)
     return {name: scale * np.log(value / reference), f"{name}_error": scale * known.error / value}
 
@@ -301,5 +301,5 @@ def count_nodes(extent: tuple[float, float], omega: float, medium: Medium) -> in
 
 
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
-    """Complex values of a variable's two parts."""
+    """Return the complex values of a variable's two parts."""
     return np.asarray(data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values)

@@ -78,7 +78,7 @@ class _Survey:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the channels, shape (channels, channels)."""
+        """Return the covariance of the channels, shape (channels, channels)."""
         n = max(sum(self.counts), 1)
         return self.products / n - np.outer(self.sums, self.sums) / n**2
 

@@ -42,19 +42,19 @@ class Board:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Inner corners along x and along y."""
+        """Return the inner corners along x and along y."""
         return self.columns - 1, self.rows - 1
 
     @property
     def corners(self) -> Array:
-        """Inner corners in the board's frame, shape (3, corners), in m."""
+        """Return the inner corners in the board's frame, shape (3, corners), in m."""
         nx, ny = self.shape
         x = (np.arange(nx) - (nx - 1) / 2) * self.tile
         y = (np.arange(ny) - (ny - 1) / 2) * self.tile
         return np.stack([np.tile(x, ny), np.repeat(y, nx), np.zeros(nx * ny)])
 
     def shown(self, images: Array) -> Array:
-        """Corners in the frame of a side, as pictures show them, in m.
+        """Return the corners in the frame of a side, as pictures show them, in m.
 
         Corners of the other side lie a thickness behind, and run in a picture from it the other
         way round.
@@ -89,7 +89,7 @@ class Board:
 
     @property
     def outline(self) -> Array:
-        """Vertices of the whole board with its margin, shape (4, 2), in m."""
+        """Return the vertices of the whole board with its margin, shape (4, 2), in m."""
         x = self.columns * self.tile / 2 + self.margin
         y = self.rows * self.tile / 2 + self.margin
         return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
@@ -107,17 +107,17 @@ class Markers:
 
     @cached_property
     def positions(self) -> Array:
-        """Centres of the markers and of the hole, if any, shape (2, n), m."""
+        """Return the centres of the markers and of the hole, if any, shape (2, n), m."""
         return self.centres if self.hole is None else np.column_stack([self.centres, self.hole])
 
     @property
     def count(self) -> int:
-        """Markers without the hole."""
+        """Return the markers without the hole."""
         return self.centres.shape[1]
 
     @cached_property
     def nearest(self) -> Array:
-        """Distance of each of :attr:`positions` to the nearest other one, m."""
+        """Return the distance of each of :attr:`positions` to the nearest other one, m."""
         distance, _ = KDTree(self.positions.T).query(self.positions.T, k=2)
         return np.asarray(distance[:, 1], float)
 
@@ -135,7 +135,7 @@ class Markers:
 
     @cached_property
     def rows(self) -> tuple[slice, ...]:
-        """Runs of markers at the same y."""
+        """Return the runs of markers at the same y."""
         ends = np.flatnonzero(np.abs(np.diff(self.centres[1])) > 1e-9) + 1
         return tuple(slice(int(a), int(b)) for a, b in pairwise([0, *ends, self.count]))
 
@@ -146,23 +146,23 @@ class Markers:
 
     @property
     def columns(self) -> int:
-        """Markers in the middle row."""
+        """Return the markers in the middle row."""
         return self.middle_row.stop - self.middle_row.start
 
     @property
     def row_spacing(self) -> float:
-        """Distance between the first two rows in m; NaN if there is one."""
+        """Return the distance between the first two rows in m; NaN if there is one."""
         y = self.centres[1, [row.start for row in self.rows[:2]]]
         return float(np.diff(y)[0]) if len(y) == 2 else np.nan
 
     @property
     def corners(self) -> Array:
-        """Corners of the structure, (0, 0), (L, 0), (L, W), (0, W), shape (2, 4), m."""
+        """Return the corners of the structure, (0, 0), (L, 0), (L, W), (0, W), shape (2, 4), m."""
         return np.array(self.extent)[:, None] * [[0, 1, 1, 0], [0, 0, 1, 1]]
 
     @property
     def world(self) -> Array:
-        """Centres at rest in the world, shape (3, n), m."""
+        """Return the centres at rest in the world, shape (3, n), m."""
         return on_surface(self.extent, self.positions)
 
 

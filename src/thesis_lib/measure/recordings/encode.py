@@ -121,7 +121,7 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterato
 
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:
-    """Rate and frames of a header and the raw file beside it."""
+    """Return the rate and frames of a header and the raw file beside it."""
     if not header.is_file():
         raise MediaError(f"{header}: no such file")
     try:
@@ -192,7 +192,7 @@ def _eight(data: Image, shift: int) -> Image:
 
 
 def _twelve(data: Image, shift: int) -> Image:
-    """Two pixels in three bytes, the highest bits first."""
+    """Return two pixels in three bytes, the highest bits first."""
     first, middle, last = data.reshape(-1, 3).T
     return np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
 

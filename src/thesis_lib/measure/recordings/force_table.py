@@ -287,7 +287,7 @@ def _known(name: str) -> bool:
 
 
 def _split(cell: str) -> tuple[str, str]:
-    """Part a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
+    """Return part a header's cell into name and unit: `Kraft [N]`, `time_ms`, `F in kN`, `t/s`."""
     cell = cell.strip().strip("\"'")
     for form in UNIT_FORMS:
         match = re.fullmatch(form, cell)

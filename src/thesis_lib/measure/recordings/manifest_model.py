@@ -205,7 +205,7 @@ class Radiation(Fields):
         return np.asarray(every[ConvexHull(every).vertices], float)
 
     def held(self, kind: str, corners: int) -> list[int]:
-        """Numbers of the edges that are held at rest."""
+        """Return the numbers of the edges that are held at rest."""
         if self.edges != "by kind":
             return [i for i, edge in enumerate(self.edges) if edge == "held"]
         if self.outline_mm != "structure":
@@ -375,7 +375,7 @@ class Structure(Fields):
 
     @property
     def hole(self) -> Array | None:
-        """Centre of the hole, shape (2,), in m."""
+        """Return the centre of the hole, shape (2,), in m."""
         return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
 
 
@@ -428,12 +428,12 @@ class CameraFiles(Fields):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the pictures in px."""
+        """Return the width and height of the pictures in px."""
         return self.width_px, self.height_px
 
     @property
     def rate_hz(self) -> float:
-        """Rate at which the frames were taken, Hz."""
+        """Return the rate at which the frames were taken, Hz."""
         return self.captured_hz or self.frame_rate_hz
 
     @model_validator(mode="after")

@@ -243,7 +243,7 @@ def depth_of(path: Path) -> int:
 
 
 def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Grey levels of a picture, of eight bits or of sixteen."""
+    """Return the grey levels of a picture, of eight bits or of sixteen."""
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     data = path.read_bytes()

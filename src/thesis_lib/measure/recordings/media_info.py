@@ -186,7 +186,7 @@ def orientation_of(frame: VideoFrame) -> tuple[bool, bool, bool]:
 
 
 def _seconds(text: str) -> float:
-    """Seconds of Matroska's ``hours:minutes:seconds``."""
+    """Return the seconds of Matroska's ``hours:minutes:seconds``."""
     hours, minutes, seconds = text.split(":")
     return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
@@ -197,7 +197,7 @@ def start_of(stream: VideoStream | AudioStream) -> float:
 
 
 def _end_of(stream: VideoStream | AudioStream) -> float | None:
-    """Time in s at which a track ends, None if the file does not say."""
+    """Return the time in s at which a track ends, None if the file does not say."""
     if stream.duration is not None and stream.time_base is not None:
         return start_of(stream) + float(stream.duration * stream.time_base)
     return _seconds(stream.metadata["DURATION"]) if "DURATION" in stream.metadata else None
@@ -382,7 +382,7 @@ def frame_clock(path: Path) -> Array:
 
 
 def frame_times(path: Path) -> Array:
-    """Presentation times of all frames after the first, shape (frames,), s; decodes nothing.
+    """Return presentation times of all frames after the first, shape (frames,), s; decodes nothing.
 
     Matroska rounds them to 1 ms.
 

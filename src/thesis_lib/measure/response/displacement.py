@@ -49,7 +49,7 @@ def at_times(
     late: Array | float = 0.0,
     exposure: float = 0.0,
 ) -> Array:
-    """Values of series of a limited band at wanted times.
+    """Return the values of series of a limited band at wanted times.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
 def deflections(
     recordings: Sequence[Recording], rest: Rest, times: Array, repeated: int = 0
 ) -> Array:
-    """Deflections along the structure's normal at some times, m, shape (times, markers).
+    """Return the deflections along the structure's normal at some times, m, shape (times, markers).
 
     NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
     camera has then taken it for its neighbour. `repeated` is that of :func:`images`.
@@ -251,7 +251,7 @@ def in_step(
 
 
 def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
-    """Deflections along the normal by each camera alone, m, (times, markers)."""
+    """Return the deflections along the normal by each camera alone, m, (times, markers)."""
     P = projection_matrices([own.camera for own in recordings])
     slopes = np.einsum("cikn,k->cin", jacobian(P, rest.points), rest.frame.R[2])
     found = []

@@ -82,7 +82,7 @@ class Recorded:
 
     @property
     def rate(self) -> float:
-        """Samples per second."""
+        """Return the samples per second."""
         return (len(self.times) - 1) / float(self.times[-1] - self.times[0])
 
 

@@ -80,7 +80,7 @@ VARIABLES = declared("""
 def responded(
     manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording], folder: Path
 ) -> xr.Dataset:
-    """Motion of every marker over the force.
+    """Return the motion of every marker over the force.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _common(
 
 
 def _segment(manifest: Manifest, seconds: float) -> float | None:
-    """Length of the segments in s; None is the whole."""
+    """Return the length of the segments in s; None is the whole."""
     assert manifest.force is not None
     asked = manifest.force.segment_s
     if asked is None:
@@ -271,6 +271,6 @@ def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str
 
 
 def _beyond(newtons: Array, rate: float, frames: float) -> float:
-    """Share of a force's power above half of a frame rate, where frames show aliases."""
+    """Return the share of a force's power above half of a frame rate, where frames show aliases."""
     f, power = welch(newtons, rate, nperseg=min(len(newtons), 4096))
     return float(power[f > frames / 2].sum() / power.sum())

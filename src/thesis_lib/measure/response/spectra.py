@@ -58,7 +58,7 @@ class Cut:
 
 
 def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
-    """Segments of at most so many seconds; None takes the whole as one."""
+    """Return the segments of at most so many seconds; None takes the whole as one."""
     whole = samples // 2 * 2
     length = whole if seconds is None else max(min(round(seconds * rate / 2) * 2, whole), 4)
     return Cut(rate, length, 1 + (samples - length) // (length // 2) if length < whole else 1)
@@ -95,7 +95,7 @@ class Response:
 
 
 def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -> Response:
-    """Receptance from spectra of segments.
+    """Return the receptance from spectra of segments.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def same_rate(rates: Sequence[float], names: Sequence[str]) -> None:
 
 
 def shortest_of(frequency: float | None) -> float:
-    """Length in s that a recording must have."""
+    """Return the length in s that a recording must have."""
     return 0.5 if frequency is None else 2.5 / frequency
 
 

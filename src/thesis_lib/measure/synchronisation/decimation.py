@@ -27,7 +27,7 @@ def step_to(rate: float, wanted: float) -> int:
 
 @cache
 def low_pass(step: int) -> Array:
-    """Taps of the low-pass before every `step`-th sample is kept, symmetric."""
+    """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
     return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
 
 

@@ -35,7 +35,7 @@ MAX_PEAK_RATIO = 0.9998
 
 
 def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
-    """Correlation coefficient of a[j + lag] and b[j] over the j that both have.
+    """Return the correlation coefficient of a[j + lag] and b[j] over the j that both have.
 
     Each lag is normalised by the means and energies of its own overlap: without, the shrinking
     overlap would pull the peak to lag zero.
@@ -100,7 +100,7 @@ def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[A
 
 
 def summit(lags: IntArray, c: Array, top: int) -> float:
-    """Lag of a peak between samples, by a polynomial through its cap.
+    """Return the lag of a peak between samples, by a polynomial through its cap.
 
     A slow tone's peak is so flat that noise decides among three samples; a clap's has no more.
     """
@@ -120,7 +120,7 @@ def summit(lags: IntArray, c: Array, top: int) -> float:
 
 
 def heights(c: Array, tops: IntArray) -> Array:
-    """Heights of peaks between samples, by a parabola through the three highest of each."""
+    """Return heights of peaks between samples, by a parabola through the three highest of each."""
     left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
     bend = np.maximum(2 * middle - left - right, 1e-15)
     return middle + np.minimum((right - left) ** 2 / bend, bend) / 8
@@ -161,7 +161,7 @@ def compared(
     by_noise: bool = True,
     either_sign: bool = False,
 ) -> Match:
-    """Delay by the highest peak of the normalised cross-correlation, at the given rate.
+    """Return the delay by the highest peak of the normalised cross-correlation, at the given rate.
 
     Where two recordings match, 1 minus their correlation is the energy of their noises over that of
     the signal, ε; over n samples it scatters by ε √(2/n). Two peaks cannot be told apart if their
@@ -224,7 +224,7 @@ def compared(
 
 
 def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:
-    """Delay of one recording by correlation with another; see :func:`compared`."""
+    """Return the delay of one recording by correlation with another; see :func:`compared`."""
     a, low_rate = decimated(reference, rate, CORRELATION_RATE)
     b, _ = decimated(other, rate, CORRELATION_RATE)
     return compared(a, b, low_rate, max_delay)
@@ -293,7 +293,7 @@ def phase_delays(
 
 
 def delay_deviation(frequency: float, snr: float, samples: int) -> float:
-    """Least standard deviation of a delay from the phases of two tones in white noise, s.
+    """Return least standard deviation of a delay from the phases of two tones in white noise, s.
 
     The Cramér–Rao bound of a phase, with frequency known, is 1 / (SNR · N) (Rife and Boorstyn
     1974); a delay has two of them.

@@ -76,7 +76,7 @@ class Drift:
 
 
 def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
-    """Delay in s between sounds by their loudness.
+    """Return the delay in s between sounds by their loudness.
 
     Loudness is so slow that clocks which drift apart do not blur it.
     """
@@ -122,7 +122,7 @@ def _loudness_heights(
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
-    """Logarithm of the energy of what is high in a sound, in steps of `HOP`."""
+    """Return the logarithm of the energy of what is high in a sound, in steps of `HOP`."""
     n = round(HOP_S * rate)
     high = np.diff(sound[: round(MAX_COMPARED_S * rate)].astype(float))
     energy = np.square(high[: len(high) // n * n]).reshape(-1, n).mean(axis=1)
@@ -133,7 +133,7 @@ def _loudness(sound: Signal, rate: float) -> Array:
 def drift_of(
     reference: Signal, other: Signal, rate: float, starts: tuple[float, float], delay: float
 ) -> Drift:
-    """Line through the delays of windows.
+    """Return the line through the delays of windows.
 
     Parameters
     ----------

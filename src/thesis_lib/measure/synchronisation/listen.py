@@ -67,7 +67,7 @@ class Sound:
 
 
 def listen(manifest: Manifest, folder: Path) -> Sound:
-    """Delays, and the force's frequency and phase.
+    """Return the delays, and the force's frequency and phase.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
-    """Frequency in Hz of the tone that all tracks hold."""
+    """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
     tones = []

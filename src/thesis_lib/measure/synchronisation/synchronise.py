@@ -138,12 +138,12 @@ class Synchronisation:
 
 
 def coupling_delay(frequency: float) -> float:
-    """Delay in s of a tone between first-order high-passes with corners of 2 and 3 Hz."""
+    """Return delay in s of a tone between first-order high-passes with corners of 2 and 3 Hz."""
     return float((np.arctan(3 / frequency) - np.arctan(2 / frequency)) / (2 * np.pi * frequency))
 
 
 def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
-    """Delays in whole frames, N = Δt · fps (eq. 5.2), rounded to the nearest."""
+    """Return the delays in whole frames, N = Δt · fps (eq. 5.2), rounded to the nearest."""
     return np.rint(np.asarray(delays, float) * frame_rate).astype(np.int64)
 
 

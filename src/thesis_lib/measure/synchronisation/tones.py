@@ -42,7 +42,7 @@ def check_rate(rate: float, frequency: float) -> None:
 def fitted_tone(
     blocks: Iterable[ArrayLike], rate: float, frequency: float, centre: float
 ) -> tuple[complex, float]:
-    """Least-squares fit of a tone plus a constant to a signal that comes in blocks.
+    """Return the least-squares fit of a tone plus a constant to a signal that comes in blocks.
 
     Parameters
     ----------
@@ -78,19 +78,19 @@ def fitted_tone(
 
 
 def tone_at(signal: ArrayLike, rate: float, frequency: float, centre: float) -> complex:
-    """Complex amplitude at `centre` s after the first sample of a tone plus a constant."""
+    """Return complex amplitude at `centre` s after the first sample of a tone plus a constant."""
     return fitted_tone([signal], rate, frequency, centre)[0]
 
 
 def tone_share(signal: ArrayLike, rate: float, frequency: float) -> float:
-    """Share of a signal's variance that a tone explains."""
+    """Return the share of a signal's variance that a tone explains."""
     return fitted_tone([signal], rate, frequency, len(np.asarray(signal)) / rate / 2)[1]
 
 
 def strongest(
     signal: ArrayLike, rate: float, low: float, high: float, most: int | None = None
 ) -> float:
-    """Frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
+    """Return the frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
 
     It is off by at most a quarter of 1 / length; or, where the spectra of parts of `most` samples
     are added, of 1 / their length.

@@ -143,7 +143,7 @@ def force_match(
     frequency: float | None,
     max_delay: float | None = None,
 ) -> Match:
-    """Delay between recordings of the force's signal.
+    """Return the delay between recordings of the force's signal.
 
     By correlation; where that leaves doubt and the tone's frequency is known, by that of its onset,
     end, or a clap: :func:`without_tone`, :func:`standing_out`. Peaks within half a period of the

@@ -20,7 +20,7 @@ NOISE_GREY = 3.0  # grey levels against which that is weighed
 
 
 def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Array, float]:
-    """Centres in px by a least-squares fit of blurred discs on a white beam to the frame.
+    """Return centres in px by a least-squares fit of blurred discs on a white beam to the frame.
 
     The model of the grey levels around a marker is g + (b − g) W − c D: W is 1 on the beam and D
     on the marker, both blurred by a Gaussian and by the pixel's own area. Fitted are the centre, b,
@@ -130,7 +130,7 @@ class Patch:
         return np.asarray(nu * du[:, None, :] + nv * dv[:, :, None])
 
     def usable(self, du: Array, dv: Array) -> Mask:
-        """Pixels that see no other marker, nor much of what is beyond the structure."""
+        """Return the pixels that see no other marker, nor much of what is beyond the structure."""
         along, across = (self._offset(axis, du, dv) for axis in (0, 1))
         left, right, low, high = (part[:, None, None] for part in (*self.ends, *self.edges))
         spare, clear = 1 + self.blur, 1 + 2.5 * self.blur
@@ -145,7 +145,7 @@ class Patch:
         return inside
 
     def background(self, grey: Array, du: Array, dv: Array) -> float:
-        """Grey level beside the beam: the median of the pixels that see nothing of it."""
+        """Return grey level beside the beam: the median of the pixels that see nothing of it."""
         across, clear = self._offset(1, du, dv), 1 + 2.5 * self.blur
         low, high = (part[:, None, None] for part in self.edges)
         beside = grey[(across < -low - clear) | (across > high + clear)]
@@ -201,7 +201,7 @@ def _borders(x: Array) -> Array:
 
 @cache
 def _gauss_legendre(n: int) -> tuple[Array, Array]:
-    """Nodes and weights of a rule on −1…1."""
+    """Return the nodes and weights of a rule on −1…1."""
     return np.polynomial.legendre.leggauss(n)
 
 

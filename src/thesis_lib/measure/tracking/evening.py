@@ -44,7 +44,7 @@ def even_light(image: Image) -> Iterator[Image]:
 
 
 def _divide(grey: Array, light: Array) -> Image:
-    """Grey levels over those of the light, so that the brightest are nearly white."""
+    """Return the grey levels over those of the light, so that the brightest are nearly white."""
     ratio = grey / np.maximum(light, MIN_GROUND_LEVEL)
     white = max(float(np.quantile(ratio, 0.99)), 1e-9)
     return np.asarray(np.clip(WHITE_LEVEL * ratio / white, 0, 255), np.uint8)

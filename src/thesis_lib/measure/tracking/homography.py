@@ -37,11 +37,11 @@ class View:
     blur: float = 0.6  #: Standard deviation in px of the edges in the picture
 
     def to_image(self, plane: ArrayLike) -> Array:
-        """Pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
+        """Return the pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
         return distorted(self.camera, apply(self.H_image_plane, plane))
 
     def to_plane(self, uv: ArrayLike) -> Array:
-        """Points (2, ...) of the plane in m of pixels (2, ...)."""
+        """Return the points (2, ...) of the plane in m of pixels (2, ...)."""
         return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
 
     def stretch(self, plane: ArrayLike) -> Array:
@@ -182,7 +182,7 @@ def _sides(box: Array) -> list[tuple[Array, Array]]:
 
 
 def _distance(points: Array, a: Array, b: Array) -> Array:
-    """Distance of points (n, 2) from the segment from a to b."""
+    """Return the distance of points (n, 2) from the segment from a to b."""
     t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
     return np.asarray(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
 

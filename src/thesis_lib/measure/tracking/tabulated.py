@@ -189,7 +189,7 @@ class Follower:
         return np.where(holds, uv, np.nan)
 
     def _searched(self, image: Image, moved: Array) -> Array:
-        """Centres (2, markers and hole) by the tracker that looks for them far around."""
+        """Return centres (2, markers and hole) by the tracker that looks for them far around."""
         tracker, view = self.tracker, self.view
         tracker.moved, tracker.before = (
             view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)

@@ -80,7 +80,7 @@ def sharpen(image: Image, view: View) -> View:
 
 
 def _rms(off: Array) -> float:
-    """Root mean square length of vectors (2, n), NaN left out."""
+    """Return the root mean square length of vectors (2, n), NaN left out."""
     return float(np.sqrt(np.nanmean(np.sum(off**2, axis=0))))
 
 

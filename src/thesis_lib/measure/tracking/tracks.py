@@ -51,7 +51,7 @@ class Recording:
 
     @property
     def times(self) -> Array:
-        """Times of all frames on the reference's clock, s."""
+        """Return the times of all frames on the reference's clock, s."""
         own = self.stamps if self.stamps is not None else np.arange(len(self.centres)) / self.rate
         times: Array = own * self.pace + self.delay
         return times
@@ -190,7 +190,7 @@ def record(
 
 
 def lost_share(recording: Recording) -> Array:
-    """Share of the frames in which each marker is missing, shape (markers,)."""
+    """Return the share of the frames in which each marker is missing, shape (markers,)."""
     missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
     for start in range(0, count, CHUNK_FRAMES):
         missing += np.isnan(recording.centres[start : start + CHUNK_FRAMES, 0]).sum(axis=0)
@@ -211,7 +211,7 @@ def _state(note: Path, path: Path, key: str, count: int, frame: int) -> dict[str
 
 
 def _digest(path: Path, left: int) -> Any:
-    """SHA-256 of a file but for its last bytes, to be continued by what is written there."""
+    """Return SHA-256 of a file but for its last bytes, to be continued by what is written there."""
     digest, size = hashlib.sha256(), path.stat().st_size - left
     with path.open("rb") as file:
         while piece := file.read(min(size, 1 << 20)):
