@@ -11,12 +11,12 @@ from uuid import uuid4
 import hypothesis
 import pytest
 
-from thesis_lib.runs.surroundings import fixed_environment
+from thesis_lib.runs.surroundings import list_variables
 
 for profile in ("project", "night"):  # the latter is for more examples where a test asks for it
     hypothesis.settings.register_profile(profile, deadline=None)  # others may have the machine
 hypothesis.settings.load_profile("project")
-os.environ.update(fixed_environment())  # before NumPy is imported, as every command does
+os.environ.update(list_variables())  # before NumPy is imported, as every command does
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -13,10 +13,10 @@ from thesis_lib.book.build import (
     EXECUTED_FOLDER,
     HTML_FOLDER,
     PROJECT_ROOT,
-    code,
-    cubes,
+    list_code,
+    list_cubes,
+    make_task,
     result_files,
-    step,
 )
 from thesis_lib.book.pieces import (
     assumptions,
@@ -48,7 +48,7 @@ PAGES = [
 ]
 NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
 PUBLISHED = sorted((PROJECT_ROOT / "data" / "published").glob("*.*"))
-TEXT_CODE = code(
+TEXT_CODE = list_code(
     "book", "facts", "figure_sets", "ledger", "planning", "plotting", "templates.py", "web"
 )
 
@@ -82,7 +82,7 @@ def task_assets() -> Iterator[dict[str, Any]]:
     """Install MathJax and MiniSearch from the lock of npm."""
     needs = [PROJECT_ROOT / "package-lock.json", PROJECT_ROOT / "package.json"]
     made = [PROJECT_ROOT / "build" / "assets" / name for name in NPM_PACKAGES]
-    yield step(
+    yield make_task(
         "MathJax and MiniSearch", lambda: rendering.install_assets(PROJECT_ROOT), needs, made
     )
 
@@ -92,62 +92,67 @@ def task_piece() -> Iterator[dict[str, Any]]:
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
     ledger = [name for name in texts.PIECES if name in texts.OF_LEDGER]
     numbers = [name for name in texts.PIECES if name not in ledger]
-    figures = shown.names(PAGES)
+    figures = shown.find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
     def write(names: list[str], but: str = "") -> None:
-        made = cubes(name for name in STUDIES if name != but)
-        texts.write(made, EXECUTED_FOLDER, build.without_cubes(), names)
+        made = list_cubes(name for name in STUDIES if name != but)
+        texts.write_pieces(made, EXECUTED_FOLDER, build.without_cubes(), names)
 
     def included(*names: str) -> list[Any]:
         return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
-    yield step(
+    yield make_task(
         "numbers", lambda: write(numbers, "claims"), [*others, *PUBLISHED, *TEXT_CODE],
         included(*numbers),
     )  # fmt: skip
-    yield step(
+    yield make_task(
         "numbers of the ledger", lambda: write(ledger), [*NOTEBOOKS, *TEXT_CODE], included(*ledger)
     )
-    yield step(
-        "figure of the conclusions", lambda: summary_figure.write(cubes(), EXECUTED_FOLDER),
+    yield make_task(
+        "figure of the conclusions",
+        lambda: summary_figure.write_summary_figure(list_cubes(), EXECUTED_FOLDER),
         [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / summary_figure.FIGURE_FILE],
     )  # fmt: skip
-    yield step(
-        "figures of notebooks", lambda: shown.write(figures, NOTEBOOKS, EXECUTED_FOLDER),
-        [*NOTEBOOKS, *PAGES, *code("book/pieces", "templates.py")],
+    yield make_task(
+        "figures of notebooks",
+        lambda: shown.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
+        [*NOTEBOOKS, *PAGES, *list_code("book/pieces", "templates.py")],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
-    yield step(
+    yield make_task(
         "walk through chapter 5", lambda: walk.write_all(EXECUTED_FOLDER),
-        [data, *code("figure_sets/experiment", "laboratory", "measure", "plotting")],
+        [data, *list_code("figure_sets/experiment", "laboratory", "measure", "plotting")],
         [
             *map(EXECUTED_FOLDER.joinpath, map(walk.file_name, walk.WALK_FIGURES)),
             *included(*walk.TEXT_VALUES),
         ],
     )  # fmt: skip
-    yield step(
-        "reference of own recordings", lambda: reference.write(EXECUTED_FOLDER),
-        [*PUBLISHED, *code("book/pieces", "laboratory", "measure", "planning", "templates.py")],
+    yield make_task(
+        "reference of own recordings", lambda: reference.write_reference(EXECUTED_FOLDER),
+        [
+            *PUBLISHED,
+            *list_code("book/pieces", "laboratory", "measure", "planning", "templates.py"),
+        ],
         included(*reference.PIECES),
     )  # fmt: skip
-    yield step(
-        "sample report", lambda: sample.write(EXECUTED_FOLDER),
+    yield make_task(
+        "sample report", lambda: sample.write_sample(EXECUTED_FOLDER),
         [
             measured_sample.path(),
-            *code("book/sample.py", "laboratory", "measure", "plotting", "web"),
+            *list_code("book/sample.py", "laboratory", "measure", "plotting", "web"),
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
     writers = (thesis_index, assumptions, conformance)
-    yield step(
+    yield make_task(
         "index, assumptions and conformance",
         lambda: [one.write(EXECUTED_FOLDER) for one in writers],
         [*PAGES, *PUBLISHED, *library_files()],
         included(*(piece for one in writers for piece in one.PIECES)),
     )  # fmt: skip
-    yield step(
-        "explorer, form and demonstrations", lambda: demos.write(EXECUTED_FOLDER),
+    yield make_task(
+        "explorer, form and demonstrations", lambda: demos.write_demos(EXECUTED_FOLDER),
         [*PUBLISHED, *TEXT_CODE], [EXECUTED_FOLDER / f"{name}.html" for name in demos.DEMO_PAGES],
     )  # fmt: skip
 
@@ -158,12 +163,12 @@ def task_figures() -> Iterator[dict[str, Any]]:
         drawn = [one for one in illustrations.FIGURE_NAMES if illustrations.cube_of(one) == name]
 
         def act(name: str = name, drawn: list[str] = drawn) -> None:
-            illustrations.write(cubes([name]), EXECUTED_FOLDER, drawn)
-            downloads.write_tables(build.TABLES_FOLDER, cubes([name]))
+            illustrations.write_illustrations(list_cubes([name]), EXECUTED_FOLDER, drawn)
+            downloads.write_tables(build.TABLES_FOLDER, list_cubes([name]))
 
-        of = code("planning", "vision") if name == "facts" else [result_files(name)[0]]
-        needs = [*of, *code("book/pieces", "facts", "figure_sets", "plotting")]
-        yield step(
+        of = list_code("planning", "vision") if name == "facts" else [result_files(name)[0]]
+        needs = [*of, *list_code("book/pieces", "facts", "figure_sets", "plotting")]
+        yield make_task(
             f"figures and numbers of {name}", act, needs, [EXECUTED_FOLDER / one for one in drawn]
         )
 
@@ -171,7 +176,7 @@ def task_figures() -> Iterator[dict[str, Any]]:
 def task_pages() -> dict[str, Any]:
     """Render the pages, and pack them as one file."""
     needs = [*PAGES, *NOTEBOOKS, *library_files(), PROJECT_ROOT / "_config.yml"]
-    task = step(
+    task = make_task(
         "pages", build.render_pages, needs, [HTML_FOLDER / "index.html", build.ARCHIVE_FILE]
     )
     return {key: value for key, value in task.items() if key != "name"} | {

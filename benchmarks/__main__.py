@@ -64,7 +64,7 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # peers' remarks are not about these points
             data = measure()
-        print("\n".join(page.tabulate(part, data) for part in parts))
+        print("\n".join(page.tabulate_benchmarks(part, data) for part in parts))
         if asked["publish"]:
             publish.keep(data)
     if not chosen:

@@ -69,6 +69,6 @@ def write(data: dict[str, Any], path: Path) -> None:
 
 def keep(data: dict[str, Any]) -> None:
     """Make this what the book shows, beside what else was measured."""
-    path = benchmark_tables.published_path()
-    write(benchmark_tables.read() | data, path)
+    path = benchmark_tables.locate_benchmarks()
+    write(benchmark_tables.read_benchmarks() | data, path)
     print(f"kept: {path}")

@@ -38,7 +38,9 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
-        patch.setattr(surroundings, "prepare", lambda: None)  # the tests keep handlers and warnings
+        patch.setattr(
+            surroundings, "isolate_process", lambda: None
+        )  # the tests keep handlers and warnings
         with (
             contextlib.chdir(cwd),
             contextlib.redirect_stdout(out),

@@ -56,7 +56,7 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
 def of_conclusions(results: Path) -> bytes:
     """The figure of the conclusions, from the cubes of a folder."""
     opened = {path.stem: cube_file.read(path) for path in sorted(results.glob("*.nc"))}
-    return str(svg(conclusions_figure.draw(opened))).encode()
+    return str(svg(conclusions_figure.draw_summary(opened))).encode()
 
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from thesis_lib import cli, text
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.planning.structure_file import MeshError, read_body
-from thesis_lib.runs.requested import Refused, assigned_values
+from thesis_lib.runs.requested import Refused, parse_assignments
 from thesis_lib.studies.request import ParameterError
 
 LAYOUT = [[[80, 10], [-80, 10]]]
@@ -41,8 +41,8 @@ def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):
 )
 def test_a_key_twice_is_refused_at_any_depth(given_json):
     with pytest.raises(Refused, match="twice"):
-        assigned_values([f"layouts={given_json}"])
-    assert assigned_values(["layouts={}"]) == {"layouts": {}}
+        parse_assignments([f"layouts={given_json}"])
+    assert parse_assignments(["layouts={}"]) == {"layouts": {}}
 
 
 @given(st.text(st.characters(exclude_categories=[]), max_size=2000))
@@ -54,6 +54,6 @@ def test_a_message_is_one_short_line_that_acts_on_nothing(said):
 
 
 def test_a_package_that_is_missing_is_told_with_what_installs_it():
-    said = cli._said(ModuleNotFoundError("No module named 'lxml'", name="lxml.html"))
+    said = cli._describe_error(ModuleNotFoundError("No module named 'lxml'", name="lxml.html"))
     assert said == "needs the package lxml: pip install 'thesis-lib[book]'"
-    assert cli._said(KeyError("case")) == "KeyError: 'case'"
+    assert cli._describe_error(KeyError("case")) == "KeyError: 'case'"

@@ -69,7 +69,7 @@ def _environment(folder: Path) -> jinja2.Environment:
         "spread": format_spread,
         "unbroken": lambda text: text.translate(_UNBROKEN_CHARACTERS),
         "words": join_words,
-        "plain": lambda text: markdown.escape(str(text)),
+        "plain": lambda text: markdown.escape_markdown(str(text)),
         "table": format_table,
     }
     environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
@@ -152,4 +152,4 @@ def format_table(
     rows: Sequence[Mapping[str, str] | Sequence[str]], header: Sequence[str] | None = None
 ) -> str:
     """Format a Markdown table whose columns are not known before: rows by heading, or a header."""
-    return markdown.table(header, rows) if header else markdown.columns(rows)  # type: ignore[arg-type]
+    return markdown.format_rows(header, rows) if header else markdown.format_columns(rows)  # type: ignore[arg-type]

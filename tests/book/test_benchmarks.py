@@ -113,20 +113,24 @@ def test_a_run_is_written_and_told(timed, tmp_path):
     data = publish.run(measured, every, rayleigh.compare(repetitions=1, shape=(5, 3)))
     path = tmp_path / "benchmarks.json"
     publish.write(data, path)
-    assert benchmark_tables.read(path) == data == json.loads(path.read_text(encoding="utf-8"))
+    assert (
+        benchmark_tables.read_benchmarks(path)
+        == data
+        == json.loads(path.read_text(encoding="utf-8"))
+    )
     for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
-        _, rule, *rows = benchmark_tables.tabulate(part, data).splitlines()
+        _, rule, *rows = benchmark_tables.tabulate_benchmarks(part, data).splitlines()
         assert rows
         assert {row.count("|") for row in rows} == {rule.count("|")}
-    assert data["machine"]["processor"] in benchmark_tables.tabulate("machine", data)
+    assert data["machine"]["processor"] in benchmark_tables.tabulate_benchmarks("machine", data)
     (own,) = [t for t in every if (t.name, t.cameras, t.refined) == ("thesis_lib, NumPy", 2, False)]
-    row = benchmark_tables.tabulate("comparison", data).splitlines()[2].split("|")
+    row = benchmark_tables.tabulate_benchmarks("comparison", data).splitlines()[2].split("|")
     assert float(row[4]) == pytest.approx(own.rate, rel=1e-2)
 
 
 def test_ratios_are_taken_within_a_round():
     one, other = {"rates": [4.0, 1.0, 9.0]}, {"rates": [2.0, 1.0, 3.0]}
-    assert benchmark_tables.ratio(one, other) == 2
+    assert benchmark_tables.median_ratio(one, other) == 2
 
 
 def test_plan_is_computed_from_the_rates():
@@ -135,7 +139,7 @@ def test_plan_is_computed_from_the_rates():
         "triangulation": [{"name": "thesis_lib, compiled", "refined": True, "cameras": 12,
                            "bytes": 216, "rates": [10.0]}],
     }  # fmt: skip
-    *_, row = benchmark_tables.tabulate("plan", data).splitlines()
+    *_, row = benchmark_tables.tabulate_benchmarks("plan", data).splitlines()
     assert row == (
         "| 12 | compiled | 192 GB | 24 GB | 216 MiB | 1.7 min | 50 s | 12 s | 3.1 s | 1 |"
     )
@@ -146,7 +150,7 @@ def test_page_takes_every_number_from_the_published_run():
     included = re.findall(r"include\} executed/([\w-]+)\.md", page)
     assert sorted(included) == sorted(benchmark_tables.PIECES)
     assert set(included) <= set(pieces_write.PIECES)
-    data = benchmark_tables.read()
+    data = benchmark_tables.read_benchmarks()
     assert {row["cameras"] for row in data["triangulation"]} == {2, 4, 12}
     text = pieces_write.PIECES["benchmarks-comparison"]({})
     assert len(text.splitlines()) == len(data["triangulation"]) + 2
@@ -154,7 +158,11 @@ def test_page_takes_every_number_from_the_published_run():
 
 def left(motion_px, film):
     """Share of an amplitude that a published film has wrong, between those that were measured."""
-    rows = [row for row in benchmark_tables.read()["compression"]["rows"] if row["film"] == film]
+    rows = [
+        row
+        for row in benchmark_tables.read_benchmarks()["compression"]["rows"]
+        if row["film"] == film
+    ]
     known, errors = (np.log([row[name] for row in rows]) for name in ("motion_px", "error"))
     return float(np.exp(np.interp(np.log(motion_px), known, errors)))
 
@@ -163,7 +171,7 @@ def test_the_warning_of_small_motion_comes_where_a_phones_film_takes_a_tenth():
     least = CHECK_LIMITS["small-motion"]
     assert 0.05 < left(least, "H.264, crf 23") < 0.1 < left(least, "H.264, crf 28") < 0.12
     assert left(least / 10, "lossless") < 0.1  # as its remedy says
-    rows = benchmark_tables.read()["compression"]["rows"]
+    rows = benchmark_tables.read_benchmarks()["compression"]["rows"]
     assert left(0.2, "lossless") == pytest.approx(
         next(r["error"] for r in rows if r["film"] == "lossless" and r["motion_px"] == 0.2)
     )
@@ -181,7 +189,7 @@ def test_compression_takes_more_of_a_smaller_motion(monkeypatch):
 
 
 def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
-    monkeypatch.setattr(benchmark_tables, "published_path", lambda: tmp_path / "none.json")
+    monkeypatch.setattr(benchmark_tables, "locate_benchmarks", lambda: tmp_path / "none.json")
     said = {name: piece() for name, piece in benchmark_tables.PIECES.items()}
     assert set(said.values()) == {benchmark_tables.NOT_YET}
 

@@ -160,7 +160,7 @@ def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatc
     folder = tmp_path / "executed"
     folder.mkdir()
     made = [path for name, path in small.items() if name != missing]
-    pieces_write.write(made, folder, [missing])
+    pieces_write.write_pieces(made, folder, [missing])
     texts = {
         name: (folder / f"{name}.md").read_text(encoding="utf-8") for name in conclusions.PIECES
     }
@@ -187,7 +187,7 @@ def small(tmp_path_factory):
 def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_path):
     paths = list(small.values())
     opened = {path.stem: cube_file.read(path) for path in paths}
-    axes = conclusions_figure.draw(opened).axes
+    axes = conclusions_figure.draw_summary(opened).axes
     assert [panel.get_xscale() for panel in axes] == ["log"] * 5
     lines = [[line for line in panel.lines if line.get_linestyle() != "None"] for panel in axes]
     assert [len(drawn) for drawn in lines] == [2, 0, 0, 1, 6]
@@ -196,9 +196,9 @@ def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_pat
     np.testing.assert_allclose(beam.get_ydata(), np.exp(np.log(rms).mean("mode")), rtol=1e-6)
     assert axes[0].xaxis_inverted()
     assert not axes[4].xaxis_inverted()
-    conclusions_figure.write(paths, tmp_path)
+    conclusions_figure.write_summary_figure(paths, tmp_path)
     first = (tmp_path / conclusions_figure.FIGURE_FILE).read_bytes()
-    conclusions_figure.write(paths, tmp_path)
+    conclusions_figure.write_summary_figure(paths, tmp_path)
     assert (tmp_path / conclusions_figure.FIGURE_FILE).read_bytes() == first
     assert re.search(rb"<svg[^>]*viewBox", first)
 

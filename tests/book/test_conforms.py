@@ -95,25 +95,25 @@ def test_a_check_without_tolerance_or_with_other_shapes_is_refused(allowed, erro
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_page_shows_one_row_for_each_check_unless_one_failed(tmp_path, monkeypatch, workers):
-    monkeypatch.setattr(conformance, "published_path", lambda: tmp_path / "published.json")
-    conformance.write(tmp_path)
+    monkeypatch.setattr(conformance, "locate_checks", lambda: tmp_path / "published.json")
+    conformance.write_conformance(tmp_path)
     assert "Nothing is published yet" in (tmp_path / "conformance-totals.md").read_text()
     done = run_tests(tmp_path, TESTS, "-n", workers)
     assert done.returncode == 0, done.stdout
-    conformance.publish(tmp_path / "report.xml")
+    conformance.publish_checks(tmp_path / "report.xml")
     checks = json.loads((tmp_path / "published.json").read_text())["checks"]
     counted, worst, order = checks
     assert [check["kind"] for check in checks] == ["invariance", "closed form", "order"]
     assert (worst["share"], worst["count"], worst["value"]) == (0.875, 6, "0.875")
     assert order["share"] == pytest.approx(0.875)
     assert counted["count"] >= 4
-    conformance.write(tmp_path)
+    conformance.write_conformance(tmp_path)
     tables = (tmp_path / "conformance-tables.md").read_text()
     assert "Of three the worst is kept <small>6 values</small><td>closed form<td>0.875" in tables
     assert "3 checks in 2 tests" in (tmp_path / "conformance-totals.md").read_text()
     run_tests(tmp_path, TESTS.replace("below=1)", "below=0.8)"))
     with pytest.raises(BookError, match=r"report\.xml is not published: .*worst_is_kept failed"):
-        conformance.publish(tmp_path / "report.xml")
+        conformance.publish_checks(tmp_path / "report.xml")
 
 
 def run_tests(folder, text, *words):

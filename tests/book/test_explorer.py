@@ -678,9 +678,9 @@ def test_the_command_runs_this_layout(chromium: Browser, path: Path, query: str)
 
 
 def values(assignments: list[str]) -> dict[str, Any]:
-    from thesis_lib.runs.requested import assigned_values
+    from thesis_lib.runs.requested import parse_assignments
 
-    return assigned_values(assignments)
+    return parse_assignments(assignments)
 
 
 def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:

@@ -127,8 +127,8 @@ def test_drawings_have_other_colours_in_the_dark(tmp_path: Path) -> None:
 @pytest.mark.parametrize("colour", ["#0072b2", "#b22222", "#009e73", "#cc79a7", "#1d3557"])
 def test_colours_in_the_dark_have_the_contrast_of_text(colour: str) -> None:
     dark = [int(drawings.find_dark_colour(colour)[i : i + 2], 16) for i in (1, 3, 5)]
-    ground = drawings.luminance(drawings.DARK_GROUND)
-    assert (drawings.luminance(dark) + 0.05) / (ground + 0.05) >= 4.4
+    ground = drawings.compute_luminance(drawings.DARK_GROUND)
+    assert (drawings.compute_luminance(dark) + 0.05) / (ground + 0.05) >= 4.4
 
 
 def test_panels_of_a_figure_are_where_matplotlib_draws_them() -> None:

@@ -43,13 +43,13 @@ def test_figures_of_facts_are_the_same_each_time(tmp_path, name) -> None:
     made = []
     for folder in (tmp_path / "a", tmp_path / "b"):
         folder.mkdir()
-        illustrations.write([], folder, [name])
+        illustrations.write_illustrations([], folder, [name])
         made.append((folder / name).read_bytes())
     assert made[0] == made[1]
 
 
 def test_a_figure_without_its_cube_says_so(tmp_path) -> None:
-    illustrations.write([], tmp_path, ["beam-distance.svg"])
+    illustrations.write_illustrations([], tmp_path, ["beam-distance.svg"])
     assert "missing" in (tmp_path / "beam-distance.svg").read_text(encoding="utf-8")
 
 

@@ -49,7 +49,7 @@ def test_widgets_give_way_to_a_line_that_says_where_they_are():
 def test_nothing_to_print_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(printing, "find_browser", lambda: "chromium")
     with pytest.raises(BookError, match="run `thesis book` first"):
-        printing.build(tmp_path)
+        printing.print_book(tmp_path)
 
 
 def test_no_browser_is_told(monkeypatch):

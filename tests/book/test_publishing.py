@@ -178,7 +178,9 @@ def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
 
 def test_reason_of_a_missing_page_is_text():
     source = files.project_root() / "notebooks" / f"{BAD}.ipynb"
-    stub = missing.page(source, BAD, f"{BAD}: cell 2 failed: </div> {{eq}}`x` | $y$\n:::\n# no")
+    stub = missing.build_failure_page(
+        source, BAD, f"{BAD}: cell 2 failed: </div> {{eq}}`x` | $y$\n:::\n# no"
+    )
     warning = stub.cells[1].source
     assert warning.splitlines()[0] == ":::{warning}"
     assert len(warning.splitlines()) == 3

@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate
 from thesis_lib.notebook import show
-from thesis_lib.runs.requested import assigned_values
+from thesis_lib.runs.requested import parse_assignments
 from thesis_lib.studies.published import read_published
 from thesis_lib.vision.pinhole import hemisphere_directions
 
@@ -219,7 +219,7 @@ def test_a_request_is_what_the_library_makes_of_it(
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
             words = shlex.split(said(opened, CODE))
-            again = validate(name, {**assigned_values(words[4::2]), "trials": 0})
+            again = validate(name, {**parse_assignments(words[4::2]), "trials": 0})
             assert again == request
         assert opened.trouble == []
 
@@ -338,7 +338,7 @@ def test_what_a_page_cannot_do_is_left_to_the_command(
         opened.page.evaluate(PUT, [name, texts])
         assert said(opened, SENTENCE) == f"Not in the page: {words}. The command runs it."
         line = shlex.split(said(opened, CODE))
-        assert validate(name, assigned_values(line[4::2])) == validate(name, values)
+        assert validate(name, parse_assignments(line[4::2])) == validate(name, values)
         stale = opened.page.locator(".tl-rerun-figure[data-stale]")
         assert stale.count() == 1
         opened.page.get_by_role("button", name="Reset").click()
@@ -402,7 +402,7 @@ def test_a_page_of_other_parameters_begins_with_them(chromium: Browser, tmp_path
     with open_offline(chromium, file) as opened:
         words = shlex.split(said(opened, CODE))
         assert words[:3] == ["thesis", "run", "beam-resolution"]
-        assert assigned_values(words[4::2]) == {"widths_px": [640], "rest": "known", "trials": 20}
+        assert parse_assignments(words[4::2]) == {"widths_px": [640], "rest": "known", "trials": 20}
         opened.page.get_by_label("widths_px").fill("640, 1280")
         until(opened, "literal")
         assert [one["label"] for one in shown(opened)["cases"][0]["settings"]] == [

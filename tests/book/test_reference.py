@@ -260,7 +260,7 @@ def test_pieces_have_no_gaps(name):
 
 
 def test_pieces_are_written_as_the_page_includes_them(tmp_path):
-    reference.write(tmp_path)
+    reference.write_reference(tmp_path)
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", PAGE))
     of_sample = {Path(name).stem for name in sample.SAMPLE_FILES}
     assert {path.stem for path in Path(tmp_path).glob("*.md")} == included - of_sample

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate
 from thesis_lib.notebook.form import form_data
-from thesis_lib.runs.requested import Refused, assigned_values, requests_of
+from thesis_lib.runs.requested import Refused, parse_assignments, requests_of
 from thesis_lib.studies.fields import permitted
 from thesis_lib.studies.request import ParameterError, command, describe
 from thesis_lib.web.fragment import static_html
@@ -266,7 +266,7 @@ def test_the_status_is_what_the_command_says_first(chromium: Browser, path: Path
     ]
     with open_offline(chromium, path) as opened:
         for (name, texts), said in zip(cases, fill(opened, *cases), strict=True):
-            values = assigned_values([f"{key}={text}" for key, text in texts.items()])
+            values = parse_assignments([f"{key}={text}" for key, text in texts.items()])
             values |= {key: json.loads(f"[{text}]") for key, text in texts.items()
                        if key in ("modes", "grid", "plane_shape", "widths_px")}  # fmt: skip
             with pytest.raises(Refused) as caught:
@@ -350,7 +350,7 @@ def test_commands_say_what_the_form_holds(
             words = shlex.split(line)
             assert words[:3] == ["thesis", "run", name]
             assert words[3::2] == ["-p"] * (len(words[3:]) // 2)
-            assert outcome(name, assigned_values(words[4::2])) == wanted
+            assert outcome(name, parse_assignments(words[4::2])) == wanted
             notebook, given = papermill_values(mill, monkeypatch)
             assert notebook == f"notebooks/{name}.ipynb"
             assert outcome(name, given) == wanted
@@ -389,7 +389,7 @@ def test_a_chapters_command_reaches_each_set(
         line, mills = said["commands"]
         words = shlex.split(line)
         assert words[:3] == ["thesis", "run", "ch3"]
-        studies = requests_of(["ch3"], assigned_values(words[4::2]))
+        studies = requests_of(["ch3"], parse_assignments(words[4::2]))
         assert [one.name for one in studies] == CHAPTER_SETS["ch3"]
         assert studies[0].request["distances_mm"] == [600, 900]
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
@@ -411,7 +411,7 @@ def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
         line = code.inner_text()
         opened.page.reload()
         assert code.inner_text() == line
-        study = validate(ARRAYS, assigned_values(shlex.split(line)[4::2]))
+        study = validate(ARRAYS, parse_assignments(shlex.split(line)[4::2]))
         assert study.request["layouts"] == {"ü & 2": [[[0, 20], [90, 20]]]}
         assert study.request["cases"] == ["4a"]
         assert "other=1" in opened.page.url

@@ -36,7 +36,7 @@ def data() -> xr.Dataset:
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the book makes of it."""
     folder, begun = tmp_path_factory.mktemp("sample"), time.process_time()
-    sample.write(folder)
+    sample.write_sample(folder)
     assert time.process_time() - begun < 10
     return folder / sample.SAMPLE_PAGE
 

@@ -221,7 +221,7 @@ def test_the_page_includes_every_piece():
 
 
 def test_pieces_are_written_as_the_page_includes_them(tmp_path):
-    thesis_index.write(tmp_path)
+    thesis_index.write_thesis_index(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {f"{n}.md" for n in thesis_index.PIECES}
     for name, piece in thesis_index.PIECES.items():
         assert (tmp_path / f"{name}.md").read_text(encoding="utf-8") == piece()

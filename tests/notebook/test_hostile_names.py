@@ -141,10 +141,10 @@ def test_equations_make_no_links(chromium, tmp_path):
         pytest.skip("no build/assets: render the book first")
     tex = [r"\href{javascript:hit()}{x}", r"\require{html}\href{javascript:hit()}{x}",
            r"\class{tl-fragment}{x}", r"\cssId{main}{x}", r"\style{position:fixed}{x}"]  # fmt: skip
-    body = "".join(pages._math(one, {}) for one in [*tex, r"\frac{a}{b}"])
+    body = "".join(pages._format_equation(one, {}) for one in [*tex, r"\frac{a}{b}"])
     text = pages.mathjax_path().read_text(encoding="utf-8").replace("</script", "<\\/script")
     path = tmp_path / "p.html"
-    path.write_text(pages._frame("x", body, text), encoding="utf-8")
+    path.write_text(pages._frame_page("x", body, text), encoding="utf-8")
     page = chromium.new_page()
     page.goto(f"file://{quote(str(path))}")
     page.wait_for_function("document.querySelectorAll('mjx-container').length == 6")

@@ -145,7 +145,7 @@ def test_what_takes_minutes_says_so(monkeypatch, seconds, said):
     cost = effort.Effort(seconds, 300, 1)
     monkeypatch.setattr(effort, "read", lambda: {"design-law": cost})
     request = validate("design-law", {})
-    title = live.layout(request, live.controls(request)).children[0].value
+    title = live.stack_controls(request, live.controls(request)).children[0].value
     assert (f"Takes minutes: {cost.time}" in title) == said
 
 

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
-from thesis_lib.runs.requested import Refused, assigned_values, requests_of
+from thesis_lib.runs.requested import Refused, parse_assignments, requests_of
 from thesis_lib.studies import storage
 from thesis_lib.studies.request import ParameterError
 
@@ -89,7 +89,7 @@ def refused(place, *words):
 def is_allowed(name, given):
     """Whether the command would run this, which takes its time."""
     try:
-        requests_of([name], assigned_values(given))
+        requests_of([name], parse_assignments(given))
     except (ParameterError, Refused):
         return False
     return True
@@ -120,7 +120,7 @@ def test_requests(place, name, given):
 @given(TO_PLAN)
 def test_plans(place, given):
     try:
-        plan_request(assigned_values([given]))
+        plan_request(parse_assignments([given]))
     except (ParameterError, Refused):
         refused(place, "plan", "-p", given)
 

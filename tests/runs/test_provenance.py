@@ -83,7 +83,7 @@ def executed(cube, modes=(1,)):
 def record(request, cube, tmp_path):
     file = tmp_path / "cube.nc"
     storage.write(cube, file, compact=True)
-    return postprocess.record(request, cube, file, COST)
+    return postprocess.trace_results(request, cube, file, COST)
 
 
 # Tables.
@@ -173,7 +173,7 @@ def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
     assert [link["href"] for link in parsed.links] == ["../data/x.nc", "../data/x.csv"]
     assert all("download" in link for link in parsed.links)
     standard = validate("beam-distance", {})
-    about = postprocess.record(standard, cube, tmp_path / "cube.nc", COST)
+    about = postprocess.trace_results(standard, cube, tmp_path / "cube.nc", COST)
     assert "defaults" in postprocess.fold_out(about, "", "")
 
 

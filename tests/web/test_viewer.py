@@ -306,7 +306,7 @@ def test_the_parts_join_without_clashes(front: str) -> None:
     names = [name for part in parts for _, name in TOP.findall(MODULES[part])]
     names += {name for part in parts for name in WHOLE.findall(MODULES[part])}
     assert len(names) == len(set(names)) > 25
-    whole = Viewer._esm if front == "viewer" else widgets.joined(front)
+    whole = Viewer._esm if front == "viewer" else widgets.join_modules(front)
     assert sorted(name for _, name in TOP.findall(whole)) == sorted(names)
     assert not re.findall(r"^(?:import|export (?!default \{ render \};$)).*", whole, re.M)
 

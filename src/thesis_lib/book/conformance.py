@@ -25,12 +25,12 @@ CHECK_KINDS = {
 PIECES = ("conformance-totals", "conformance-tables")
 
 
-def published_path() -> Path:
+def locate_checks() -> Path:
     """Return the path of the published checks."""
     return project_root() / "data" / "published" / "conformance.json"
 
 
-def publish(path: Path) -> None:
+def publish_checks(path: Path) -> None:
     """Publish the checks in a report of pytest, unless a test failed.
 
     Raises
@@ -52,12 +52,12 @@ def publish(path: Path) -> None:
             checks[test, new["line"]] = {**worst, "count": old["count"] + new["count"]}
     seconds, date = float(suite.get("time", 0)), datetime.now(UTC).date().isoformat()
     report = {"date": date, "seconds": seconds, "checks": [checks[key] for key in sorted(checks)]}
-    whole_text(published_path(), json.dumps(report, indent=1, ensure_ascii=False) + "\n")
+    whole_text(locate_checks(), json.dumps(report, indent=1, ensure_ascii=False) + "\n")
 
 
-def write(folder: Path) -> None:
+def write_conformance(folder: Path) -> None:
     """Write the pieces of the page, from the published checks, into a folder."""
-    path = published_path()
+    path = locate_checks()
     report = json.loads(path.read_text("utf-8")) if path.is_file() else {"checks": []}
     files: dict[str, list[dict[str, Any]]] = {}
     for check in report["checks"]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from thesis_lib.book.explorer import explorer_data, explorer_html
 from thesis_lib.files import whole_text
 from thesis_lib.notebook.form import form_data
-from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 NO_SCRIPT_TEXT = "This experiment needs JavaScript; the text below describes what it shows."
@@ -27,8 +27,8 @@ def write_experiment(name: str) -> str:
     state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
     state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
     traits = {"data": state} if name == "rounding_beam" else {}
-    css = VIEWER_CSS + asset("demo.css")
-    return static_html(joined(name), css, traits, NO_SCRIPT_TEXT, prints=True)
+    css = VIEWER_CSS + read_asset("demo.css")
+    return static_html(join_modules(name), css, traits, NO_SCRIPT_TEXT, prints=True)
 
 
 def rerun_form_html() -> str:
@@ -46,7 +46,7 @@ DEMO_PAGES: dict[str, Callable[[], str]] = {
 """Pieces of pages that depend on the library, and what is published, alone."""
 
 
-def write(folder: Path) -> None:
+def write_demos(folder: Path) -> None:
     """Write all of :data:`DEMO_PAGES` into a folder."""
     for name, page in DEMO_PAGES.items():
         whole_text(folder / f"{name}.html", page())

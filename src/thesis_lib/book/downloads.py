@@ -51,7 +51,7 @@ def add_downloads(root: Path, book: Path, made: Sequence[tuple[Path, Path]]) -> 
 def pack_book(book: Path, place: Path) -> None:
     """Pack a rendered book into one zip file; the same book gives the same bytes."""
 
-    def pack(part: Path) -> None:
+    def write_archive(part: Path) -> None:
         with zipfile.ZipFile(part, "w") as packed:
             inside = {p.relative_to(book).as_posix(): p for p in book.rglob("*") if p.is_file()}
             for name, path in sorted(inside.items()):
@@ -61,7 +61,7 @@ def pack_book(book: Path, place: Path) -> None:
                 entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
                 packed.writestr(entry, path.read_bytes(), compresslevel=6)
 
-    whole_file(place, pack)
+    whole_file(place, write_archive)
 
 
 def replace_folder(new: Path, target: Path) -> None:

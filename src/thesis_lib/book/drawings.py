@@ -81,14 +81,15 @@ def find_dark_colour(colour: str) -> str:
         share = sum(rgb) / 765
         pairs = zip(DARK_INK, DARK_GROUND, strict=True)
         return _format_colour([ink + share * (ground - ink) for ink, ground in pairs])
+    ground = compute_luminance(DARK_GROUND) + 0.05
     for step in range(101):
         lighter = [one + (255 - one) * step / 100 for one in rgb]
-        if (luminance(lighter) + 0.05) / (luminance(DARK_GROUND) + 0.05) >= MIN_CONTRAST:
+        if compute_luminance(lighter) + 0.05 >= MIN_CONTRAST * ground:
             break
     return _format_colour(lighter)
 
 
-def luminance(rgb: Sequence[float]) -> float:
+def compute_luminance(rgb: Sequence[float]) -> float:
     """Return the relative luminance, from 0 to 1, of a colour with parts from 0 to 255 (WCAG)."""
     parts = [one / 255 for one in rgb]
     linear = [one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in parts]

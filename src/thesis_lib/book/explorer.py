@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.published import read_published
-from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, plain, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
@@ -33,8 +33,8 @@ NO_SCRIPT_TEXT = (
 )
 
 
-_EXPLORER_SCRIPT = joined("explorer")
-_EXPLORER_STYLE = VIEWER_CSS + asset("explorer.css")
+_EXPLORER_SCRIPT = join_modules("explorer")
+_EXPLORER_STYLE = VIEWER_CSS + read_asset("explorer.css")
 
 
 def explorer_data() -> dict[str, Any]:
@@ -138,7 +138,7 @@ class Explorer(anywidget.AnyWidget):
 
     @traitlets.validate("data")
     def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
-        return plain(proposal["value"])
+        return copy_plain(proposal["value"])
 
     def __repr__(self) -> str:
         return f"Explorer({self.address!r})"

@@ -68,7 +68,7 @@ def _draw_table(table: Any, names: tuple[str, str, str]) -> str:
     low, high = min((one for one in numbers if one > 0), default=1.0), max(numbers)
     logarithmic = low < high and math.log10(high / low) > MAX_LINEAR_DECADES
 
-    def place(text: str) -> float:
+    def place_mark(text: str) -> float:
         share = float(text) / high if high else 0.0
         if logarithmic:
             share = 1 - math.log(max(share, low / high)) / math.log(low / high)
@@ -76,7 +76,7 @@ def _draw_table(table: Any, names: tuple[str, str, str]) -> str:
 
     for cell, texts in cells:
         nominal, median, lower, upper, predicted = texts
-        d, m, a, b, t = map(place, texts)
+        d, m, a, b, t = map(place_mark, texts)
         words = (
             f"{names[0]} {nominal}, median {median}, {names[1]} {lower} to {upper}, "
             f"{names[2]} {predicted}"

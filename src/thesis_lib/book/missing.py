@@ -10,8 +10,8 @@ from typing import Any
 from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import whole_file, whole_text
-from thesis_lib.runs.postprocess import figure_cell, mystnb
-from thesis_lib.web.markdown import escape
+from thesis_lib.runs.postprocess import figure_cell, figure_metadata
+from thesis_lib.web.markdown import escape_markdown
 
 _PLACEHOLDER_IMAGE = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 60" width="600" height="60">'
@@ -21,13 +21,13 @@ _PLACEHOLDER_IMAGE = (
 _PLACEHOLDER_TEXT = "This picture is missing: its run failed."
 
 
-def sentence(names: Iterable[str]) -> str:
+def describe_missing(names: Iterable[str]) -> str:
     """Return the words in place of numbers that some figure sets should have given."""
     sets = ", ".join(f"`{name}`" for name in sorted(names))
     return f"*Missing here, since it did not run: {sets}. `thesis book` adds it once it does.*\n"
 
 
-def page(source: Path, name: str, reason: str) -> Any:
+def build_failure_page(source: Path, name: str, reason: str) -> Any:
     """Return a notebook for the page of a figure set that failed, from the parameterised one.
 
     The prose stands, and so does every figure's place with its name and caption, so that what
@@ -38,8 +38,10 @@ def page(source: Path, name: str, reason: str) -> Any:
 
     why = " ".join(reason.partition("; the traceback")[0].split()).removeprefix(f"{name}: ")
     warning = (
-        f":::{{warning}}\nThe results of this page are missing: {escape(why)}. Mend the cause; "
-        f"`thesis run {name}` shows whether it runs, and `thesis book` makes this page anew.\n:::"
+        ":::{warning}\n"
+        f"The results of this page are missing: {escape_markdown(why)}. "
+        f"Mend the cause; `thesis run {name}` shows whether it runs, and `thesis book` makes this "
+        "page again.\n:::"
     )
     given = nbformat.read(source, as_version=4)
     cells = []
@@ -48,7 +50,7 @@ def page(source: Path, name: str, reason: str) -> Any:
             cells.append(cell)
             continue
         for number, caption in enumerate(promised(STUDIES[name](), cell.source), 1):
-            words = mystnb(caption.name, caption.text, _PLACEHOLDER_TEXT)
+            words = figure_metadata(caption.name, caption.text, _PLACEHOLDER_TEXT)
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
             picture = {"image/svg+xml": _PLACEHOLDER_IMAGE % _PLACEHOLDER_TEXT}
             place.outputs = [nbformat.v4.new_output("display_data", picture)]
@@ -60,17 +62,17 @@ def page(source: Path, name: str, reason: str) -> Any:
 
 
 def write_page(source: Path, name: str, reason: str, place: Path) -> None:
-    """Put :func:`page` where the executed notebook would be."""
+    """Put :func:`build_failure_page` where the executed notebook would be."""
     import nbformat
 
-    stub = page(source, name, reason)
+    stub = build_failure_page(source, name, reason)
     whole_file(place, lambda part: nbformat.write(stub, part))
 
 
 def write_placeholder(path: Path, task: str) -> None:
     """Put words in the place of a piece of prose, or of a picture, that could not be made."""
     if path.suffix == ".md":
-        text = f"*Missing here, since the step “{escape(task)}” failed.*\n"
+        text = f"*Missing here, since the step “{escape_markdown(task)}” failed.*\n"
         whole_text(path, text)
     elif path.suffix == ".svg":
         text = _PLACEHOLDER_IMAGE % html.escape(_PLACEHOLDER_TEXT)

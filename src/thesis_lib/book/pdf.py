@@ -38,7 +38,7 @@ def find_browser() -> str:
     raise BookError("to print the book install Chromium, for example `apt install chromium`")
 
 
-def build(root: Path) -> Path:
+def print_book(root: Path) -> Path:
     """Print the book of a project in which `thesis book` has run, as it was last executed.
 
     Raises

@@ -14,7 +14,7 @@ from thesis_lib.runs import execute as runs
 from thesis_lib.studies import effort, published
 
 
-def publish(made: Mapping[str, tuple[Path, Path]]) -> None:
+def publish_results(made: Mapping[str, tuple[Path, Path]]) -> None:
     """Make results the published ones: executed notebook and cube of all figure sets.
 
     The picture of the README is drawn again, too. What the tests have measured is published if it
@@ -27,10 +27,10 @@ def publish(made: Mapping[str, tuple[Path, Path]]) -> None:
     """
     measured = project_root() / "build" / conformance.JUNIT_REPORT
     if measured.is_file():  # first, for what failed in it publishes nothing
-        conformance.publish(measured)
+        conformance.publish_checks(measured)
     for name, (notebook, cube) in made.items():
         published.publish(cube_file.read(cube))
-        keep_outputs(runs.source(name), notebook)
+        keep_outputs(runs.locate_notebook(name), notebook)
     effort.write((name, effort.of(notebook)) for name, (notebook, _) in made.items())
     text = as_svg(cube_file.read(made["beam-arrays"][1]), "4a", 3)
     files.whole_text(project_root() / "book" / "assets" / "overview.svg", text)

@@ -28,8 +28,8 @@ from thesis_lib.web.page import (
     INSTALLED_RECORD,
     NPM_PACKAGES,
     BookError,
-    damaged_assets,
-    installed_assets,
+    find_damaged_asset,
+    read_installed_assets,
 )
 
 _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
@@ -129,8 +129,8 @@ def install_assets(root: Path) -> Path:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
         raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    damage = damaged_assets(assets)
-    if installed_assets(assets)["lock"] == digest and not damage:
+    damage = find_damaged_asset(assets)
+    if read_installed_assets(assets)["lock"] == digest and not damage:
         return assets
     if damage:
         aside(f"{damage}; it is installed again")

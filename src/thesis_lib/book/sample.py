@@ -16,7 +16,7 @@ SAMPLE_PAGE = "sample-report.html"
 SHAPE_FIGURE = "guide-shape.svg"
 
 
-def page(data: xr.Dataset) -> str:
+def build_sample_report(data: xr.Dataset) -> str:
     """Return the report, written from the measured data."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.feasibility.assess import assess
@@ -26,7 +26,7 @@ def page(data: xr.Dataset) -> str:
     return build_shape(data, data, manifest, assess(manifest), sample.first_frames()).page
 
 
-def summary(data: xr.Dataset) -> str:
+def format_sample_summary(data: xr.Dataset) -> str:
     """Format the last lines that the measurement prints, as a block of text."""
     from thesis_lib.measure.report.build import summarise_shape
     from thesis_lib.measure.report.warnings import check_shape
@@ -36,7 +36,7 @@ def summary(data: xr.Dataset) -> str:
     return "\n".join(["```text", *lines, "```", ""])
 
 
-def counted(data: xr.Dataset) -> str:
+def compare_smallest_deflection(data: xr.Dataset) -> str:
     """Compare the predicted smallest deflection of the example with the measured one."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.feasibility.assess import assess
@@ -54,20 +54,20 @@ def counted(data: xr.Dataset) -> str:
 
 
 PIECES: dict[str, Callable[[xr.Dataset], str]] = {
-    "guide-summary": summary,
-    "guide-counted": counted,
+    "guide-summary": format_sample_summary,
+    "guide-counted": compare_smallest_deflection,
 }
 SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE, *(f"{name}.md" for name in PIECES))
 
 
-def write(folder: Path) -> None:
+def write_sample(folder: Path) -> None:
     """Write :data:`SAMPLE_FILES` into a folder."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.report import figures as draw
     from thesis_lib.plotting.style import svg
 
     data = sample.sample()
-    files.whole_text(folder / SAMPLE_PAGE, page(data))
+    files.whole_text(folder / SAMPLE_PAGE, build_sample_report(data))
     files.whole_text(folder / SHAPE_FIGURE, svg(draw.draw_shape(data, sample.manifest_of(data))))
     for name, piece in PIECES.items():
         files.whole_text(folder / f"{name}.md", piece(data))

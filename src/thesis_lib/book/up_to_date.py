@@ -18,28 +18,28 @@ OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
 
 def source_digest() -> str:
     """Return the digest of all that people write."""
-    return digest_of(path for path in _files(SOURCE_FOLDERS) if not _is_made(path))
+    return digest_of(path for path in _list_files(SOURCE_FOLDERS) if not _is_made(path))
 
 
-def remember(sources: str) -> None:
+def remember_state(sources: str) -> None:
     """Keep the state of a book that has just been finished, made from sources of this digest."""
-    whole_text(_record(), f"{sources} {digest_of(_files(OUTPUT_FOLDERS))}\n")
+    whole_text(_state_path(), f"{sources} {digest_of(_list_files(OUTPUT_FOLDERS))}\n")
 
 
 def is_up_to_date() -> bool:
     """Return whether sources and book are as they were when the book was finished."""
-    record = _record()
+    record = _state_path()
     if not record.is_file():
         return False
-    state = f"{source_digest()} {digest_of(_files(OUTPUT_FOLDERS))}\n"
+    state = f"{source_digest()} {digest_of(_list_files(OUTPUT_FOLDERS))}\n"
     return record.read_text(encoding="utf-8") == state
 
 
-def _record() -> Path:
+def _state_path() -> Path:
     return project_root() / "build" / ".book"
 
 
-def _files(places: tuple[str, ...]) -> list[Path]:
+def _list_files(places: tuple[str, ...]) -> list[Path]:
     return folder_files(project_root() / place for place in places)
 
 

@@ -53,7 +53,7 @@ class Controls:
     @property
     def values(self) -> dict[str, Any]:
         """Return the values of the inputs."""
-        return {name: _value(widget) for name, widget in self.inputs.items()}
+        return {name: _read_value(widget) for name, widget in self.inputs.items()}
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
@@ -80,7 +80,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
     def keep(cube: xr.Dataset) -> None:
         namespace["result"] = cube
 
-    return View(layout(request, controls(request, keep)))
+    return View(stack_controls(request, controls(request, keep)))
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
@@ -94,7 +94,7 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
         Is given each new cube.
     """
     made = Controls(
-        _inputs(request),
+        _build_inputs(request),
         ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),
         ipywidgets.HTML(),
         ipywidgets.HTML(),
@@ -103,14 +103,14 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
 
     def check(_: object = None) -> None:
         try:
-            _tell(made, command(validate(request.name, made.values)))
+            _show_command(made, command(validate(request.name, made.values)))
         except ParameterError as error:
-            _tell(made, "", str(error))
+            _show_command(made, "", str(error))
 
     def click(_: object) -> None:
         check()
         if not made.message.value:
-            _run(made, validate(request.name, made.values), keep)
+            _run_request(made, validate(request.name, made.values), keep)
 
     for widget in made.inputs.values():
         widget.observe(check, "value")
@@ -119,24 +119,24 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
     return made
 
 
-def layout(request: Study, made: Controls) -> ipywidgets.VBox:
+def stack_controls(request: Study, made: Controls) -> ipywidgets.VBox:
     """Stack the controls, each with its unit and meaning, and the results below them."""
     known = effort.read().get(request.name)
     takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
-    rows = [_html(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
+    rows = [_html_widget(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
     about = {row["name"]: row for row in describe(type(request))}
     for name, widget in made.inputs.items():
         row = about[name]
         unit = f"{row['unit']}; " if row["unit"] else ""
-        rows.append(ipywidgets.HBox([widget, _html(html.escape(unit + row["meaning"]))]))
+        rows.append(ipywidgets.HBox([widget, _html_widget(html.escape(unit + row["meaning"]))]))
     return ipywidgets.VBox([*rows, made.button, made.message, made.command, made.output])
 
 
-def _html(text: str) -> ipywidgets.HTML:
+def _html_widget(text: str) -> ipywidgets.HTML:
     return ipywidgets.HTML(text)
 
 
-def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
+def _build_inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
     """Return a widget for each parameter but `cube`, in the order of the tables."""
     values, model = request.model_dump(mode="json"), type(request)
     schemas = model.model_json_schema()["properties"]
@@ -144,14 +144,14 @@ def _inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
     for row in describe(model):
         name = row["name"]
         if name != "cube":
-            made[name] = _input(schemas[name], values[name])
+            made[name] = _build_input(schemas[name], values[name])
             made[name].description = name
             made[name].tooltip = f"{row['meaning']}; {row['allowed']}"
             made[name].layout, made[name].style.description_width = WIDE_LAYOUT, "11rem"
     return made
 
 
-def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
+def _build_input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
     """Return the widget for a JSON schema: choices, a slider between bounds, else text."""
     kind = schema.get("type")
     low = schema.get("minimum", schema.get("exclusiveMinimum"))
@@ -181,7 +181,7 @@ def _input(schema: Mapping[str, Any], value: Any) -> ipywidgets.ValueWidget:
     return ipywidgets.Text(value=text, continuous_update=False)
 
 
-def _value(widget: ipywidgets.ValueWidget) -> Any:
+def _read_value(widget: ipywidgets.ValueWidget) -> Any:
     """Return what a widget says, as a plain value; text is JSON or, if it is not, a word."""
     if isinstance(widget, ipywidgets.Text):
         try:
@@ -191,14 +191,14 @@ def _value(widget: ipywidgets.ValueWidget) -> Any:
     return list(widget.value) if isinstance(widget.value, tuple) else widget.value
 
 
-def _tell(made: Controls, words: str, refusal: str = "") -> None:
+def _show_command(made: Controls, words: str, refusal: str = "") -> None:
     """Show the command, or why there is none."""
     made.button.disabled = bool(refusal)
     made.message.value = f'<span role="alert">{html.escape(refusal)}</span>' if refusal else ""
     made.command.value = f"The same by command: <code>{html.escape(words)}</code>" if words else ""
 
 
-def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:
+def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:
     """Run a request and show what came of it: what changed, the viewer, the table."""
     made.button.disabled = True
     made.output.outputs = ()
@@ -213,7 +213,7 @@ def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -
         seconds = time.perf_counter() - start
         made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
         made.output.append_stdout("\n".join(comparison.difference_lines(cube)) + "\n")
-        for shown in _results(cube):
+        for shown in _list_results(cube):
             made.output.append_display_data(shown)
     except Exception as error:  # a kernel shows nothing of what a button raises
         made.output.append_stderr(f"{type(error).__name__}: {error}\n")
@@ -221,7 +221,7 @@ def _run(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -
         made.button.disabled = False
 
 
-def _results(cube: xr.Dataset) -> list[Any]:
+def _list_results(cube: xr.Dataset) -> list[Any]:
     if cubes.listed_by(cube):
         return [cubes.summary(cube)]
     return [View(notebook.viewer(cube)), error_table(cube)]

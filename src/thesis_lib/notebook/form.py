@@ -42,7 +42,7 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
         for row in describe(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
                 continue
-            field = _field(study, row, schema[row["name"]])
+            field = _describe_field(study, row, schema[row["name"]])
             if field not in fields:
                 fields.append(field)
             numbers[row["name"]] = fields.index(field)
@@ -51,13 +51,13 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
             "title": study.title,
             "shown": list(numbers.values()),
             "checked": checked,
-            "takes": _takes([name]),
+            "takes": _describe_cost([name]),
         }
     whole = {name: members for name, members in CHAPTER_SETS.items() if sets.keys() >= set(members)}
     return {
         "fields": fields,
         "sets": sets,
-        "chapters": {name: _chapter(name, fields, sets) for name in whole},
+        "chapters": {name: _describe_chapter(name, fields, sets) for name in whole},
         "here": in_page.facts([name for name in in_page.COMPUTED_SETS if name in sets]),
     }
 
@@ -66,11 +66,13 @@ def form_of(request: Study) -> dict[str, Any]:
     """Return the form of one figure set, which begins with the values of a request."""
     data = form_data([request.name])
     default, values = type(request)().request, request.request
-    start = {name: _typed(one) for name, one in values.items() if one != default[name]}
+    start = {name: _format_typed(one) for name, one in values.items() if one != default[name]}
     return data | {"start": start}
 
 
-def _field(study: type[Study], row: dict[str, str], schema: dict[str, Any]) -> dict[str, Any]:
+def _describe_field(
+    study: type[Study], row: dict[str, str], schema: dict[str, Any]
+) -> dict[str, Any]:
     """One parameter; a list of names that only the command knows offers those of its default."""
     default = json.loads(row["default"])
     plain = {key: value for key, value in schema.items() if key not in _KNOWN_KEYS}
@@ -79,17 +81,17 @@ def _field(study: type[Study], row: dict[str, str], schema: dict[str, Any]) -> d
         **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
         "schema": plain | ({"items": {"type": "string", "enum": default}} if named else {}),
         "permitted": permitted(study, row["name"]),
-        "typed": _typed(default),
+        "typed": _format_typed(default),
     }
 
 
-def _typed(value: Any) -> str:
+def _format_typed(value: Any) -> str:
     """Return a value as one would type it.
 
     Examples
     --------
-    >>> _typed(24.0), _typed("known"), _typed([500.0, 750.5]), _typed([[10.0, 22.0]])
-    ('24', 'known', '500, 750.5', '[[10, 22]]')
+    >>> [_format_typed(one) for one in (24.0, "known", [500.0, 750.5], [[10.0, 22.0]])]
+    ['24', 'known', '500, 750.5', '[[10, 22]]']
     """
     if isinstance(value, str):
         return value
@@ -98,7 +100,7 @@ def _typed(value: Any) -> str:
     return text[1:-1] if flat else text
 
 
-def _chapter(
+def _describe_chapter(
     name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     """Parameters that mean the same in all sets of a chapter that have them, common ones first."""
@@ -111,11 +113,11 @@ def _chapter(
         "sets": members,
         "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
         "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],
-        "takes": _takes(members),
+        "takes": _describe_cost(members),
     }
 
 
-def _takes(names: list[str]) -> str:
+def _describe_cost(names: list[str]) -> str:
     """Return the measured cost of running figure sets one after another, or empty."""
     known = effort.read()
     if not set(names) <= set(known):

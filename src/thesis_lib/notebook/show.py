@@ -42,13 +42,13 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     """
     outside.is_known(name, here=True)  # which loads it
     model = model_of(name)
-    check_names(model, _injected(namespace.get("In", [])))
+    check_names(model, _find_injected(namespace.get("In", [])))
     return validated(model, {key: namespace[key] for key in model.model_fields if key in namespace})
 
 
 def cube_of(asked: Study) -> xr.Dataset:
     """Return the cube of a request, and write it to the file of its parameter `cube`."""
-    result = run.cube_of(asked, _scheduler(asked))
+    result = run.cube_of(asked, _read_scheduler(asked))
     if asked.cube:  # an absolute path stands
         storage.write(result, files.workplace() / asked.cube, compact=True)
     return result
@@ -59,7 +59,7 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
     return cube_of(checked(name, namespace))
 
 
-def _injected(inputs: Iterable[str]) -> list[str]:
+def _find_injected(inputs: Iterable[str]) -> list[str]:
     """Names that the cell which papermill injects has set, from a kernel's history of inputs."""
     return [
         target.id
@@ -72,7 +72,7 @@ def _injected(inputs: Iterable[str]) -> list[str]:
     ]
 
 
-def _scheduler(request: Study) -> str:
+def _read_scheduler(request: Study) -> str:
     """Return the scheduler of ``THESIS_SCHEDULER``, if the study can be cut into pieces."""
     try:
         scheduler = schedulers.from_environment()
@@ -88,10 +88,10 @@ def viewer(cube: xr.Dataset) -> Viewer:
     """Return the interactive viewer, in a live notebook and in the static page alike."""
     data = viewer_data(cube)
     first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
-    return Viewer(data=data, form=_form(cube), **first)
+    return Viewer(data=data, form=_build_form(cube), **first)
 
 
-def _form(cube: xr.Dataset) -> dict[str, Any]:
+def _build_form(cube: xr.Dataset) -> dict[str, Any]:
     """Parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
     return (
@@ -121,8 +121,8 @@ def figures(cube: xr.Dataset) -> None:
     """Display the figure of each case and mode, one after the other."""
     for (case, mode), caption in panels.case_captions(cube).items():
         drawing = figure_sets.figure(cube, case, mode)
-        about = _about(cube, drawing, caption) | {"case": case, "mode": mode}
-        display(Shown(_drawn(drawing), about))
+        about = _describe_figure(cube, drawing, caption) | {"case": case, "mode": mode}
+        display(Shown(_render_figure(drawing), about))
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
@@ -132,7 +132,7 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
         return None
     of = str(cube.attrs["figure_set"])
     caption, style = figure_sets.caption(of, name, *which), figure_sets.picture_style(of)
-    return Shown(_drawn(drawing, style), _about(cube, drawing, caption))
+    return Shown(_render_figure(drawing, style), _describe_figure(cube, drawing, caption))
 
 
 def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
@@ -140,13 +140,13 @@ def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
     return Markdown(figure_sets.text(cube, name, *which))
 
 
-def _drawn(drawing: Figure, style: Any = None) -> str:
+def _render_figure(drawing: Figure, style: Any = None) -> str:
     """Return a figure's SVG, to stand in a page."""
     text = svg(drawing, style)
     return text[text.index("<svg") :]
 
 
-def _about(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
+def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
     """Return the words of a drawing, which say whether it is the thesis's only in kind."""
     ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "

@@ -24,7 +24,7 @@ from thesis_lib.plotting.style import (
 )
 from thesis_lib.studies.cubes import percent_text
 from thesis_lib.vision.pinhole import hemisphere_rotations
-from thesis_lib.web.fragment import VIEWER_CSS, joined, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, join_modules, static_html
 
 LAYOUT_VIEWS = (
     ("from a corner", 155.0, 28.0),
@@ -155,7 +155,7 @@ def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
         Name, options with their cameras, as in a plan's cube, and which option is shown first.
     """
     data = {"plans": [_plan(*one) for one in plans], "tints": list(CYCLE_COLORS)}
-    return static_html(joined("layout"), VIEWER_CSS, {"data": data}, NO_SCRIPT_TEXT)
+    return static_html(join_modules("layout"), VIEWER_CSS, {"data": data}, NO_SCRIPT_TEXT)
 
 
 def _plan(name: str, cube: xr.Dataset, chosen: int) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from jupyter_client.manager import AsyncKernelManager
 
 from thesis_lib.asides import QUIET_VARIABLE
 from thesis_lib.files import shipped
-from thesis_lib.runs.surroundings import fixed_environment
+from thesis_lib.runs.surroundings import list_variables
 
 KERNEL_OPTIONS = (
     "--HistoryManager.enabled=False",
@@ -50,7 +50,7 @@ def kernel_environment(given: Mapping[str, str], home: Path) -> dict[str, str]:
     source = shipped() / "src"
     if source.is_dir():  # the kernel imports the checkout that the command runs from
         own["PYTHONPATH"] = str(source)
-    return own | passed | fixed_environment()
+    return own | passed | list_variables()
 
 
 def choose_transport(connection: Path) -> str:

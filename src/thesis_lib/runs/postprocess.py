@@ -23,7 +23,7 @@ from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.request import Study, command, given
 from thesis_lib.web.html import render_html
-from thesis_lib.web.markdown import escape
+from thesis_lib.web.markdown import escape_markdown
 
 DATA_FOLDER = "data"
 """Folder of the rendered book that holds the cubes and the numbers of the figures."""
@@ -55,12 +55,12 @@ def place_figures(notebook: Any) -> None:
     cells = []
     for cell in notebook.cells:
         cells.append(cell)
-        shown = [output for output in cell.get("outputs", []) if _about(output)]
+        shown = [output for output in cell.get("outputs", []) if _read_figure_words(output)]
         more = [figure_cell(f"{cell.id}-{n}") for n in range(2, len(shown) + 1)]
         for place, output in zip([cell, *more], shown, strict=False):
             del output.data["text/html"]  # for front ends
             place.outputs = [one for one in place.outputs if one not in shown] + [output]
-            place.metadata["mystnb"] = mystnb(**_about(output))
+            place.metadata["mystnb"] = figure_metadata(**_read_figure_words(output))
         cells += more
     notebook.cells = cells
 
@@ -74,13 +74,13 @@ def figure_cell(name: str, **metadata: Any) -> Any:
     return cell
 
 
-def mystnb(name: str, caption: str, alt: str, **_: Any) -> dict[str, Any]:
+def figure_metadata(name: str, caption: str, alt: str, **_: Any) -> dict[str, Any]:
     """Return the metadata that make a figure of a cell's picture."""
-    words = {"figure": {"name": name, "caption": escape(caption)}} if caption else {}
+    words = {"figure": {"name": name, "caption": escape_markdown(caption)}} if caption else {}
     return {**words, "image": {"alt": alt}}
 
 
-def _about(output: Any) -> dict[str, Any]:
+def _read_figure_words(output: Any) -> dict[str, Any]:
     """Return what the output of a cell says about its figure; nothing if it is none."""
     about = output.get("metadata", {}).get("image/svg+xml", {})
     return dict(about) if {"name", "caption", "alt"} <= set(about) else {}
@@ -103,7 +103,7 @@ class Record:
         return f"provenance-{self.study.name}"
 
 
-def record(study: Study, cube: xr.Dataset, file: Path, effort: Effort) -> Record:
+def trace_results(study: Study, cube: xr.Dataset, file: Path, effort: Effort) -> Record:
     """Return the origin of a cube and of the file that holds it."""
     commit, created = (str(cube.attrs[name]).strip() for name in ("commit", "created"))
     return Record(study, sha256(file), commit, created, effort)

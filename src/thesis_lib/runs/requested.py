@@ -27,7 +27,7 @@ class Refused(click.ClickException):
     exit_code = REFUSED_STATUS
 
 
-def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
+def parse_assignments(assignments: Sequence[str]) -> dict[str, Any]:
     """Return the values of parameters from ``KEY=VALUE`` texts, as JSON or else as text."""
     values: dict[str, Any] = {}
     for assignment in assignments:
@@ -39,7 +39,7 @@ def assigned_values(assignments: Sequence[str]) -> dict[str, Any]:
         if key == "cube":
             raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
         try:
-            values[key] = json.loads(text, object_pairs_hook=partial(_once, key))
+            values[key] = json.loads(text, object_pairs_hook=partial(_refuse_repeated_keys, key))
         except (ValueError, RecursionError):  # no JSON, or beyond its limits
             values[key] = text
     return values
@@ -50,7 +50,7 @@ def is_folder(name: str) -> bool:
     return os.sep in name or name in (".", "..")
 
 
-def _once(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _refuse_repeated_keys(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object of JSON, in which no key may stand twice: nobody knows which was meant."""
     found: dict[str, Any] = {}
     for name, value in pairs:

@@ -60,7 +60,7 @@ def check_surroundings() -> None:
             )
 
 
-def fixed_environment() -> dict[str, str]:
+def list_variables() -> dict[str, str]:
     """Return variables of every process: one thread a library, since sums depend on their number.
 
     Matplotlib's list of fonts is the project's, too, not the reader's.
@@ -71,7 +71,7 @@ def fixed_environment() -> dict[str, str]:
     }
 
 
-def prepare() -> None:
+def isolate_process() -> None:
     """Isolate this process from the reader's settings, before anything that computes is imported.
 
     Nothing is imported from the reader's ``PYTHONPATH``. Terminating or hanging up does what
@@ -83,20 +83,20 @@ def prepare() -> None:
     sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
     for name in [name for name in os.environ if name.startswith(("JUPYTER", "IPYTHON"))]:
         del os.environ[name]
-    os.environ.update(fixed_environment() | {"MPLBACKEND": "agg"})
+    os.environ.update(list_variables() | {"MPLBACKEND": "agg"})
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
-    sys.unraisablehook = threading.excepthook = _ignore
+    sys.unraisablehook = threading.excepthook = _ignore_error
     for number in _HANDLED_SIGNALS[1:]:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
 
 
-def _ignore(_: Any) -> None:
+def _ignore_error(_: Any) -> None:
     """Print nothing of an error that nobody can catch; it is reported elsewhere."""
 
 
-def stop(status: int) -> NoReturn:
+def stop_process(status: int) -> NoReturn:
     """End at once: kill the processes of this one, so that its threads remove what they wrote."""
     for number in _HANDLED_SIGNALS:
         signal.signal(number, signal.SIG_IGN)

@@ -20,13 +20,13 @@ _IMPORT_PATTERN = re.compile(
 )
 
 
-def asset(name: str) -> str:
+def read_asset(name: str) -> str:
     """Return the text of a file of the front ends."""
     return (ASSETS_FOLDER / name).read_text(encoding="utf-8")
 
 
-COLOURS_CSS = asset("colours.css")
-VIEWER_CSS = COLOURS_CSS + asset("viewer.css")
+COLOURS_CSS = read_asset("colours.css")
+VIEWER_CSS = COLOURS_CSS + read_asset("viewer.css")
 _INDENT_PATTERN = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
 NO_SCRIPT_TEXT = "This viewer needs JavaScript; the figures below show the same results."
 _FRAGMENT_TEMPLATE = """\
@@ -59,7 +59,7 @@ for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([dat
 """
 
 
-def joined(front: str, *kinds: str) -> str:
+def join_modules(front: str, *kinds: str) -> str:
     """Write a front end and what it imports as one module, without the panels of other kinds.
 
     What is called a worker is written as text: a page opened from a folder may load no other file,
@@ -67,33 +67,33 @@ def joined(front: str, *kinds: str) -> str:
     """
     modules = {kind: "" for kind in VIEWER_KINDS if kind not in kinds}
 
-    def add(name: str, wanted: str = "") -> None:
+    def add_module(name: str, wanted: str = "") -> None:
         if name in modules:
             return
         if name.endswith("_worker") and wanted:
-            program = _INDENT_PATTERN.sub("", joined(name))
+            program = _INDENT_PATTERN.sub("", join_modules(name))
             modules[name] = f"const {wanted} = {json.dumps(program)};\n"
             return
         modules[name] = ""  # a part stands behind those it needs, also if they need each other
-        text = asset(f"{name}.js")
+        text = read_asset(f"{name}.js")
         for default, needed in _IMPORT_PATTERN.findall(text):
-            add(needed, default)
+            add_module(needed, default)
         del modules[name]
         text = re.sub(r"^export (?!default )", "", _IMPORT_PATTERN.sub("", text), flags=re.M)
         modules[name] = (
             text.replace("\nexport default ", f"\nconst {wanted} = ") if wanted else text
         )
 
-    add(front)
+    add_module(front)
     return "".join(modules.values())
 
 
-def plain(value: object) -> Any:
+def copy_plain(value: object) -> Any:
     """Copy JSON data: floats to 6 significant digits, NaN and infinities to None."""
     if isinstance(value, Mapping):
-        return {str(key): plain(one) for key, one in value.items()}
+        return {str(key): copy_plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [copy_plain(one) for one in value]
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value
@@ -123,7 +123,7 @@ def static_html(
         raise ValueError(f"esm: {exports} lines start with 'export default', 1 expected")
     if re.search(r"</?script|<!--", esm, re.I) or re.search(r"</style", css, re.I):
         raise ValueError("esm or css: holds a tag or comment that would break out of its element")
-    text = json.dumps(plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
+    text = json.dumps(copy_plain(state), allow_nan=False, separators=(",", ":"))  # ASCII only
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
     css, body = (_INDENT_PATTERN.sub("", part).strip() for part in (css, body))

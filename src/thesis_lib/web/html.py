@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from pygments.formatters import HtmlFormatter  # type: ignore[import-untyped, unused-ignore]
 
-from thesis_lib.web.fragment import asset
+from thesis_lib.web.fragment import read_asset
 
 Picture = tuple[str, bytes]  # kind of file and content
 _TEMPLATE_ROOT = Path(__file__).parents[1]
@@ -25,17 +25,17 @@ def render_html(template: str, **values: object) -> str:
 
     Pages extend ``web/templates/page.html.j2`` and are given a `title`.
     """
-    return _environment().get_template(template).render(values)
+    return _build_environment().get_template(template).render(values)
 
 
 def render_lines(template: str, **values: object) -> list[str]:
     """Render a template of plain text, whose paragraphs become one line each."""
-    text = _environment().get_template(template).render(values)
+    text = _build_environment().get_template(template).render(values)
     return [" ".join(one.split()) for one in re.split(r"\n\s*\n", text) if one.strip()]
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def _build_environment() -> jinja2.Environment:
     made = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATE_ROOT),
         autoescape=jinja2.select_autoescape(["html.j2"]),
@@ -44,8 +44,8 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     made.filters |= {"number": format_number, "frame": format_frame, "coded": format_code}
-    made.filters |= {"address": data_address, "scrolled": _scroll}
-    made.globals |= {"page_css": asset("page.css") + code_css(), "zip": zip}
+    made.filters |= {"address": data_address, "scrolled": _let_scroll}
+    made.globals |= {"page_css": read_asset("page.css") + code_css(), "zip": zip}
     return made
 
 
@@ -91,7 +91,7 @@ def data_address(picture: Picture) -> str:
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"
 
 
-def _scroll(body: str) -> Markup:
+def _let_scroll(body: str) -> Markup:
     """Let wide blocks of text scroll, also by keyboard."""
     return Markup(str(body).replace("<pre>", '<pre tabindex="0">'))
 

@@ -9,20 +9,24 @@ if TYPE_CHECKING:
     from IPython.display import Markdown
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table; its cells stand as they are."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def columns(rows: Iterable[Mapping[str, str]]) -> str:
+def format_columns(rows: Iterable[Mapping[str, str]]) -> str:
     """Return a Markdown table of rows by column, — where one is missing; empty without rows."""
     rows = list(rows)
     header = list(dict.fromkeys(name for row in rows for name in row))
-    return table(header, [[row.get(name, "—") for name in header] for row in rows]) if rows else ""
+    return (
+        format_rows(header, [[row.get(name, "—") for name in header] for row in rows])
+        if rows
+        else ""
+    )
 
 
-def escape(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """Reader's words as plain text in Markdown: nothing in them is markup."""
     return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
 
@@ -37,6 +41,6 @@ def markdown_table(
     """Return a table with a text below or above it; cells are plain text, or Markdown, too."""
     from IPython.display import Markdown  # takes longer than all else of a command's imports
 
-    cells = [[escape(cell) if plain else cell for cell in row] for row in rows]
-    lines = table(header, cells)
+    cells = [[escape_markdown(cell) if plain else cell for cell in row] for row in rows]
+    lines = format_rows(header, cells)
     return Markdown(f"{text}\n\n{lines}" if above else f"{lines}\n{text}")

@@ -82,14 +82,14 @@ def export_notebook(notebook: Path, title: str) -> str:
     body, _ = exporter.from_notebook_node(executed)
     mathjax = mathjax_path()
     if 'class="math ' in body and mathjax.is_file():
-        if not (damage := damaged_assets(mathjax.parents[1])):
+        if not (damage := find_damaged_asset(mathjax.parents[1])):
             script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
-            return _frame(title, body, script)
+            return _frame_page(title, body, script)
         aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
-    return _frame(title, body)
+    return _frame_page(title, body)
 
 
-def _frame(title: str, body: str, mathjax: str = "") -> str:
+def _frame_page(title: str, body: str, mathjax: str = "") -> str:
     page = "web/templates/page.html.j2"
     return render_html(page, title=title, body=Markup(body), mathjax=Markup(mathjax))
 
@@ -99,15 +99,15 @@ def mathjax_path() -> Path:
     return workplace() / "build" / "assets" / MATHJAX_PATH
 
 
-def damaged_assets(assets: Path) -> str:
+def find_damaged_asset(assets: Path) -> str:
     """Return what is damaged in a folder of installed assets, or nothing."""
-    for name, digest in installed_assets(assets)["files"].items():
+    for name, digest in read_installed_assets(assets)["files"].items():
         if sha256(assets / name) != digest:
             return f"{assets / name} is not what was installed"
     return ""
 
 
-def installed_assets(assets: Path) -> dict[str, Any]:
+def read_installed_assets(assets: Path) -> dict[str, Any]:
     """Return what is installed in a folder: the digest of the lock, and that of each file."""
     try:
         found = json.loads((assets / INSTALLED_RECORD).read_text(encoding="utf-8"))
@@ -121,7 +121,7 @@ def index_page(title: str, entries: Sequence[tuple[str, str]]) -> str:
     items = "".join(
         f'<li><a href="{escape(href)}">{escape(label)}</a></li>\n' for label, href in entries
     )
-    return _frame(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
+    return _frame_page(title, f"<h1>{escape(title)}</h1>\n<ul>\n{items}</ul>\n")
 
 
 class _Text:
@@ -129,21 +129,23 @@ class _Text:
 
     def __init__(self, prose: str) -> None:
         self.equations = {name: i for i, name in enumerate(_LABELLED_PATTERN.findall(prose), 1)}
-        self.parser = self._parser(html=True)
-        self.of_outputs = self._parser(html=False)
+        self.parser = self._build_parser(html=True)
+        self.of_outputs = self._build_parser(html=False)
 
-    def _parser(self, html: bool) -> MarkdownIt:
+    def _build_parser(self, html: bool) -> MarkdownIt:
         parser = (
             MarkdownIt("commonmark", {"html": html})
             .enable("table")
-            .use(dollarmath_plugin, renderer=_math, label_renderer=str, double_inline=True)
-            .use(amsmath_plugin, renderer=lambda tex: _math(tex, {"display_mode": True}))
+            .use(
+                dollarmath_plugin, renderer=_format_equation, label_renderer=str, double_inline=True
+            )
+            .use(amsmath_plugin, renderer=lambda tex: _format_equation(tex, {"display_mode": True}))
             .use(colon_fence_plugin)
             .use(deflist_plugin)
         )
         rules: dict[str, Any] = parser.renderer.rules  # type: ignore[attr-defined]
-        rules["math_block_label"] = self._equation
-        rules["colon_fence"] = partial(self._aside, parser)
+        rules["math_block_label"] = self._render_equation
+        rules["colon_fence"] = partial(self._render_aside, parser)
         rules["table_open"] = lambda *_: '<div class="scroll" tabindex="0"><table>\n'
         rules["table_close"] = lambda *_: "</table></div>\n"
         return parser
@@ -155,10 +157,10 @@ class _Text:
         hold a reader's words, and stays text.
         """
         parser = self.parser if own else self.of_outputs
-        html = str(parser.render(_ROLE_PATTERN.sub(self._role, source)))
+        html = str(parser.render(_ROLE_PATTERN.sub(self._render_role, source)))
         return _BOOK_LINK.sub(r"\1", html)
 
-    def _role(self, match: re.Match[str]) -> str:
+    def _render_role(self, match: re.Match[str]) -> str:
         role, content = match.groups()
         given = _TARGET_PATTERN.fullmatch(content)
         words, target = given.groups() if given else ("", content)
@@ -170,13 +172,15 @@ class _Text:
             return f"${content}$"
         return words or (f"*{target}*" if role in ("eq", "ref", "doc") else f"`{target}`")
 
-    def _equation(self, tokens: Sequence[Any], index: int, *_: object) -> str:
+    def _render_equation(self, tokens: Sequence[Any], index: int, *_: object) -> str:
         label, tex = tokens[index].info, tokens[index].content
         number = self.equations.get(label, 0)
-        equation = _math(tex, {"display_mode": True}, number)
+        equation = _format_equation(tex, {"display_mode": True}, number)
         return f'<div id="equation-{escape(label)}">{equation}</div>\n'
 
-    def _aside(self, parser: MarkdownIt, tokens: Sequence[Any], index: int, *_: object) -> str:
+    def _render_aside(
+        self, parser: MarkdownIt, tokens: Sequence[Any], index: int, *_: object
+    ) -> str:
         info = re.sub(r"^\{[\w-]+\}\s*", "", tokens[index].info)
         lines = tokens[index].content.splitlines()
         inner = "\n".join(line for line in lines if not re.match(r":[\w-]+:", line))
@@ -184,7 +188,7 @@ class _Text:
         return f"<aside>{heading}{parser.render(inner)}</aside>\n"
 
 
-def _math(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
+def _format_equation(tex: str, options: Mapping[str, Any], number: int = 0) -> str:
     """Return one equation, as MathJax finds it."""
     if not options.get("display_mode"):
         return f'<span class="math inline">\\({escape(tex.strip())}\\)</span>'

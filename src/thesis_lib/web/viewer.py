@@ -8,15 +8,22 @@ from typing import Any
 import anywidget
 import traitlets
 
-from thesis_lib.web.fragment import VIEWER_CSS, VIEWER_KINDS, asset, joined, plain, static_html
+from thesis_lib.web.fragment import (
+    VIEWER_CSS,
+    VIEWER_KINDS,
+    copy_plain,
+    join_modules,
+    read_asset,
+    static_html,
+)
 
-_VIEWER_SCRIPT = joined("viewer", *VIEWER_KINDS)
-FORM_CSS = VIEWER_CSS + asset("rerun.css")
+_VIEWER_SCRIPT = join_modules("viewer", *VIEWER_KINDS)
+FORM_CSS = VIEWER_CSS + read_asset("rerun.css")
 
 
 def form_esm(*kinds: str) -> str:
     """Front end of a form of parameters, with the viewer of some kinds of structures below it."""
-    return joined("rerun", *kinds)
+    return join_modules("rerun", *kinds)
 
 
 class Viewer(anywidget.AnyWidget):
@@ -102,7 +109,7 @@ class Viewer(anywidget.AnyWidget):
 
     @traitlets.validate("data")
     def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
-        return plain(proposal["value"])
+        return copy_plain(proposal["value"])
 
     def __repr__(self) -> str:
         cases = ", ".join(str(one["name"]) for one in self.data.get("cases", [])) or "none"
@@ -112,7 +119,7 @@ class Viewer(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
-        esm = joined("viewer", kind) if kind in VIEWER_KINDS else _VIEWER_SCRIPT
+        esm = join_modules("viewer", kind) if kind in VIEWER_KINDS else _VIEWER_SCRIPT
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
         page = static_html(esm, VIEWER_CSS, state)
         if self.form and kind in VIEWER_KINDS:

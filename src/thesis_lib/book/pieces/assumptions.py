@@ -20,7 +20,7 @@ CHAPTER_SUBJECTS = {  # pieces of the page: subjects, whose first names the piec
 ASSUMPTION_SUBJECTS = ("beam", "plate", "sound", "experiment", "lab")
 
 
-def _values(item: dict[str, Any]) -> dict[str, Any]:
+def _describe_gap(item: dict[str, Any]) -> dict[str, Any]:
     """Return one gap: what is open, what was assumed, why, and which parameters vary it."""
     return item | {
         "parameters": [(k, json.dumps(v)) for k, v in item.get("parameters", {}).items()],
@@ -33,7 +33,7 @@ def _values(item: dict[str, Any]) -> dict[str, Any]:
 def list_assumptions(subjects: tuple[str, ...]) -> str:
     """List the gaps whose first subject is one of these."""
     items = [
-        _values(item)
+        _describe_gap(item)
         for item in assumptions()
         if next(subject for subject in ASSUMPTION_SUBJECTS if subject in item["subjects"])
         in subjects
@@ -46,7 +46,7 @@ PIECES: dict[str, Callable[[], str]] = {
 }
 
 
-def write(folder: Path) -> None:
+def write_assumptions(folder: Path) -> None:
     """Write every piece into a folder."""
     for name, piece in PIECES.items():
         whole_text(folder / f"{name}.md", piece())

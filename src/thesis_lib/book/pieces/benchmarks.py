@@ -26,23 +26,23 @@ WORKER_COUNTS = (1, 2, 8, 32)
 NOT_YET = "Nothing was measured yet; `python -m benchmarks --publish` does.\n"
 
 
-def published_path() -> Path:
+def locate_benchmarks() -> Path:
     """Return where the published run is kept."""
     return project_root() / "data" / "published" / "benchmarks.json"
 
 
-def read(path: Path | None = None) -> dict[str, Any]:
+def read_benchmarks(path: Path | None = None) -> dict[str, Any]:
     """Read the published run; empty if there is none."""
-    path = path or published_path()
+    path = path or locate_benchmarks()
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
-def rate(row: Row) -> float:
+def median_rate(row: Row) -> float:
     """Return the median over the rounds, in million a second."""
     return statistics.median(row["rates"])
 
 
-def ratio(row: Row | None, other: Row | None) -> float | None:
+def median_ratio(row: Row | None, other: Row | None) -> float | None:
     """Return how many times as fast as another: median over the rounds, in each of which both ran.
 
     None if one of them is missing.
@@ -52,7 +52,7 @@ def ratio(row: Row | None, other: Row | None) -> float | None:
     return statistics.median(a / b for a, b in zip(row["rates"], other["rates"], strict=True))
 
 
-def find(rows: Sequence[Row], cameras: int, refined: bool, name: str) -> Row | None:
+def find_contender(rows: Sequence[Row], cameras: int, refined: bool, name: str) -> Row | None:
     """Find a contender's row, if it took part."""
     wanted = cameras, refined, name
     return next((r for r in rows if (r["cameras"], r["refined"], r["name"]) == wanted), None)
@@ -66,13 +66,13 @@ def fastest_peer(rows: Sequence[Row], cameras: int, refined: bool) -> Row | None
         if row["package"] not in OWN_PACKAGES
         and (row["cameras"], row["refined"]) == (cameras, refined)
     ]
-    return max(peers, key=rate) if peers else None
+    return max(peers, key=median_rate) if peers else None
 
 
 def _limit_share(row: Row | None) -> float | None:
     """Return the part of one core's limit that the library reaches, None of others."""
     own = row is not None and row["name"] in (NUMPY_ROW, COMPILED_ROW)
-    return rate(row) / row["limit"] if row is not None and own else None
+    return median_rate(row) / row["limit"] if row is not None and own else None
 
 
 def compare_contenders(run: Row) -> dict[str, Any]:
@@ -82,9 +82,9 @@ def compare_contenders(run: Row) -> dict[str, Any]:
         "rows": [
             {
                 **row,
-                "rate": rate(row),
-                "to_peer": ratio(row, fastest_peer(rows, row["cameras"], row["refined"])),
-                "to_ceres": ratio(row, find(rows, row["cameras"], True, CERES_ROW))
+                "rate": median_rate(row),
+                "to_peer": median_ratio(row, fastest_peer(rows, row["cameras"], row["refined"])),
+                "to_ceres": median_ratio(row, find_contender(rows, row["cameras"], True, CERES_ROW))
                 if row["refined"]
                 else None,
                 "share": _limit_share(row),
@@ -99,13 +99,15 @@ def compare_targets(run: Row) -> dict[str, Any]:
     rows = run["triangulation"]
     counts = []
     for n in sorted({row["cameras"] for row in rows}):
-        ceres = find(rows, n, True, CERES_ROW)
-        compiled = find(rows, n, True, COMPILED_ROW)
+        ceres = find_contender(rows, n, True, CERES_ROW)
+        compiled = find_contender(rows, n, True, COMPILED_ROW)
         values = {
             "cameras": n,
-            "linear": ratio(find(rows, n, False, NUMPY_ROW), fastest_peer(rows, n, False)),
-            "refined": ratio(find(rows, n, True, NUMPY_ROW), ceres),
-            "compiled": ratio(compiled, ceres),
+            "linear": median_ratio(
+                find_contender(rows, n, False, NUMPY_ROW), fastest_peer(rows, n, False)
+            ),
+            "refined": median_ratio(find_contender(rows, n, True, NUMPY_ROW), ceres),
+            "compiled": median_ratio(compiled, ceres),
             "share": _limit_share(compiled),
         }
         counts.append(values)
@@ -131,7 +133,9 @@ def estimate_limits(run: Row) -> dict[str, Any]:
 def compare_transfers(run: Row) -> dict[str, Any]:
     """Compare the rates of the transfer from pistons to points."""
     rows = run["rayleigh"]
-    return {"rows": [{**r, "rate": rate(r), "ratio": ratio(r, rows[0])} for r in rows]}
+    return {
+        "rows": [{**r, "rate": median_rate(r), "ratio": median_ratio(r, rows[0])} for r in rows]
+    }
 
 
 def plan_points(run: Row) -> dict[str, Any]:
@@ -139,7 +143,7 @@ def plan_points(run: Row) -> dict[str, Any]:
     rows = []
     for row in run["triangulation"]:
         if row["refined"] and row["name"] in (NUMPY_ROW, COMPILED_ROW):
-            seconds = PLANNED_POINTS / (1e6 * rate(row))
+            seconds = PLANNED_POINTS / (1e6 * median_rate(row))
             read_bytes = 1e9 * run["limits"]["bandwidth"] * seconds
             values = {
                 "cameras": row["cameras"],
@@ -194,9 +198,9 @@ BENCHMARK_VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {
 """By part of the page: the measurement that it needs, and what computes its values."""
 
 
-def tabulate(part: str, run: Row | None = None) -> str:
+def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
     """Fill in a part of the page from a run, by default the published one."""
-    run = read() if run is None else run
+    run = read_benchmarks() if run is None else run
     needs, values = BENCHMARK_VALUES[part]
     if needs not in run:
         return NOT_YET
@@ -204,5 +208,5 @@ def tabulate(part: str, run: Row | None = None) -> str:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"benchmarks-{part}": partial(tabulate, part) for part in BENCHMARK_VALUES},
+    **{f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES},
 }

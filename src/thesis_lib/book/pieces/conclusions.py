@@ -231,13 +231,13 @@ def tabulate_experiment(opened: Cubes) -> str:
                 "medians": np.median(drawn, axis=1),
                 "effect": effect,
                 "claimed": claimed if len(claimed) == 2 else [],
-                "holds": _held(effect, labels[int(np.argmin(np.mean(drawn**2, axis=1)))]),
+                "holds": _judge_curve(effect, labels[int(np.argmin(np.mean(drawn**2, axis=1)))]),
             }
             rows.append(row)
     return render(__file__, "conclusions-experiment", rows=rows)
 
 
-def _held(one: Effect, best: str) -> str:
+def _judge_curve(one: Effect, best: str) -> str:
     """Return whether a conclusion holds in the one curve there is, least at `best`."""
     found = {
         f"not monotonic, best at {best}": one.not_monotonic,
@@ -317,8 +317,8 @@ def equal_pixels() -> Iterator[EqualPixels]:
             whole = [one for one in settings if one.case == case][-1]
             directions, n = whole.directions_deg, len(whole.directions_deg)
             pairs = [directions[i : i + 2] for i in range(0, n, 2)]
-            array = _law_error(_scaled_rig(whole, directions, 1), points)
-            best = min(_law_error(_scaled_rig(whole, p, np.sqrt(n / 2)), points) for p in pairs)
+            array = _law_error(_scale_rig(whole, directions, 1), points)
+            best = min(_law_error(_scale_rig(whole, p, np.sqrt(n / 2)), points) for p in pairs)
             yield EqualPixels(name, case, n, array, best)
 
 
@@ -329,7 +329,7 @@ def _law_error(rig: CameraArray, points: Array) -> float:
     return float(100 * np.sqrt(np.mean(variance / largest[:, None] ** 2)))
 
 
-def _scaled_rig(setting: Setting, directions: Sequence[Direction], finer: float) -> CameraArray:
+def _scale_rig(setting: Setting, directions: Sequence[Direction], finer: float) -> CameraArray:
     """Return cameras of a setting in some directions, with `finer` times its pixels across."""
     reading = readings.reading("beam")
     across = finer * setting.resolution_px[0]
@@ -372,7 +372,7 @@ def tabulate_wishes(opened: Cubes) -> str:
         sets=value_of("lab-layout", _compare_sets),
         coarse=value_of("lab-equal-pixels", _last_settings),
         modes=value_of("lab-modes", _mode_errors),
-        torsion=value_of("lab-modes", _torsion),
+        torsion=value_of("lab-modes", _read_torsion),
         plate=value_of("lab-plate", partial(_change_ratios, quantities=MEAN_ERRORS)),
         plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=PLANE_ERRORS)),
         ledger=value_of("claims", _symmetry_entry),
@@ -416,7 +416,7 @@ def _mode_errors(cube: xr.Dataset) -> dict[str, Any]:
     return {"errors": errors, "label": select(cube, "known", modes[-1])["label"].values[0]}
 
 
-def _torsion(cube: xr.Dataset) -> dict[str, Any]:
+def _read_torsion(cube: xr.Dataset) -> dict[str, Any]:
     mode = int(cube["mode"].values[-1])
     std = select(cube, "known", mode)["torsion_standard_error"].values[0]
     size = float(cube["torsion_reference"])

@@ -47,18 +47,18 @@ class Factor:
     exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
 
 
-def _cosine(degrees: Array) -> Array:
+def _angle_cosine(degrees: Array) -> Array:
     return np.cos(np.radians(degrees))
 
 
-def _simulated(study: str, *cases: str) -> tuple[Source, ...]:
+def _list_simulated(study: str, *cases: str) -> tuple[Source, ...]:
     return tuple(
         (subject, f"{subject}-{study}", cases, PLANE_ERRORS if subject == "sound" else MEAN_ERRORS)
         for subject in ("beam", "plate", "sound")
     )
 
 
-def _rendered_plate(case: str) -> tuple[Source, ...]:
+def _list_rendered(case: str) -> tuple[Source, ...]:
     return (
         ("plate, rendered", "lab-plate", (case,), MEAN_ERRORS),
         ("sound, rendered", "lab-plate", (case,), PLANE_ERRORS),
@@ -68,32 +68,33 @@ def _rendered_plate(case: str) -> tuple[Source, ...]:
 FACTORS: dict[str, Factor] = {
     "closer": Factor(
         "distance, mm", "d", -1,
-        (*_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN_ERRORS),
-         *_rendered_plate("distance")),
+        (*_list_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN_ERRORS),
+         *_list_rendered("distance")),
     ),
     "wider": Factor(
         "aperture, °", "α", 1,
-        (*_simulated("aperture", "2a", "2c"),
+        (*_list_simulated("aperture", "2a", "2c"),
          ("beam, rendered", "lab-layout", ("aperture",), MEAN_ERRORS),
-         *_rendered_plate("aperture")),
+         *_list_rendered("aperture")),
     ),
     "lower": Factor(
         "elevation, °", "cos φ", -1,
-        (*_simulated("aperture", "2b", "2d"),
+        (*_list_simulated("aperture", "2b", "2d"),
          ("beam, rendered", "lab-elevation", ("three-rows",), MEAN_ERRORS),
-         *_rendered_plate("elevation")),
-        _cosine,
+         *_list_rendered("elevation")),
+        _angle_cosine,
     ),
     "finer": Factor(
         "width of the sensor, px", "W", 1,
-        (*_simulated("resolution"),
+        (*_list_simulated("resolution"),
          ("experiment", "experiment-resolution", ("matched",), MEAN_ERRORS),
-         *_rendered_plate("resolution")),
+         *_list_rendered("resolution")),
     ),
     "more": Factor(
         "number of cameras", "N", 1,
-        (*_simulated("arrays"), ("experiment", "experiment-cameras", ("matched",), MEAN_ERRORS),
-         *_rendered_plate("cameras")),
+        (*_list_simulated("arrays"),
+         ("experiment", "experiment-cameras", ("matched",), MEAN_ERRORS),
+         *_list_rendered("cameras")),
     ),
 }  # fmt: skip
 
@@ -141,7 +142,7 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
                 part = select(cube, case, mode)
                 for quantity in quantities:
                     of = selection.stated(cube, case, mode, quantity)
-                    claimed = np.array([_claimed_value(claim) for claim in of])
+                    claimed = np.array([_read_claimed_value(claim) for claim in of])
                     curve = _read_curve(part, group, case, quantity, claimed, factor)
                     if curve:
                         yield curve
@@ -173,7 +174,7 @@ def _read_curve(
     )
 
 
-def _claimed_value(claim: Claim | None) -> float:
+def _read_claimed_value(claim: Claim | None) -> float:
     """Return the middle of what is claimed; NaN of a bound, or if nothing is."""
     if claim is None or not claim.values or None in claim.ends:
         return float("nan")

@@ -54,7 +54,7 @@ PHONE_CAMERAS: dict[str, dict[str, Any]] = {
 
 def film_error_px(film: str) -> float:
     """Return the rms error of a motion in a kind of film in px, at the worst of all motions."""
-    rows = benchmarks.read()["compression"]["rows"]
+    rows = benchmarks.read_benchmarks()["compression"]["rows"]
     return float(max(row["motion_px"] * row["error"] for row in rows if row["film"] == film))
 
 
@@ -133,7 +133,7 @@ def _std_um(of: Assessment) -> tuple[float, float]:
     return 1000 * of.rig.one_frame[0], 1000 * of.rig.fit[0]
 
 
-def _camera() -> CameraFiles:
+def _example_camera() -> CameraFiles:
     return example_manifest(example_rig()).cameras[0]
 
 
@@ -144,7 +144,7 @@ def tabulate_layouts() -> str:
         "film-layouts",
         rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in PHONE_LAYOUTS.items()],
         fit_s=assess_layout((0, 180), 25.0).rig.steady_s,
-        camera=_camera(),
+        camera=_example_camera(),
         centre_noise_px=CENTRE_NOISE_PX,
     )
 
@@ -202,7 +202,7 @@ def tabulate_alias() -> str:
 
 def tabulate_focus() -> str:
     """Tabulate the depths that apertures keep sharp."""
-    camera, outlook = _camera(), assess(example_manifest(example_rig())).table
+    camera, outlook = _example_camera(), assess(example_manifest(example_rig())).table
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
     circles_mm = [
         CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX

@@ -47,8 +47,8 @@ ERROR_WORDS = {"mean": "mean errors", "peak": "peak errors"}
 def describe_chapter(subject: str, opened: Cubes) -> str:
     """Describe what a chapter comes to: changes, agreement, the law of rounding."""
     chapter = of_chapter(opened, subject)
-    changes = _changes(chapter)
-    met = _met(chapter)
+    changes = _compare_extremes(chapter)
+    met = _list_met(chapter)
     kinds = list(dict.fromkeys(kind for by_kind in met.values() for kind in by_kind))
     return render(
         __file__,
@@ -66,13 +66,13 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
             for name, by_kind in met.items()
         ],
         totals=[[one for by in met.values() for one in by.get(kind, [])] for kind in kinds],
-        missed=_met_values(opened) if subject == "beam" else None,
+        missed=_list_met_values(opened) if subject == "beam" else None,
         law=_compare_law(chapter) if subject in ("beam", "plate") else None,
         scatters=_explain_scatter(chapter) if subject == "experiment" else [],
     )
 
 
-def _changes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
+def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     """Return the first and the last setting of each case in expectation."""
     rows = []
     for cube in chapter:
@@ -95,7 +95,7 @@ def _changes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     return rows
 
 
-def _met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
+def _list_met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
     """Return which claimed values are met, by figure set and kind of error."""
     met: dict[str, dict[str, list[bool]]] = {}
     for cube in chapter:
@@ -106,7 +106,7 @@ def _met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
     return met
 
 
-def _met_values(opened: Cubes, subject: str = "beam", quantity: str = "") -> list[bool]:
+def _list_met_values(opened: Cubes, subject: str = "beam", quantity: str = "") -> list[bool]:
     """Return which claimed values of a subject are met, those of one quantity or all."""
     return [
         check.inside
@@ -245,7 +245,7 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
 def law_over_rms(opened: Cubes, body: str) -> Array:
     """Return the law over the trials' rms of a body, shape (settings × modes,)."""
     ratios = [
-        (cube["predicted_error"].transpose("setting", "mode").values / _rms(cube)).ravel()
+        (cube["predicted_error"].transpose("setting", "mode").values / _trial_rms(cube)).ravel()
         for cube in of_subject(opened, body)
     ]
     return np.concatenate(ratios)
@@ -269,7 +269,7 @@ def describe_laboratory(opened: Cubes) -> str:
     """Describe the thesis's chain and the best one, with all cameras and pixels."""
     cube = opened["experiment-resolution"]
     thesis, best = (
-        _median(select(cube, method, 1).isel(setting=-1)["mean_error"])
+        _trial_median(select(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
     )
     return render(
@@ -278,7 +278,7 @@ def describe_laboratory(opened: Cubes) -> str:
         thesis=thesis,
         best=best,
         claim=stated(cube, "matched", 1)[-1],
-        met=_met_values(opened, "experiment", "mean_error"),
+        met=_list_met_values(opened, "experiment", "mean_error"),
     )
 
 
@@ -289,8 +289,8 @@ def describe_sound(opened: Cubes) -> str:
     return render(
         __file__,
         "sound-result",
-        shape=_median(arrays["deflection_error"]),
-        field=_median(arrays["plane_error"]),
+        shape=_trial_median(arrays["deflection_error"]),
+        field=_trial_median(arrays["plane_error"]),
         square=square,
         askew=askew,
         advice=turn_advice(opened["sound-aperture"]),
@@ -299,11 +299,11 @@ def describe_sound(opened: Cubes) -> str:
 
 def describe_shapes(opened: Cubes) -> str:
     """Describe how far the errors of the two shapes are from the rectangle's."""
-    whole = _rms(opened["plate-arrays"])
+    whole = _trial_rms(opened["plate-arrays"])
     ratios = [
         float(ratio)
         for name in ("shape-l", "shape-holes")
-        for ratio in np.median(_rms(opened[name]) / whole, axis=0)
+        for ratio in np.median(_trial_rms(opened[name]) / whole, axis=0)
     ]
     return render(__file__, "shapes-result", ratios=ratios)
 
@@ -350,24 +350,24 @@ def list_findings(opened: Cubes) -> str:
         "home-findings",
         counted=len(entries),
         verdicts=[(numbers[word], words) for word, words in VERDICT_WORDS.items() if numbers[word]],
-        missed=_met_values(opened),
+        missed=_list_met_values(opened),
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
         left={name: one["share"] for name, one in error_shares(opened, "beam").items()},
         pair=np.median([one.ratio for one in equal_pixels()]),
-        shape=_median(arrays["deflection_error"]),
-        sound=_median(arrays["plane_error"]),
+        shape=_trial_median(arrays["deflection_error"]),
+        sound=_trial_median(arrays["plane_error"]),
         held=held,
         curves=curves,
     )
 
 
-def _median(errors: xr.DataArray) -> float:
+def _trial_median(errors: xr.DataArray) -> float:
     """Return the median over the random trials, and all else."""
     return float(errors.isel(trial=slice(1, None)).median())
 
 
-def _rms(cube: xr.Dataset) -> Array:
+def _trial_rms(cube: xr.Dataset) -> Array:
     """Return the rms error over the random trials, shape (settings, modes)."""
     squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
     rms: Array = np.sqrt(squared.mean("trial").transpose("setting", "mode").values)

@@ -55,7 +55,7 @@ AXIS_LABELS = {
 }
 
 
-def _rms(part: xr.Dataset) -> Array:
+def _rms_over_trials(part: xr.Dataset) -> Array:
     """Return the rms over the trials (settings,) in %, which the law predicts."""
     error = part["mean_error"].transpose("setting", "trial").values
     return np.asarray(np.sqrt(np.mean(error[:, 1:] ** 2, axis=1)))
@@ -82,7 +82,7 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     for i, case in enumerate(cases):
         part = select(cube, case, DRAWN_MODE)
         bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
-        (low, _, high), rms = bars.band[:, order], _rms(part)[order]
+        (low, _, high), rms = bars.band[:, order], _rms_over_trials(part)[order]
         shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
         style = {"color": color(i), "markersize": 4}
@@ -131,7 +131,9 @@ def draw_distances(cube: xr.Dataset) -> Figure:
         part, bars = select(cube, case, 1), error_bars(cube, case, 1)
         values, (low, _, high) = part["value"].values, bars.band
         axes.vlines(values, low, high, color=CYCLE_COLORS[0])
-        axes.plot(values, _rms(part), "o", color=CYCLE_COLORS[0], label="rendered frames")
+        axes.plot(
+            values, _rms_over_trials(part), "o", color=CYCLE_COLORS[0], label="rendered frames"
+        )
         law = {"color": INK_COLOR, "markersize": 14, "label": "law, one noise for all"}
         axes.plot(values, bars.predicted, "_", **law)
         logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
@@ -170,7 +172,7 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     for i, case in enumerate(cases):
         part = select(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, _rms(part), "o-", color=CYCLE_COLORS[0])
+        axes.plot(place, _rms_over_trials(part), "o-", color=CYCLE_COLORS[0])
         axes.plot(place, part["rounded_error"], "_", color=CYCLE_COLORS[4], markersize=8)
     handles = [
         Line2D([], [], color=CYCLE_COLORS[0], marker="o", label="fitted centres"),
@@ -220,7 +222,9 @@ def cube_of(name: str) -> str:
     return OF_CUBES[name][0] if name in OF_CUBES else "facts"
 
 
-def write(made: Sequence[Path], folder: Path, names: Iterable[str] = FIGURE_NAMES) -> None:
+def write_illustrations(
+    made: Sequence[Path], folder: Path, names: Iterable[str] = FIGURE_NAMES
+) -> None:
     """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
     cubes = {path.stem: path for path in made}
     for name in names:

@@ -61,7 +61,7 @@ def list_fields(part: str) -> str:
     fields = [
         {
             "name": name,
-            "default": _default(model, name),
+            "default": _format_default(model, name),
             "meaning": field.description,
             "allowed": allowed_text(model, name),
         }
@@ -70,7 +70,7 @@ def list_fields(part: str) -> str:
     return render(__file__, "record-fields", fields=fields)
 
 
-def _default(model: type[BaseModel], name: str) -> str:
+def _format_default(model: type[BaseModel], name: str) -> str:
     """Return a field's default with its unit, or that it is required."""
     if model.model_fields[name].is_required():
         return "required" + (f", in {unit(name)}" if unit(name) else "")
@@ -106,7 +106,7 @@ PIECES: dict[str, Callable[[], str]] = {
 }
 
 
-def write(folder: Path) -> None:
+def write_reference(folder: Path) -> None:
     """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
         whole_text(folder / f"{name}.md", piece())

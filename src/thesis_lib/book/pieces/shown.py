@@ -19,15 +19,15 @@ from thesis_lib.templates import render
 _INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
 
 
-def names(pages: Iterable[Path]) -> list[str]:
+def find_figure_names(pages: Iterable[Path]) -> list[str]:
     """Return names of the figures that `pages` show."""
     texts = (page.read_text(encoding="utf-8") for page in pages if page.suffix == ".md")
     return sorted({name for text in texts for name in _INCLUDE_PATTERN.findall(text)})
 
 
-def write(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
+def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
     """Write each wanted figure into `folder`: its picture, and what a page includes."""
-    found = {name: one for notebook in notebooks for name, one in _figures(notebook)}
+    found = {name: one for notebook in notebooks for name, one in _read_figures(notebook)}
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
         if name in found:
@@ -39,7 +39,7 @@ def write(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> Non
             write_placeholder(words, name)
 
 
-def _figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
+def _read_figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
     for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
         about = cell["metadata"].get("mystnb", {})
         pictures = [
@@ -48,9 +48,9 @@ def _figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
             if "image/svg+xml" in output.get("data", {})
         ]
         if "figure" in about and pictures:
-            yield about["figure"]["name"], _one(about, pictures[0])
+            yield about["figure"]["name"], _describe_picture(about, pictures[0])
 
 
-def _one(about: Mapping[str, Any], picture: str) -> dict[str, str]:
+def _describe_picture(about: Mapping[str, Any], picture: str) -> dict[str, str]:
     alt = about.get("image", {}).get("alt", "")
     return {"picture": picture, "alt": alt, "caption": about["figure"]["caption"]}

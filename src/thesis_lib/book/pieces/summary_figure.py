@@ -41,7 +41,7 @@ PANEL_TICKS = {
 }
 
 
-def draw(opened: Cubes) -> Figure:
+def draw_summary(opened: Cubes) -> Figure:
     """Return five panels, one for each factor, all with the same axis of errors.
 
     A line is one case, the geometric mean over modes and planes of the rms over the trials; a
@@ -50,12 +50,12 @@ def draw(opened: Cubes) -> Figure:
     with in_style():
         drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
         for axes, (name, factor) in zip(panels, FACTORS.items(), strict=True):
-            _panel(axes, list(read_curves(opened, factor)))
-            _axis(axes, name, factor)
+            _draw_factor(axes, list(read_curves(opened, factor)))
+            _format_error_axis(axes, name, factor)
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         drawing.legend(
-            handles=_legend(),
+            handles=_draw_legend(),
             loc="outside lower center",
             ncols=3,
             columnspacing=1.2,
@@ -64,7 +64,7 @@ def draw(opened: Cubes) -> Figure:
     return drawing
 
 
-def _panel(axes: Axes, found: Sequence[Curve]) -> None:
+def _draw_factor(axes: Axes, found: Sequence[Curve]) -> None:
     by: dict[tuple[str, str], list[Curve]] = {}
     for curve in found:
         by.setdefault((curve.group, curve.case), []).append(curve)
@@ -72,7 +72,7 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
             curve.values,
             curve.claimed,
             "D",
-            color=_color(curve.group),
+            color=_choose_color(curve.group),
             markersize=4,
             markerfacecolor="none",
             markeredgewidth=0.7,
@@ -85,14 +85,14 @@ def _panel(axes: Axes, found: Sequence[Curve]) -> None:
             alike[0].values,
             mean,
             "--" if "rendered" in group else "-",
-            color=_color(group),
+            color=_choose_color(group),
             linewidth=1.2,
             marker=".",
             markersize=4,
         )
 
 
-def _axis(axes: Axes, name: str, factor: Factor) -> None:
+def _format_error_axis(axes: Axes, name: str, factor: Factor) -> None:
     axes.set(xscale="log", title=PANEL_TITLES[name])
     axes.xaxis.set_major_locator(FixedLocator(PANEL_TICKS[name]))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -101,11 +101,11 @@ def _axis(axes: Axes, name: str, factor: Factor) -> None:
         axes.invert_xaxis()
 
 
-def _color(group: str) -> str:
+def _choose_color(group: str) -> str:
     return PANEL_GROUPS[group.partition(",")[0]]
 
 
-def _legend() -> list[Line2D]:
+def _draw_legend() -> list[Line2D]:
     lines = [Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()]
     grey = "#555555"
     rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
@@ -122,14 +122,14 @@ def _legend() -> list[Line2D]:
     return [*lines, rendered, stated]
 
 
-def used(made: Iterable[Path]) -> list[Path]:
+def list_used_cubes(made: Iterable[Path]) -> list[Path]:
     """Return the result files that the figure shows."""
     names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
     return [path for path in made if path.stem in names]
 
 
-def write(made: Iterable[Path], folder: Path) -> None:
+def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    opened = {path.stem: cube_file.read(path) for path in used(made)}
-    text = svg(draw(opened))
+    opened = {path.stem: cube_file.read(path) for path in list_used_cubes(made)}
+    text = svg(draw_summary(opened))
     files.whole_text(folder / FIGURE_FILE, text)

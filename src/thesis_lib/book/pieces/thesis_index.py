@@ -26,7 +26,7 @@ def tabulate_chapter(name: str) -> str:
                 "number": number,
                 "what": entry.what,
                 "errata": [one.removeprefix("errata#errata-") for one in entry.errata],
-                "page": _link(entry.page) if entry.page else entry.reason,
+                "page": _link_document(entry.page) if entry.page else entry.reason,
                 "functions": [(function, _is_documented(function)) for function in entry.function],
                 "cubes": entry.cube,
                 "tests": entry.test,
@@ -35,7 +35,7 @@ def tabulate_chapter(name: str) -> str:
     return render(__file__, "thesis-index", kinds=kinds)
 
 
-def _link(page: str) -> str:
+def _link_document(page: str) -> str:
     """Return a link to a document of the book, or to an equation, label or heading in it."""
     document, _, anchor = page.partition("#")
     if document.startswith("executed/"):
@@ -67,7 +67,7 @@ PIECES: dict[str, Callable[[], str]] = {
 }
 
 
-def write(folder: Path) -> None:
+def write_thesis_index(folder: Path) -> None:
     """Write every piece of ``PIECES`` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
         whole_text(folder / f"{name}.md", piece())

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.parametric import symmetry as shape_tables
 from thesis_lib.figure_sets.planner import tables as planner_tables
 
 
-def write(
+def write_pieces(
     made: Sequence[Path], folder: Path, without: Iterable[str] = (), names: Iterable[str] = ()
 ) -> None:
     """Write pieces of :data:`PIECES` from the cubes `made` into `folder`, all or by their `names`.
@@ -28,10 +28,10 @@ def write(
     """
     opened = Opened(made, without)
     for name in names or PIECES:
-        files.whole_text(folder / f"{name}.md", _text(PIECES[name], opened))
+        files.whole_text(folder / f"{name}.md", _render_piece(PIECES[name], opened))
 
 
-def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
+def _render_piece(piece: Callable[[Cubes], str], opened: Opened) -> str:
     """Return one piece, or a sentence on the cubes that it is missing."""
     opened.forget()
     try:
@@ -41,7 +41,7 @@ def _text(piece: Callable[[Cubes], str], opened: Opened) -> str:
             raise
         text = ""
     if opened.wanted:
-        text = "\n\n".join(filter(None, [text, missing.sentence(opened.wanted)]))
+        text = "\n\n".join(filter(None, [text, missing.describe_missing(opened.wanted)]))
     return text
 
 
@@ -57,27 +57,27 @@ LABORATORY_PIECES = {  # pieces: figure set, and its template
 }
 
 
-def _laboratory(figure_set: str, template: str, opened: Cubes) -> str:
+def _fill_laboratory(figure_set: str, template: str, opened: Cubes) -> str:
     """Fill in a piece about what is rendered beyond chapter 5."""
     return display.text(opened[figure_set], template)
 
 
-def _optics(name: str, opened: Cubes) -> str:
+def _fill_optics(name: str, opened: Cubes) -> str:
     """Fill in a table of chapter 2 or its appendices, from the cube of ``cameras``."""
     return optics_tables.PIECES[name](opened["cameras"])
 
 
-def _benchmark(name: str, _: Cubes) -> str:
+def _fill_benchmark(name: str, _: Cubes) -> str:
     """Tabulate what the published run of the benchmarks measured."""
     return benchmark_tables.PIECES[name]()
 
 
-def _design(name: str, opened: Cubes) -> str:
+def _fill_design(name: str, opened: Cubes) -> str:
     """Describe the law of rounding for design, from the cube of ``design-law``."""
     return design_tables.PIECES[name](opened["design-law"])
 
 
-def _planner(name: str, opened: Cubes) -> str:
+def _fill_planner(name: str, opened: Cubes) -> str:
     """Describe planned layouts, from the cube of ``planner``."""
     return planner_tables.PIECES[name](opened["planner"])
 
@@ -87,15 +87,15 @@ OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conc
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_tables.PIECES,
-    **{f"cameras-{name}": partial(_optics, name) for name in optics_tables.PIECES},
-    **{f"design-{name}": partial(_design, name) for name in design_tables.PIECES},
-    **{f"planner-{name}": partial(_planner, name) for name in planner_tables.PIECES},
+    **{f"cameras-{name}": partial(_fill_optics, name) for name in optics_tables.PIECES},
+    **{f"design-{name}": partial(_fill_design, name) for name in design_tables.PIECES},
+    **{f"planner-{name}": partial(_fill_planner, name) for name in planner_tables.PIECES},
     **findings.PIECES,
     **structures.PIECES,
     **rounding.PIECES,
-    **{name: partial(_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
+    **{name: partial(_fill_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
     "sound-sum": sound.sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions.PIECES,
-    **{name: partial(_benchmark, name) for name in benchmark_tables.PIECES},
+    **{name: partial(_fill_benchmark, name) for name in benchmark_tables.PIECES},
 }

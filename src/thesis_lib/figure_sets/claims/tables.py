@@ -27,10 +27,10 @@ from thesis_lib.ledger.verdicts import (
     WIDENING_POINTS_BELOW_10,
 )
 from thesis_lib.templates import render
-from thesis_lib.web.fragment import COLOURS_CSS, asset, joined, plain, static_html
+from thesis_lib.web.fragment import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
-_LEDGER_SCRIPT = joined("ledger")
-_LEDGER_STYLE = COLOURS_CSS + asset("ledger.css")
+_LEDGER_SCRIPT = join_modules("ledger")
+_LEDGER_STYLE = COLOURS_CSS + read_asset("ledger.css")
 NO_SCRIPT_TEXT = "This table needs JavaScript; `thesis claims` prints the same."
 KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
 _VERDICT_ORDER = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
@@ -56,7 +56,7 @@ class LedgerTable(anywidget.AnyWidget):
 
     @traitlets.validate("data")
     def _plain(self, proposal: Mapping[str, Any]) -> Any:
-        return plain(proposal["value"])
+        return copy_plain(proposal["value"])
 
     def __repr__(self) -> str:
         rows = self.data.get("rows", [])

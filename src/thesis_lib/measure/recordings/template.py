@@ -39,7 +39,7 @@ from thesis_lib.measure.recordings.validation import is_slowed, rate_of
 from thesis_lib.outputs import put_files
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
-from thesis_lib.web.fragment import asset, joined, static_html
+from thesis_lib.web.fragment import join_modules, read_asset, static_html
 from thesis_lib.web.html import render_html
 
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = (
@@ -462,6 +462,8 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
             }
         )
     state = {"cameras": cameras}
-    fragment = static_html(joined("corners"), asset("corners.css"), state, NO_SCRIPT_TEXT)
+    fragment = static_html(
+        join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT
+    )
     body = Markup(CORNERS_INTRODUCTION + fragment)
     return render_html("web/templates/page.html.j2", title=CORNERS_TITLE, body=body)

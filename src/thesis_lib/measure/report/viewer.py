@@ -10,7 +10,7 @@ from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.plotting.style import DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import encoded
-from thesis_lib.web.fragment import VIEWER_CSS, asset, joined, static_html
+from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 
 _NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
 _NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
@@ -42,8 +42,8 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
         "colormap": list(DIVERGING_COLORS),
         "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
     }
-    css = VIEWER_CSS + asset("measured.css")
-    return static_html(joined("measured"), css, {"data": state}, _NO_SHAPE)
+    css = VIEWER_CSS + read_asset("measured.css")
+    return static_html(join_modules("measured"), css, {"data": state}, _NO_SHAPE)
 
 
 def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
@@ -68,4 +68,4 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
         "rigid wall, in two planes through its centre. Its standard error is "
         f"{100 * share:.2g} % of the largest pressure (rms).",
     }
-    return static_html(joined("radiated"), VIEWER_CSS, {"data": state}, _NO_SOUND)
+    return static_html(join_modules("radiated"), VIEWER_CSS, {"data": state}, _NO_SOUND)
