@@ -325,7 +325,7 @@ LEFT: list[tuple[str, dict[str, Any], str]] = [
     ("beam-arrays", {"layouts": {"mine": [[[i, 20 + i % 3] for i in range(0, 300, 12)]]}},
      "25 cameras (a page takes 24)"),
     ("plate-arrays", {"grid": [60, 60], "modes": list(range(1, 6))},
-     "3868800 images of markers (a page takes 1000000)"),
+     "4492800 images of markers (a page takes 1000000)"),
 ]  # fmt: skip
 
 
