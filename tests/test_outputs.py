@@ -1,13 +1,17 @@
 """Commands never replace what they did not write: one test over all that write."""
 
+import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import refusal, thesis
 
+from thesis_lib.files import OWNER_RECORD, staging
 from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.outputs import (
     RECORD_NAME,
@@ -189,3 +193,22 @@ def test_a_folder_of_the_users_is_no_cache(tmp_path):
     (tmp_path / "mine" / "tracks-00.npy").write_bytes(MINE)
     with pytest.raises(OutputError, match="mine"):
         check_cache(tmp_path / "mine")
+
+
+def test_only_what_a_record_proves_to_be_of_an_ended_process_is_swept(tmp_path):
+    code = (
+        "import os, sys, pathlib, thesis_lib.files as f\n"
+        "with f.staging(pathlib.Path(sys.argv[1])): os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
+    (abandoned,) = tmp_path.iterdir()
+    others = [tmp_path / f".staging-{name}" for name in ("mine", "elsewhere", "text")]
+    for place in others:
+        place.mkdir()
+    elsewhere = {"thesis_lib": ["another host", 1]}
+    (others[1] / OWNER_RECORD).write_text(json.dumps(elsewhere))
+    (others[2] / OWNER_RECORD).write_text("[]")
+    with staging(tmp_path), staging(tmp_path):  # one that is in use stays
+        assert len(list(tmp_path.iterdir())) == 5
+    assert not abandoned.exists()
+    assert sorted(tmp_path.iterdir()) == sorted(others)

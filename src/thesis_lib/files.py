@@ -5,8 +5,10 @@ from __future__ import annotations
 import atexit
 import contextlib
 import hashlib
+import json
 import os
 import shutil
+import socket
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -16,6 +18,7 @@ from filelock import FileLock, Timeout
 
 _SHIPPED_FOLDER = "_project"  # what of the project a wheel has beside the library
 STAGING_PREFIX = ".staging-"
+OWNER_RECORD = ".owner.json"  # in a folder of staging: the host and process that write to it
 LOCK_NAME = ".lock"
 _temporary: set[Path] = set()  # folders of this process
 # In the environment: the cache of a command that cannot write its own
@@ -164,15 +167,38 @@ def whole_text(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
-    """Give an empty folder inside `folder` to write in, which is removed at the end."""
+    """Give an empty folder inside `folder` to write in, which is removed at the end.
+
+    The folders that killed commands have left there are removed first.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    for path in [*folder.glob(f"{STAGING_PREFIX}*")]:
+        if _is_abandoned(path):
+            shutil.rmtree(path, ignore_errors=True)
     path = Path(tempfile.mkdtemp(prefix=STAGING_PREFIX, dir=folder))
     _temporary.add(path)
     try:
-        yield path
+        owner = {"thesis_lib": [socket.gethostname(), os.getpid()]}
+        (path / OWNER_RECORD).write_text(json.dumps(owner), encoding="utf-8")
+        work = path / "new"
+        work.mkdir()
+        yield work
     finally:
         shutil.rmtree(path, ignore_errors=True)
         _temporary.discard(path)
+
+
+def _is_abandoned(path: Path) -> bool:
+    """Return whether a record proves that a process wrote to a folder which is there no more."""
+    try:
+        record = json.loads((path / OWNER_RECORD).read_text(encoding="utf-8"))
+        host, process = record["thesis_lib"]
+        process = int(process)
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
+    import psutil
+
+    return host == socket.gethostname() and not psutil.pid_exists(process)
 
 
 def remove_temporary() -> None:
