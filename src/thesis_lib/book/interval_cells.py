@@ -10,20 +10,16 @@ import math
 import re
 from typing import Any
 
-from lxml.html import builder, fragment_fromstring
+from lxml.html import fragment_fromstring
+
+from thesis_lib.web.html import render_html
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
-WIDTH_PX, HEIGHT_PX = 90, 14
+WIDTH_PX = 90
 _INTERVAL_PATTERN = re.compile(r"([\d.]+) · ([\d.]+) \(([\d.]+)–([\d.]+)\) · ([\d.]+)")
 _KEY_PATTERN = re.compile(
     r"Each cell: (.*?) · median \(5–95 %\) of the (.*?) · (.*?), in % of (.*)", re.DOTALL
 )
-_KEY_MARKS = {
-    "m": '<circle class="m" cx="8" cy="7" r="3"/>',
-    "l": '<path class="l" d="M1 7H15"/>',
-    "d": '<path class="d" d="M8 3l4 4-4 4-4-4z"/>',
-    "t": '<path class="t" d="M8 1v12"/>',
-}
 
 
 def draw_intervals(page: Any) -> None:
@@ -33,29 +29,18 @@ def draw_intervals(page: Any) -> None:
     if match is None:
         return
     nominal, draws, predicted, unit = match.groups()
-    names = (nominal, f"5–95 % of the {draws}", predicted)
-    scales = [scale for table in page.iter("table") if (scale := _draw_table(table, names))]
+    words = (nominal, f"5–95 % of the {draws}", predicted)
+    scales = [scale for table in page.iter("table") if (scale := _draw_table(table, words))]
     if not scales:
         return
-    new = builder.P({"class": "tl-interval-key"}, f"Each cell: the median, and drawn {scales[0]}: ")
-    words = {
-        "m": "median and",
-        "l": f"{names[1]},",
-        "d": f"{nominal},",
-        "t": f"{predicted}; in % of {unit} ",
-    }
-    for name, text in words.items():
-        mark = _parse_drawing(_KEY_MARKS[name], 'class="tl-interval" aria-hidden="true" width="16"')
-        mark.tail = f" {text} "
-        new.append(mark)
-    for link in page.xpath("//a[contains(@href, 'data/') and contains(@href, '.csv')]")[:1]:
-        attributes = {"class": "tl-download", "download": "", "href": link.get("href")}
-        new.append(builder.A("All numbers (CSV)", attributes))
+    links = page.xpath("//a[contains(@href, 'data/') and contains(@href, '.csv')]/@href")
+    values = {"scale": scales[0], "words": words, "unit": unit, "numbers": "".join(links[:1])}
+    new = fragment_fromstring(render_html("book/templates/interval_key.html.j2", **values))
     new.tail = keys[0].tail
     keys[0].getparent().replace(keys[0], new)
 
 
-def _draw_table(table: Any, names: tuple[str, str, str]) -> str:
+def _draw_table(table: Any, words: tuple[str, str, str]) -> str:
     """Draw the cells of a table; return the words for their scale, empty if it has no such cell."""
     found = [
         (cell, _INTERVAL_PATTERN.fullmatch(cell.text_content().strip()))
@@ -74,24 +59,11 @@ def _draw_table(table: Any, names: tuple[str, str, str]) -> str:
             share = 1 - math.log(max(share, low / high)) / math.log(low / high)
         return round(5 + (WIDTH_PX - 10) * share, 1)
 
+    names = ("nominal", "median", "lower", "upper", "predicted")
     for cell, texts in cells:
-        nominal, median, lower, upper, predicted = texts
-        d, m, a, b, t = map(place_mark, texts)
-        words = (
-            f"{names[0]} {nominal}, median {median}, {names[1]} {lower} to {upper}, "
-            f"{names[2]} {predicted}"
-        )
-        drawing = _parse_drawing(
-            f'<title></title><path class="l" d="M{a} 7H{b}"/><path class="t" d="M{t} 1v12"/>'
-            f'<circle class="m" cx="{m}" cy="7" r="3"/><path class="d" d="M{d} 3l4 4-4 4-4-4z"/>',
-            f'role="img" width="{WIDTH_PX}"',
-        )
-        drawing.find("title").text = words
-        cell[:] = [builder.SPAN(f"{median} ", drawing, {"class": "tl-interval"})]
-        cell.text = None
+        values = {"words": words, "width": WIDTH_PX, "place": place_mark}
+        values |= dict(zip(names, texts, strict=True))
+        drawing = render_html("book/templates/interval_cell.html.j2", **values)
+        cell[:], cell.text = [fragment_fromstring(drawing)], None
     begin, kind = (f"{low:g}", ", by powers of ten") if logarithmic else ("0", "")
     return f"from {begin} to {high:g} %{kind}"
-
-
-def _parse_drawing(shapes: str, attributes: str) -> Any:
-    return fragment_fromstring(f'<svg {attributes} height="{HEIGHT_PX}">{shapes}</svg>')
