@@ -50,6 +50,3 @@ def test_commands_of_the_readme_exist():
         )
     )
     assert commands == set(cli.commands)
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for target in re.findall(r"make (\w+)", text):
-        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target

@@ -700,35 +700,29 @@ def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:
 # --- the page
 
 
-@pytest.mark.parametrize("width", [1280, 816, 390, 320])
+@pytest.mark.parametrize("widths", [(320, 390), (816, 1280)], ids=["phone", "screen"])
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_nothing_is_wider_than_the_page(
-    chromium: Browser, path: Path, width: int, subject: str
+    chromium: Browser, path: Path, widths: tuple[int, int], subject: str
 ) -> None:
+    drawn = """() => [...document.querySelectorAll('.tl-ex-view, .tl-ex-shapes > svg')].every(
+      one => Math.abs(one.viewBox.baseVal.width - one.clientWidth) <= 1)"""
     query = f"s={subject}&m=2&w=400x300&c=" + ";".join(
         f"{15 * i - 177.5},{20 + i}" for i in range(24)
     )
-    with open_offline(chromium, path, width=width, height=800, query=query) as opened:
+    with open_offline(chromium, path, width=widths[0], height=800, query=query) as opened:
         assert len(state(opened)["c"]) == 24
-        assert opened.sideways_px() <= 0
-        right = opened.page.locator(".tl-explorer").evaluate(
-            "e => Math.max(...[...e.querySelectorAll('*')]"
-            ".filter(one => !one.closest('.tl-ex-view'))"
-            ".map(one => one.getBoundingClientRect().right))"
-        )
-        assert right <= width
-        assert opened.trouble == []
-
-
-def test_it_follows_the_width_of_the_page(chromium: Browser, path: Path) -> None:
-    drawn = """() => [...document.querySelectorAll('.tl-ex-view, .tl-ex-shapes > svg')].every(
-      one => Math.abs(one.viewBox.baseVal.width - one.clientWidth) <= 1)"""
-    with open_offline(chromium, path, query=TWO) as opened:
-        state(opened)
-        for width in (390, 816, 1280):
+        for width in widths:
             opened.page.set_viewport_size({"width": width, "height": 800})
-            opened.page.wait_for_function(drawn)
+            if subject == "beam":  # a plate's maps keep a view box of their own
+                opened.page.wait_for_function(drawn)
             assert opened.sideways_px() <= 0
+            right = opened.page.locator(".tl-explorer").evaluate(
+                "e => Math.max(...[...e.querySelectorAll('*')]"
+                ".filter(one => !one.closest('.tl-ex-view'))"
+                ".map(one => one.getBoundingClientRect().right))"
+            )
+            assert right <= width
         assert opened.trouble == []
 
 

@@ -102,7 +102,7 @@ def test_cells_of_five_numbers_are_drawn_on_one_scale() -> None:
     draw_intervals(page)
     text = tostring(page, encoding="unicode")
     found = r'd="M(\S+) 7H(\S+)".*?d="M(\S+) 1v12".*?cx="(\S+)".*?d="M(\S+) 3l'
-    marks = [[*map(float, one)] for one in re.findall(found, text)][:2]
+    marks = [[*map(float, one)] for one in re.findall(found, text, re.DOTALL)][:2]
     assert marks == [[25.0, 85.0, 65.0, 45.0, 55.0], [15.0, 35.0, 25.0, 25.0, 25.0]]
     assert "nodal [1.4]" in text
     assert "drawn from 0 to 20 %:" in text
