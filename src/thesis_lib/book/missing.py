@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,9 @@ from thesis_lib.figure_sets.display import promised
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, figure_metadata
+from thesis_lib.templates import render
 from thesis_lib.web.markdown import escape_markdown
 
-_PLACEHOLDER_IMAGE = (
-    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 600 60" width="600" height="60">'
-    '<rect width="600" height="60" fill="#f4f4f4"/><text x="300" y="36" font-family="sans-serif" '
-    'font-size="16" fill="#555" text-anchor="middle">%s</text></svg>'
-)
 _PLACEHOLDER_TEXT = "This picture is missing: its run failed."
 
 
@@ -37,12 +32,8 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
     import nbformat
 
     why = " ".join(reason.partition("; the traceback")[0].split()).removeprefix(f"{name}: ")
-    warning = (
-        ":::{warning}\n"
-        f"The results of this page are missing: {escape_markdown(why)}. "
-        f"Mend the cause; `thesis run {name}` shows whether it runs, and `thesis book` makes this "
-        "page again.\n:::"
-    )
+    warning = render(__file__, "missing-set", why=escape_markdown(why), name=name).strip()
+    image = _draw_placeholder()
     given = nbformat.read(source, as_version=4)
     cells = []
     for cell in given.cells:
@@ -52,8 +43,7 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
         for number, caption in enumerate(promised(STUDIES[name](), cell.source), 1):
             words = figure_metadata(caption.name, caption.text, _PLACEHOLDER_TEXT)
             place = figure_cell(f"{cell.id}-{number}", mystnb=words)
-            picture = {"image/svg+xml": _PLACEHOLDER_IMAGE % _PLACEHOLDER_TEXT}
-            place.outputs = [nbformat.v4.new_output("display_data", picture)]
+            place.outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": image})]
             cells.append(place)
     if not cells or not cells[0].source.startswith("# "):
         cells.insert(0, nbformat.v4.new_markdown_cell(f"# {name}", id=f"{name}-title"))
@@ -72,14 +62,16 @@ def write_page(source: Path, name: str, reason: str, place: Path) -> None:
 def write_placeholder(path: Path, task: str) -> None:
     """Put words in the place of a piece of prose, or of a picture, that could not be made."""
     if path.suffix == ".md":
-        text = f"*Missing here, since the step “{escape_markdown(task)}” failed.*\n"
-        whole_text(path, text)
+        whole_text(path, f"*Missing here, since the step “{escape_markdown(task)}” failed.*\n")
     elif path.suffix == ".svg":
-        text = _PLACEHOLDER_IMAGE % html.escape(_PLACEHOLDER_TEXT)
-        whole_text(path, text)
+        whole_text(path, _draw_placeholder())
     elif path.suffix == ".webp":
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", (600, 60), "#f4f4f4")
         ImageDraw.Draw(picture).text((20, 24), _PLACEHOLDER_TEXT, fill="#555")
         whole_file(path, lambda part: picture.save(part, "WEBP"))
+
+
+def _draw_placeholder() -> str:
+    return render(__file__, "missing-picture.svg", words=_PLACEHOLDER_TEXT)

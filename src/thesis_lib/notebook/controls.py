@@ -123,17 +123,13 @@ def stack_controls(request: Study, made: Controls) -> ipywidgets.VBox:
     """Stack the controls, each with its unit and meaning, and the results below them."""
     known = effort.read().get(request.name)
     takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
-    rows = [_html_widget(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
+    rows = [ipywidgets.HTML(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
     about = {row["name"]: row for row in describe(type(request))}
     for name, widget in made.inputs.items():
         row = about[name]
         unit = f"{row['unit']}; " if row["unit"] else ""
-        rows.append(ipywidgets.HBox([widget, _html_widget(html.escape(unit + row["meaning"]))]))
+        rows.append(ipywidgets.HBox([widget, ipywidgets.HTML(html.escape(unit + row["meaning"]))]))
     return ipywidgets.VBox([*rows, made.button, made.message, made.command, made.output])
-
-
-def _html_widget(text: str) -> ipywidgets.HTML:
-    return ipywidgets.HTML(text)
 
 
 def _build_inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:

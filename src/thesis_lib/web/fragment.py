@@ -29,34 +29,6 @@ COLOURS_CSS = read_asset("colours.css")
 VIEWER_CSS = COLOURS_CSS + read_asset("viewer.css")
 _INDENT_PATTERN = re.compile(r"^[ \t]+(?://.*\n)?|^//.*\n", re.MULTILINE)  # and lines of comment
 NO_SCRIPT_TEXT = "This viewer needs JavaScript; the figures below show the same results."
-_FRAGMENT_TEMPLATE = """\
-<div class="tl-fragment" data-tl-fragment="%(id)s"%(prints)s>
-<noscript>%(without)s</noscript>
-</div>
-<style>%(css)s</style>
-<script type="module">
-%(esm)s
-const state = %(state)s;
-function createModel(values = { ...state }, handlers = {}) {
-  const of = (event) => (handlers[event] ??= new Set());
-  return {
-    get: (name) => values[name],
-    set(name, value) {
-      if (values[name] === value) return;
-      values[name] = value;
-      [...of(`change:${name}`)].forEach((handler) => handler());
-    },
-    on: (event, handler) => of(event).add(handler),
-    off: (event, handler) => (handler ? of(event).delete(handler) : of(event).clear()),
-    save_changes() {}, send() {},
-  };
-}
-for (const el of document.querySelectorAll('[data-tl-fragment="%(id)s"]:not([data-mounted])')) {
-  el.dataset.mounted = "";
-  widget.render({ model: createModel(), el });
-}
-</script>
-"""
 
 
 def join_modules(front: str, *kinds: str) -> str:
@@ -129,4 +101,8 @@ def static_html(
     css, body = (_INDENT_PATTERN.sub("", part).strip() for part in (css, body))
     parts = {"id": key, "css": css, "esm": body, "state": text}
     printed = " data-tl-print" if prints else ""
-    return _FRAGMENT_TEMPLATE % {**parts, "without": html.escape(without), "prints": printed}
+    return read_asset("fragment.html") % {
+        **parts,
+        "without": html.escape(without),
+        "prints": printed,
+    }
