@@ -331,20 +331,6 @@ def test_tabs_tell_pages_apart() -> None:
 
 
 @needs_book
-@pytest.mark.parametrize("name", ["intro.html", "executed/beam-aperture.html", "conclusions.html"])
-def test_contents_are_short_and_open_where_one_is(running: Browser, name: str) -> None:
-    with open_offline(running, BOOK / name) as opened:
-        page = opened.page
-        seen = page.locator(".bd-docs-nav :is(a, .tl-part > summary)").filter(visible=True)
-        closed = page.locator(".bd-docs-nav details:not([open])").count()
-        assert closed > 5
-        own = page.locator(".bd-docs-nav .tl-part[open] a").filter(visible=True).count()
-        assert seen.count() - own <= 15
-        here = page.locator(".bd-docs-nav .current.active > a").filter(visible=True)
-        assert here.count() >= 1
-
-
-@needs_book
 def test_the_ledger_begins_with_its_filters_also_on_a_phone(running: Browser) -> None:
     with open_offline(running, BOOK / "executed" / "claims.html", width=390, height=844) as opened:
         box = opened.page.locator(".tl-ledger-controls").bounding_box()

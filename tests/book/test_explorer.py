@@ -726,22 +726,6 @@ def test_nothing_is_wider_than_the_page(
         assert opened.trouble == []
 
 
-def test_it_is_one_screen(chromium: Browser, path: Path, tmp_path: Path) -> None:
-    file = tmp_path / "alone.html"
-    file.write_text(page("<style>body { margin: 0 }</style>", explorer_html()), encoding="utf-8")
-    for query in ("s=beam&m=1&t=4a-12", "s=plate&m=1&t=4a-12"):
-        with open_offline(chromium, file, width=1280, height=800, query=query) as opened:
-            state(opened)
-            assert opened.page.evaluate("document.scrollingElement.scrollHeight") <= 800
-            view, table = (
-                opened.page.locator(f".tl-explorer {css}").bounding_box()
-                for css in (".tl-ex-view", "table")
-            )
-            assert view is not None
-            assert table is not None
-            assert view["x"] + view["width"] < table["x"]
-
-
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_text_has_contrast_in_every_theme(

@@ -42,24 +42,3 @@ def test_what_a_page_shows_is_in_its_room(room: str) -> None:
         assert f"{name}.".startswith(f"thesis_lib.{room}.")
         shown = pkgutil.resolve_name(name)
         assert [one for one in re.findall(r"\w+", members) if not hasattr(shown, one)] == []
-
-
-def test_names_of_arrays_are_written_as_such() -> None:
-    config = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
-    shown = {name for page in PAGES.values() for name, _ in DIRECTIVE.findall(page.read_text())}
-    files = [(ROOT / "src" / name.replace(".", "/")).with_suffix(".py") for name in shown]
-    text = "".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
-    aliases = set(re.findall(r"^([A-Z]\w*) = NDArray\[", text, re.MULTILINE))
-    assert aliases <= {*config["sphinx"]["config"]["autodoc_type_aliases"]}
-    assert aliases <= {*re.findall(r"`(\w+)`", INDEX)}
-
-
-@pytest.mark.book
-@pytest.mark.skipif(not RENDERED.is_dir(), reason="no book in build/html: render it first")
-@pytest.mark.parametrize("room", PAGES)
-def test_signatures_are_short(room: str) -> None:
-    html = (RENDERED / f"{PAGES[room].stem}.html").read_text(encoding="utf-8")
-    signatures = re.findall(r'<dt class="sig .*?</dt>', html, re.DOTALL)
-    words = [re.sub(r"<[^>]*>", "", one) for one in signatures]
-    assert words
-    assert [w for w in words if re.search(r"ndarray\[|_Buffer|~|&lt;|collections\.abc", w)] == []

@@ -130,9 +130,7 @@ def test_piece_is_a_table_without_gaps(text, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(RESULTS | SENTENCES))
-def test_a_result_is_a_few_sentences_with_numbers(text, name):
-    sentences = re.split(r"(?<=[.])\s+(?=[A-Z])", text(name).strip())
-    assert 2 <= len(sentences) <= 5
+def test_a_result_has_numbers_without_gaps(text, name):
     assert len(re.findall(r"\d", text(name))) > 2
     assert "nan" not in text(name).lower().split()
 
