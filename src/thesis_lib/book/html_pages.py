@@ -17,7 +17,7 @@ from lxml.html import HtmlElement, builder
 
 from thesis_lib.book.drawings import measure_image, theme_drawing
 from thesis_lib.book.interval_cells import draw_intervals
-from thesis_lib.book.search_index import Entry, index_page, write_index
+from thesis_lib.book.search_index import SearchEntry, index_page, write_index
 
 VIEWERS_FOLDER = "_viewers"
 _STATE_MARK = "\nconst state = "  # the data of a viewer; its program stands before them
@@ -35,7 +35,7 @@ def finish_pages(book: Path) -> None:
         (book / name).unlink(missing_ok=True)
     for drawing in (book / "_images").glob("*.svg"):
         theme_drawing(drawing)
-    entries: dict[str, list[Entry]] = {}
+    entries: dict[str, list[SearchEntry]] = {}
     for path in sorted({*book.rglob("*.html")} - {*(book / "_static").rglob("*.html")}):
         name = path.relative_to(book).as_posix()
         page = lxml.html.document_fromstring(path.read_text(encoding="utf-8"))

@@ -26,7 +26,7 @@ _TITLE_CLASSES = {"eqno", "label"}
 
 
 @dataclass
-class Entry:
+class SearchEntry:
     """A place that can be searched for or previewed."""
 
     kind: str  #: section, figure, equation, name, term, source, claim or thesis
@@ -38,9 +38,9 @@ class Entry:
     title_words: list[str] = field(default_factory=list, repr=False)
 
 
-def index_page(page: Any) -> list[Entry]:
+def index_page(page: Any) -> list[SearchEntry]:
     """Return the entries of a parsed page in their order; the first one is the page itself."""
-    found: list[Entry] = []
+    found: list[SearchEntry] = []
     for article in page.xpath("//article[contains(@class, 'bd-article')]"):
         _read_element(article, None, found, title=False)
     for entry in found:
@@ -52,7 +52,9 @@ def index_page(page: Any) -> list[Entry]:
     return [*found, *_list_claims(page)] if found else []
 
 
-def _read_element(parent: Any, current: Entry | None, found: list[Entry], title: bool) -> None:
+def _read_element(
+    parent: Any, current: SearchEntry | None, found: list[SearchEntry], title: bool
+) -> None:
     """Add the text below an element to the innermost entry that it belongs to."""
     for child in parent:
         if not isinstance(child.tag, str):  # a comment
@@ -60,7 +62,7 @@ def _read_element(parent: Any, current: Entry | None, found: list[Entry], title:
             continue
         owner, kind, anchor = current, _find_kind(child), child.get("id", "")
         if kind:
-            owner = Entry(kind, [anchor])
+            owner = SearchEntry(kind, [anchor])
             found.append(owner)
             if kind in ("term", "name"):  # what explains it follows in the list
                 current = owner
@@ -93,7 +95,7 @@ def _find_kind(element: Any) -> str:
     return "name" if "sig-object" in classes and anchor else ""
 
 
-def _add_words(entry: Entry | None, text: str | None, title: bool) -> None:
+def _add_words(entry: SearchEntry | None, text: str | None, title: bool) -> None:
     if entry and text:
         (entry.title_words if title else entry.words).append(text)
 
@@ -102,7 +104,7 @@ def _join_words(words: list[str]) -> str:
     return " ".join("".join(words).split())
 
 
-def _name_entry(entry: Entry) -> str:
+def _name_entry(entry: SearchEntry) -> str:
     """Return the title of an entry: of a figure, its number in the thesis or its first sentence."""
     if entry.kind == "name":
         return entry.places[0].removeprefix("thesis_lib.")
@@ -113,7 +115,7 @@ def _name_entry(entry: Entry) -> str:
     return f"Equation {title}" if entry.kind == "equation" else title
 
 
-def _list_claims(page: Any) -> Iterator[Entry]:
+def _list_claims(page: Any) -> Iterator[SearchEntry]:
     """Yield the rows of the ledger, which its page carries as data."""
     for script in page.iter("script"):
         for line in (script.text or "").splitlines():
@@ -122,10 +124,10 @@ def _list_claims(page: Any) -> Iterator[Entry]:
             for row in json.loads(line.removeprefix("const state = ").rstrip(";"))["data"]["rows"]:
                 words = f"{row['what']}. The thesis: {row['stated']}; here: {row['got']}"
                 text = f"{row['place']}: {words} ({row['verdict']})."
-                yield Entry("claim", [f"claim-{row['id']}"], f"Claim {row['id']}", text)
+                yield SearchEntry("claim", [f"claim-{row['id']}"], f"Claim {row['id']}", text)
 
 
-def write_index(book: Path, pages: Mapping[str, list[Entry]]) -> None:
+def write_index(book: Path, pages: Mapping[str, list[SearchEntry]]) -> None:
     """Write the entries of all pages, by address, as a script that sets a variable."""
     rows = [(page, entry) for page, entries in sorted(pages.items()) for entry in entries]
     rows += _list_thesis(pages)
@@ -134,7 +136,7 @@ def write_index(book: Path, pages: Mapping[str, list[Entry]]) -> None:
     (book / INDEX_FILE).write_text(f"window.thesisEntries={text};\n", encoding="utf-8")
 
 
-def _list_thesis(pages: Mapping[str, list[Entry]]) -> Iterator[tuple[str, Entry]]:
+def _list_thesis(pages: Mapping[str, list[SearchEntry]]) -> Iterator[tuple[str, SearchEntry]]:
     """Yield figures, tables and equations of the thesis that have no entry of their own name."""
     index = "thesis-index.html"
     named = {entry.title for entries in pages.values() for entry in entries}
@@ -147,4 +149,4 @@ def _list_thesis(pages: Mapping[str, list[Entry]]) -> Iterator[tuple[str, Entry]
         known = {place for entry in pages[page] for place in entry.places}
         places = [place for place in (anchor, f"equation-{anchor}") if place in known]
         text = f"In the thesis: {one.what}. {one.reason}".strip()
-        yield page, Entry("thesis", places, title, text)
+        yield page, SearchEntry("thesis", places, title, text)

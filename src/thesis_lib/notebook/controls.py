@@ -29,7 +29,7 @@ MAX_SLIDER_RANGE = 720  # widest range that a slider can set
 
 
 @dataclass(frozen=True)
-class View:
+class LiveView:
     """A widget that shows in a live front end, and leaves nothing in a file."""
 
     widget: ipywidgets.Widget  #: What to show
@@ -56,7 +56,7 @@ class Controls:
         return {name: _read_value(widget) for name, widget in self.inputs.items()}
 
 
-def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
+def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     """Return controls of a figure set for the end of its notebook.
 
     Parameters
@@ -69,7 +69,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
 
     Returns
     -------
-    View or None
+    LiveView or None
         None if the notebook writes its cube to a file, for then nobody is looking.
     """
     if namespace.get("cube"):
@@ -80,7 +80,7 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> View | None:
     def keep(cube: xr.Dataset) -> None:
         namespace["result"] = cube
 
-    return View(stack_controls(request, controls(request, keep)))
+    return LiveView(stack_controls(request, controls(request, keep)))
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
@@ -220,4 +220,4 @@ def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], ob
 def _list_results(cube: xr.Dataset) -> list[Any]:
     if cubes.listed_by(cube):
         return [cubes.summary(cube)]
-    return [View(notebook.viewer(cube)), error_table(cube)]
+    return [LiveView(notebook.viewer(cube)), error_table(cube)]
