@@ -12,7 +12,8 @@ STEPS = f"""
 import runpy
 from pathlib import Path
 
-from thesis_lib.book.build import EXECUTED_FOLDER, cubes, result_files, step, without_cubes
+from thesis_lib.book.build import EXECUTED_FOLDER, list_cubes, make_task
+from thesis_lib.book.build import result_files, without_cubes
 from thesis_lib.book.pieces import write
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES
 
@@ -33,10 +34,10 @@ def task_inputs():
 
 def task_piece():
     def act():
-        write.write(cubes(), EXECUTED_FOLDER, without_cubes(), ["beam-results"])
+        write.write_pieces(list_cubes(), EXECUTED_FOLDER, without_cubes(), ["beam-results"])
 
     needs = [result_files(name)[0] for name in STUDIES]
-    yield step("numbers", act, needs, [EXECUTED_FOLDER / "beam-results.md"])
+    yield make_task("numbers", act, needs, [EXECUTED_FOLDER / "beam-results.md"])
 """
 INTRO = """# A small book
 
