@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 HIDDEN_CATEGORIES = {
     "Cc",
@@ -27,6 +29,34 @@ def has_hidden(text: str) -> bool:
     (False, True, True)
     """
     return any(unicodedata.category(one) in HIDDEN_CATEGORIES for one in text)
+
+
+def parse_json(text: str) -> Any:
+    """Return the value of a JSON text, or the text itself where it is not JSON.
+
+    Raises
+    ------
+    KeyError
+        If an object has a key twice: nobody knows which value was meant.
+
+    Examples
+    --------
+    >>> parse_json("[1, 2]"), parse_json("force")
+    ([1, 2], 'force')
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_refuse_repeated_keys)
+    except (ValueError, RecursionError):  # no JSON, or beyond its limits
+        return text
+
+
+def _refuse_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise KeyError(name)
+        found[name] = value
+    return found
 
 
 def visible(text: str) -> str:

@@ -132,6 +132,12 @@ def test_it_is_refused_as_others_are(footprint, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_notebook_older_than_a_parameter_runs_with_its_default(footprint):
+    outside.load(footprint)
+    asked = show.checked("footprint", {"focal_length_mm": 50.0})
+    assert asked == registry.validate("footprint", {"focal_length_mm": 50.0})
+
+
 def test_its_controls_rerun_it(footprint):
     outside.load(footprint)
     found = []

@@ -20,10 +20,12 @@ from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import STUDIES, validate
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit
-from thesis_lib.studies.request import ParameterError, describe
+from thesis_lib.studies.request import ParameterError, describe, validated
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -353,6 +355,29 @@ def test_cases_that_are_not_run_refuse_nothing():
     validate(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
     validate(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
     validate(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
+
+
+class Own(CameraStudy):
+    """A study of a reader's own, which repeats none of the shared fields."""
+
+    name, title, study = "own", "own", "distance"
+    elevation_deg: float = 20.0
+
+    def printed(self):
+        return setups.distance_settings([600], 30, self.elevation_deg, (320, 180))
+
+
+def test_a_camera_study_of_ones_own_has_the_shared_defaults():
+    shared = set(CameraStudy.model_fields)
+    beam = validate(DISTANCE, {}).model_dump(include=shared)
+    assert validated(Own, {}).model_dump(include=shared) == beam
+
+
+@pytest.mark.parametrize("elevation", [-5.0, 0.0, 90.5])
+def test_a_camera_below_the_plane_or_beyond_the_normal_is_refused(elevation):
+    with pytest.raises(ParameterError, match="an elevation above 0, at most 90") as caught:
+        validated(Own, {"elevation_deg": elevation})
+    assert f", {elevation}], the [azimuth, elevation]" in str(caught.value)
 
 
 def test_values_that_are_not_json_are_refused_by_name():

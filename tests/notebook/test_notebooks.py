@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
 from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
 from thesis_lib.runs import postprocess
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import ParameterError, Study
 
 PROJECT = Path(__file__).parents[2]
 SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
@@ -395,8 +395,15 @@ def test_papermill_is_refused_like_the_command(short, tmp_path, name, given, mes
     assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
 
 
-def test_papermill_writes_a_relative_cube_into_the_project(short, tmp_path):
-    given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-y", "distances_mm: [600]"]
+def test_an_object_given_to_papermill_has_no_key_twice():
+    given = '{"4b": "printed", "4b": "reversed"}'
+    injected = {"In": [f"# Parameters\npair_order = {given!r}\n"], "pair_order": given}
+    with pytest.raises(ParameterError, match="beam-arrays: pair_order: '4b' is given twice"):
+        notebook.checked("beam-arrays", injected)
+
+
+def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(short, tmp_path):
+    given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-p", "distances_mm", "[600]"]
     done = papermill(short, tmp_path, "beam-distance", *given)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]

@@ -27,6 +27,7 @@ from thesis_lib.plotting.style import svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
 from thesis_lib.studies.request import ParameterError, Study, check_names, validated
+from thesis_lib.text import one_line, parse_json
 from thesis_lib.web.viewer import Viewer
 
 _SVG_MIME = "image/svg+xml"
@@ -42,8 +43,10 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     """
     outside.is_known(name, here=True)  # which loads it
     model = model_of(name)
-    check_names(model, _find_injected(namespace.get("In", [])))
-    return validated(model, {key: namespace[key] for key in model.model_fields if key in namespace})
+    injected = _find_injected(namespace.get("In", []))
+    check_names(model, injected)
+    values = {key: namespace[key] for key in model.model_fields if key in namespace}
+    return validated(model, {**values, **_parse_lists(name, values, injected)})
 
 
 def cube_of(asked: Study) -> xr.Dataset:
@@ -70,6 +73,22 @@ def _find_injected(inputs: Iterable[str]) -> list[str]:
         for target in statement.targets
         if isinstance(target, ast.Name)
     ]
+
+
+def _parse_lists(name: str, values: Mapping[str, Any], injected: Iterable[str]) -> dict[str, Any]:
+    """Return injected lists and objects that papermill's ``-p`` passed on as text."""
+    parsed = {}
+    for key in injected:
+        value = values[key]
+        if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
+            try:
+                parsed[key] = parse_json(value)
+            except KeyError as error:
+                repeated = one_line(repr(error.args[0]))
+                raise ParameterError(
+                    f"{name}: {key}: {repeated} is given twice, allowed: once"
+                ) from None
+    return parsed
 
 
 def _read_scheduler(request: Study) -> str:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.text import has_hidden, one_line
+from thesis_lib.text import has_hidden, one_line, parse_json
 
 if TYPE_CHECKING:
     from thesis_lib.studies.request import Study
@@ -39,25 +37,16 @@ def parse_assignments(assignments: Sequence[str]) -> dict[str, Any]:
         if key == "cube":
             raise Refused("-p: cube is where a notebook writes; use --out to choose the folder")
         try:
-            values[key] = json.loads(text, object_pairs_hook=partial(_refuse_repeated_keys, key))
-        except (ValueError, RecursionError):  # no JSON, or beyond its limits
-            values[key] = text
+            values[key] = parse_json(text)
+        except KeyError as error:
+            repeated = one_line(repr(error.args[0]))
+            raise Refused(f"-p: {key}: {repeated} is given twice, allowed: once") from None
     return values
 
 
 def is_folder(name: str) -> bool:
     """Return whether what is asked for is a folder of figure sets, there or not."""
     return os.sep in name or name in (".", "..")
-
-
-def _refuse_repeated_keys(key: str, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object of JSON, in which no key may stand twice: nobody knows which was meant."""
-    found: dict[str, Any] = {}
-    for name, value in pairs:
-        if name in found:
-            raise Refused(f"-p: {key}: {one_line(repr(name))} is given twice, allowed: once")
-        found[name] = value
-    return found
 
 
 def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:

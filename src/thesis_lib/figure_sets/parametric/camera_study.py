@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
+from thesis_lib.facts.readings import reading
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.fields import (
     Estimator,
@@ -26,6 +27,7 @@ from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
+BEAM_READING = reading("beam")
 CAMERA_CONDITIONS = {
     "amplitude_mm": 'allowed: a number, a list with one for each mode, or "force"',
     "cases": "allowed: at least one, or layouts",
@@ -36,28 +38,35 @@ COINCIDENT_TEXT = (
     "allowed: different places"
 )
 """How values are refused that do not go together; pages refuse in the same words."""
+DIRECTION_TEXT = (
+    "the [azimuth, elevation] in ° of a camera in case {}, "
+    "allowed: a finite azimuth, an elevation above 0, at most 90"
+)
 MAX_MEMORY_BYTES = 2 * 2**30
 BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding and writing make
 
 
 class CameraStudy(Study):
-    """Parameters that all camera studies share."""
+    """Parameters that all camera studies share; they default to what the beam's studies use."""
 
-    focal_length_mm: FocalLength = Field(...)
-    sensor_width_mm: SensorWidth = Field(...)
+    focal_length_mm: FocalLength = Field(BEAM_READING["focal_length_mm"])
+    sensor_width_mm: SensorWidth = Field(BEAM_READING["sensor_width_mm"])
     amplitude_mm: Positive | list[Positive] | Literal["force"] = Field(
-        ...,
+        BEAM_READING["amplitude_mm"],
         description="peak of the deflection over the structure, for each mode if it is a list; "
         '"force" is the response to 1 N',
     )
     rest: Literal["rebuilt", "known"] = Field(
-        ..., description="whether the rest position is rebuilt from rounded pixels or known"
+        BEAM_READING["rest"],
+        description="whether the rest position is rebuilt from rounded pixels or known",
     )
     azimuth_zero: Literal["Y", "X"] = Field(
-        ..., description="axis from which azimuths are measured, towards the other one"
+        BEAM_READING["azimuth_zero"],
+        description="axis from which azimuths are measured, towards the other one",
     )
     principal_offset_px: Annotated[Real, Field(ge=-0.5, le=0.5)] = Field(
-        ..., description="how far right and down of the sensor's middle the principal point is"
+        BEAM_READING["principal_offset_px"],
+        description="how far right and down of the sensor's middle the principal point is",
     )
     estimator: Estimator = Field(
         "least-squares",
@@ -111,6 +120,7 @@ class CameraStudy(Study):
         settings = self.printed()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
         for setting in settings:
+            _check_directions(setting)
             _check_coincidence(self, setting)
         return self
 
@@ -136,6 +146,14 @@ def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
     for setting in settings:
         if setting.distance_mm <= reach:
             refuse(name, setting.distance_mm, beyond(reach))
+
+
+def _check_directions(setting: Setting) -> None:
+    for azimuth, elevation in setting.directions_deg:
+        if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
+            refuse(
+                "directions_deg", [azimuth, elevation], DIRECTION_TEXT.format(shown(setting.case))
+            )
 
 
 def _check_coincidence(study: CameraStudy, setting: Setting) -> None:

@@ -233,7 +233,8 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     fields: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
     for name, info in every.items():
-        if name in printed and info.is_required():
+        shared = name in CameraStudy.model_fields  # which hold what the beam's table says
+        if name in printed and (shared or info.is_required()):
             filled = copy(info)
             filled.default = _held(name, printed[name])
             fields[name] = (info.annotation, filled)
