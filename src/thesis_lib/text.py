@@ -65,7 +65,7 @@ def visible(text: str) -> str:
 
 
 def one_line(text: str, longest: int = 60) -> str:
-    """At most so many characters of a text, on one line."""
+    """Return at most so many characters of a text, on one line."""
     text = visible(text)
     return text if len(text) <= longest else text[: longest - 3] + "..."
 

@@ -18,7 +18,7 @@ from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.fields import unit
 
 LENS_FIELDS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
-"""What the images of ideal cameras with whole pixels rest on; filmed studies have no such lens."""
+"""Parameters behind images of ideal cameras with whole pixels, which rendered studies lack."""
 DRAWN_DIGITS = 4  # significant digits of what is only drawn
 FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
 

@@ -1,4 +1,4 @@
-"""How two cubes differ, or one from the published run: errors as a table, then all the rest."""
+"""Differences of two cubes, or of one from the published run: first errors, then the rest."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def all_difference_lines(
 
 @dataclass
 class _Found:
-    """What comparing two cubes, variable by variable, has shown so far."""
+    """Differences of two cubes, collected variable by variable."""
 
     same: list[str] = field(default_factory=list)
     differ: list[str] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Whether the packages that results rest on are those of the lock."""
+"""Comparison of the installed packages with those of the lock."""
 
 from __future__ import annotations
 

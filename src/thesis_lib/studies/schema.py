@@ -40,7 +40,7 @@ _LINE_PATTERN = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]
 
 @dataclass(frozen=True)
 class Variable:
-    """What the values of a variable are."""
+    """Meaning and unit of a variable's values."""
 
     dims: tuple[str, ...]  #: Its dimensions
     #: Unit, "1" if it has none, and words

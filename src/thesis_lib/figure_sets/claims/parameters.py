@@ -1,4 +1,4 @@
-"""What may be asked of the ledger: the alternative readings, and the draws of its own runs."""
+"""Parameters of the ledger: the alternative readings, and the draws of its own runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from thesis_lib.studies.request import Study
 
 
 class Ledger(Study):
-    """What the ledger's runs have in common."""
+    """Parameters that all runs of the ledger share."""
 
     subject = "claims"
     section = "all chapters"

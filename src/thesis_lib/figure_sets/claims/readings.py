@@ -182,6 +182,6 @@ def run(study: OtherReadings) -> xr.Dataset:
 
 
 def log_residual(made: Sequence[Check]) -> float:
-    """Root mean square of log(median / stated), over claims that give a value or an interval."""
+    """Return the rms of log(median / stated) over claims that give a value or an interval."""
     ratios = [check.ratio for check in made if check.claim.relation in ("about", "range")]
     return float(np.sqrt(np.mean(np.log(ratios) ** 2))) if ratios else float("nan")

@@ -171,7 +171,7 @@ _ENTRY_GROUPS: dict[str, Callable[[Entry], bool]] = {
     "other trends": lambda e: e.kind == "trend",
     "numbers at odds with the thesis's own formulas, tables or text": lambda e: e.kind == "number",
 }
-"""What claims that differ have in common; the first that holds counts."""
+"""Causes that differing claims share; the first that holds counts."""
 
 _SEPARATE_ENTRIES = {
     "values of chapter 5, judged by rendered recordings": ("figure", "trend"),

@@ -247,7 +247,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
 
 
 def halved(gains: Array) -> float:
-    """Noise in px at which gains at `NOISES` have fallen to half of the first; NaN without one."""
+    """Return the noise (px) that halves the first of the gains at `NOISES`; NaN without one."""
     below = np.flatnonzero(gains < gains[0] / 2)
     if gains[0] < _MIN_GAIN or not below.size:
         return float("nan")

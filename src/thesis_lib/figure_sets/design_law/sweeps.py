@@ -108,7 +108,7 @@ def shapes(structure: Structure, peak: float) -> Array:
 
 
 def noisy(cameras: CameraArray, points: Array) -> float:
-    """Rms deflection error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
+    """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
     g = gain(cameras.P, points)[2]
     return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
 
@@ -126,7 +126,7 @@ def expected(cameras: CameraArray, points: Array) -> float:
 
 
 def exact(cameras: CameraArray, points: Array) -> float:
-    """Rms deflection error in m of markers (3, 1 + modes, m), the first of which are at rest."""
+    """Return the rms error in m of markers (3, 1 + modes, m), the first of which are at rest."""
     variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:])
     return float(np.sqrt(np.mean(variance)))
 

@@ -37,7 +37,7 @@ COINCIDENT_TEXT = (
     "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "
     "allowed: different places"
 )
-"""How values are refused that do not go together; pages refuse in the same words."""
+"""Refusals of values that do not go together; pages refuse in the same words."""
 DIRECTION_TEXT = (
     "the [azimuth, elevation] in ° of a camera in case {}, "
     "allowed: a finite azimuth, an elevation above 0, at most 90"

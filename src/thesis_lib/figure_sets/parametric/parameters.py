@@ -163,7 +163,7 @@ class Arrays(CameraStudy):
         return self
 
     def printed(self) -> list[Setting]:
-        """Growing sets of cameras, cases first and layouts after them."""
+        """Return growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
             reading("beam")["pair_order"]
@@ -279,7 +279,7 @@ SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
 
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
-    """Parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
+    """Return the parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
     study = validated({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
     assert isinstance(study, CameraStudy)
     return study
