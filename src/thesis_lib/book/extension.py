@@ -82,8 +82,9 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
 
     Pages with the same title are named after the page above them: *The beam: distance*.
     """
-    if page in app.env.titles:
-        _name_pages(app, page, context)
+    if page not in app.env.titles:  # such as the index, which has no title yet
+        return
+    _name_pages(app, page, context)
     paragraphs = tree.findall(nodes.paragraph) if tree else ()
     first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
     description = " ".join(first.split()) or unescape(context["title"])
