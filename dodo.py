@@ -139,7 +139,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield make_task(
         "sample report", lambda: sample.write_sample(EXECUTED_FOLDER),
         [
-            measured_sample.path(),
+            measured_sample.sample_path(),
             *list_code("book/sample.py", "laboratory", "measure", "plotting", "web"),
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],

@@ -22,8 +22,8 @@ import cv2
 import numpy as np
 
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
-from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
+from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
@@ -35,13 +35,13 @@ from thesis_lib.figure_sets.parametric.parameters import PlateSound, camera_stud
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
+from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.tracking.homography import find_view
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.vibration.structure import resonance
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
+from thesis_lib.vibration.structure import resonance_frequency
 from thesis_lib.vision import lens
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.interval import interval
+from thesis_lib.vision.interval import interval_estimate
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
@@ -112,21 +112,21 @@ def centre_calls(n_cameras: int, n_points: int = 20_000) -> Calls:
         "joint centre of half as many pairs": lambda: joint_centre(P, pairs),
         "least squares": lambda: triangulate(P, uv),
         "by SVD": lambda: svd_triangulate(P, uv),
-        "interval": lambda: interval(P, uv),
+        "interval": lambda: interval_estimate(P, uv),
     }
 
 
 def field_calls(name: str) -> Calls:
     """The field of one velocity vector on a plane; the distances are given to the direct way."""
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     plane = Plane("XZ" if name == "XZ" else "YZ", 0.334, 0.0445, 0.443, (149, 99))
-    omega, parts, points = resonance(plate, 1), pistons(plate), plane.points
+    omega, parts, points = resonance_frequency(plate, 1), plate_pistons(plate), plane.points
     v = np.random.default_rng(0).normal(size=(2, 150)).T @ np.array([1, 1j])
     R = distances(parts, points)
     return {
         f"field on plane {name}, directly": lambda: field_of_distances(parts, R, v, omega, AIR),
-        "by the plane's operator": lambda: operator(plate, plane, omega).field(v),
-        "by Rayleigh's integral": lambda: rayleigh(parts, v, points, omega),
+        "by the plane's operator": lambda: plane_operator(plate, plane, omega).field(v),
+        "by Rayleigh's integral": lambda: rayleigh_pressure(parts, v, points, omega),
     }
 
 
@@ -140,23 +140,23 @@ def plane_error_calls(trials: int = 200) -> Calls:
     """All plane errors of ``sound-distance`` from factors, and one of their fields in two ways."""
     study = camera_study("sound-distance", {"trials": trials})
     assert isinstance(study, PlateSound)
-    plate, cube = setups.plate(study.grid), studies.run(plate_of(study))
+    plate, cube = setups.thesis_plate(study.grid), studies.run(plate_of(study))
     reference = cube["reference_deflection"].values
     errors = cube["measured_deflection"].values.astype(float) - reference[:, None]
-    omegas = [resonance(plate, mode) for mode in study.modes]
+    omegas = [resonance_frequency(plate, mode) for mode in study.modes]
 
     def by_factors() -> None:
         for m, omega in enumerate(omegas):
             for plane in study.planes:
-                factor = full_factor(operator(plate, plane, omega))
+                factor = full_factor(plane_operator(plate, plane, omega))
                 np.linalg.norm(errors[:, m] @ factor.T, axis=-1)
 
     plane, v = study.planes[0], 1j * omegas[0] * errors[0, 0, 0]
-    ready, parts = operator(plate, plane, omegas[0]), pistons(plate)
+    ready, parts = plane_operator(plate, plane, omegas[0]), plate_pistons(plate)
     fields = errors[..., 0].size * len(study.planes)
     return {
         f"all {fields} plane errors of sound-distance": by_factors,
-        "one of their fields by Rayleigh's integral": lambda: rayleigh(
+        "one of their fields by Rayleigh's integral": lambda: rayleigh_pressure(
             parts, v, plane.points, omegas[0]
         ),
         "one of their fields by the ready operator": lambda: ready.field(v),
@@ -179,7 +179,7 @@ def time_studies(trials: int = 200) -> Iterator[Line]:
 def time_laboratory(frames: int = 30) -> Iterator[Line]:
     """Render and track one camera's frames of 1920×1080, and adjust four cameras, on one core."""
     cv2.setNumThreads(1)
-    setup = default_rig(setups.beam(), list(ExperimentResolution().directions_deg.values()))
+    setup = default_rig(setups.thesis_beam(), list(ExperimentResolution().directions_deg.values()))
     station = setup.stations[0]
     pictures = []
     for samples in (1, 8):
@@ -191,18 +191,21 @@ def time_laboratory(frames: int = 30) -> Iterator[Line]:
         seconds = (time.perf_counter() - start) / frames
         yield "a frame rendered", seconds, f"{samples} positions within the exposure"
     found = find_view(pictures[0], station.camera, setup.markers)
-    tracker = Tracker(sharpen(pictures[0], found))
+    tracker = Tracker(sharpen_view(pictures[0], found))
     spent = [time_call(partial(tracker.centres, frame)) for frame in pictures]
     yield "its markers tracked", statistics.median(spent), f"{setup.markers.centres.shape[1]}"
     corners, rng = setup.board.corners, np.random.default_rng(0)
     poses = list(zip(setup.rotations, setup.translations, strict=True))
     seen = np.array(
-        [[lens.project(c, R @ corners + t[:, None]) for R, t in poses] for c in setup.cameras]
+        [
+            [lens.project_points(c, R @ corners + t[:, None]) for R, t in poses]
+            for c in setup.cameras
+        ]
     )
     seen += 0.005 * rng.standard_normal(seen.shape)
     off = np.array([[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]])
     rough = [replace(camera, K=camera.K * off) for camera in setup.cameras]
-    spent = [time_call(lambda: adjust(seen, corners, rough)) for _ in range(5)]
+    spent = [time_call(lambda: adjust_bundle(seen, corners, rough)) for _ in range(5)]
     yield "4 cameras and 12 boards adjusted", statistics.median(spent), ""
 
 

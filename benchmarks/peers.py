@@ -27,7 +27,7 @@ from thesis_lib.vision.pinhole import (
     intrinsics,
     project,
 )
-from thesis_lib.vision.triangulation import covariance, triangulate
+from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 SIGMA_PX = 12**-0.5  # as much as whole pixels scatter
 PACKAGES = {"numba": "numba", "OpenCV": "opencv-python-headless", "pycolmap": "pycolmap",
@@ -290,7 +290,7 @@ def compare(
     ):
         rate.append(part.points.shape[1] / _seconds(call) / 1e6)
     for contender, part, points, rate in zip(field, parts, found, rates, strict=True):
-        C = covariance(whole.cameras.P, part.points[:, :10_000], SIGMA_PX)
+        C = point_covariance(whole.cameras.P, part.points[:, :10_000], SIGMA_PX)
         yield Timed(
             n_cameras,
             contender.name,

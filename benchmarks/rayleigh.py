@@ -12,10 +12,10 @@ import numpy as np
 from benchmarks.limits import processor_seconds
 from benchmarks.peers import missing
 from benchmarks.reference import distances
-from thesis_lib.acoustics.planes import Plane, operator, pistons
-from thesis_lib.acoustics.sources import AIR, transfer
+from thesis_lib.acoustics.planes import Plane, plane_operator, plate_pistons
+from thesis_lib.acoustics.sources import AIR, transfer_pressure
 from thesis_lib.facts import setups
-from thesis_lib.vibration.structure import resonance
+from thesis_lib.vibration.structure import resonance_frequency
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ def compare(
 ) -> list[Transfer]:
     """Direct NumPy, the library, its operator by symmetry, and Acoular where it is installed."""
     absent = tuple(missing()) if absent is None else absent
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     plane = Plane("XZ", 0.334, 0.0445, 0.443, shape)
-    omega, parts, points = resonance(plate, 1), pistons(plate), plane.points
+    omega, parts, points = resonance_frequency(plate, 1), plate_pistons(plate), plane.points
     k = omega / AIR.speed_of_sound
     v = np.ones(parts.centres.shape[1])
 
@@ -52,8 +52,8 @@ def compare(
 
     calls: dict[str, Callable[[], Any]] = {
         "NumPy, exp(-1j*k*R)/R": direct,
-        "thesis_lib, transfer": lambda: transfer(parts, points, omega),
-        "thesis_lib, operator of a plane": lambda: operator(plate, plane, omega),
+        "thesis_lib, transfer": lambda: transfer_pressure(parts, points, omega),
+        "thesis_lib, operator of a plane": lambda: plane_operator(plate, plane, omega),
     }
     exact = direct().reshape(-1, len(v))
     scale = 1j * omega * AIR.density * parts.area / (2 * np.pi)
@@ -61,8 +61,8 @@ def compare(
     def apart(found: Any, expected: Any) -> float:
         return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
 
-    found = transfer(parts, points, omega).reshape(exact.shape)
-    field = operator(plate, plane, omega).field(v)
+    found = transfer_pressure(parts, points, omega).reshape(exact.shape)
+    field = plane_operator(plate, plane, omega).field(v)
     differences = [
         0.0, apart(found / scale, exact), apart(field.ravel() / scale, (exact @ v).ravel())
     ]  # fmt: skip

@@ -29,7 +29,7 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.tracking.homography import View, find_view
 from thesis_lib.measure.tracking.tabulated import Follower
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 
@@ -71,10 +71,10 @@ def filmed(
     tip: float = Component.amplitude,
 ) -> Filmed:
     """The recording; `crf` is that of H.264, None for lossless frames; `tip` in m."""
-    setup = default_rig(setups.beam(), list(ExperimentResolution().directions_deg.values()))
+    setup = default_rig(setups.thesis_beam(), list(ExperimentResolution().directions_deg.values()))
     station, markers = setup.stations[0], setup.markers
-    motion = Motion(setups.beam(), (Component(amplitude=tip),), 0.0, RAMP / RATE)
-    camera = lens.resized(station.camera, SIZE)
+    motion = Motion(setups.thesis_beam(), (Component(amplitude=tip),), 0.0, RAMP / RATE)
+    camera = lens.resize_camera(station.camera, SIZE)
     light = BeamView(camera, markers, motion, station.sensor)
     times = np.arange(-REST, RAMP + steady) / RATE
     rng = np.random.default_rng(0) if noise else None
@@ -89,8 +89,10 @@ def filmed(
             frames = list(media.read_frames(path))
     points = markers.centres
     world = on_surface(markers.extent, points[:, None], motion.deflection(points, times))
-    truth = lens.project(camera, world).swapaxes(0, 1)
-    return Filmed(frames, sharpen(frames[0], find_view(frames[0], camera, markers)), times, truth)
+    truth = lens.project_points(camera, world).swapaxes(0, 1)
+    return Filmed(
+        frames, sharpen_view(frames[0], find_view(frames[0], camera, markers)), times, truth
+    )
 
 
 def follower(f: Filmed) -> Callable[[], Array]:

@@ -25,7 +25,7 @@ from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import figure_svg
 
 _DRAWS = re.compile(r"[\w.]*(?:figures|picture)\(result\b.*\)", re.DOTALL)
 _THREAD = threading.local()
@@ -55,8 +55,8 @@ def of_cube(cube: xr.Dataset) -> Iterator[tuple[str, bytes]]:
 
 def of_conclusions(results: Path) -> bytes:
     """The figure of the conclusions, from the cubes of a folder."""
-    opened = {path.stem: cube_file.read(path) for path in sorted(results.glob("*.nc"))}
-    return str(svg(conclusions_figure.draw_summary(opened))).encode()
+    opened = {path.stem: cube_file.read_cube(path) for path in sorted(results.glob("*.nc"))}
+    return str(figure_svg(conclusions_figure.draw_summary(opened))).encode()
 
 
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
@@ -70,7 +70,7 @@ def all_of_them(results: Path) -> dict[str, str]:
     """SHA-256 of every figure of the book, by name, two drawn at a time as in a book."""
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as threads:
         jobs = [
-            threads.submit(lambda path=path: dict(of_cube(cube_file.read(path))))
+            threads.submit(lambda path=path: dict(of_cube(cube_file.read_cube(path))))
             for path in sorted(results.glob("*.nc"))
         ]
         jobs.append(threads.submit(lambda: {"conclusions": of_conclusions(results)}))

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.request import ParameterError
 
 
 def refusal(name: str, /, **values: Any) -> str:
     """The one line by which a figure set's request is refused."""
     with pytest.raises(ParameterError) as caught:
-        validate(name, values)
+        validate_request(name, values)
     message = str(caught.value)
     assert len(message.splitlines()) == 1, message
     assert message.isprintable()

@@ -20,9 +20,9 @@ import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
-from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import describe
+from thesis_lib.studies.request import describe_parameters
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")
@@ -67,7 +67,7 @@ def files(folder: Path) -> list[str]:
 def test_list_names_sets_and_chapters():
     done = thesis("list")
     assert (done.status, done.err) == (0, "")
-    costs = effort.read()
+    costs = effort.read_efforts()
     for name, model in STUDIES.items():
         line = next(line for line in done.out.splitlines() if line.startswith(name))
         assert re.search(rf" {costs[name].kind} +{costs[name].time} +{costs[name].memory} ", line)
@@ -94,7 +94,7 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(name):
     assert (done.status, done.err) == (0, "")
     for set_ in CHAPTER_SETS.get(name, [name]):
         shown = done.out.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
-        for row in describe(STUDIES[set_]):
+        for row in describe_parameters(STUDIES[set_]):
             first, second = (f"{row['name']} = {row['default']}", row["allowed"])
             assert f"{first} {row['unit']}".strip() + "\n" in shown
             assert f"    {row['meaning']}: {second}\n" in shown
@@ -187,7 +187,7 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
 def test_damaged_efforts_are_named_with_their_line(tmp_path, monkeypatch, text, line):
     path = tmp_path / "effort.csv"
     path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(effort, "published_path", lambda: path)
+    monkeypatch.setattr(effort, "effort_path", lambda: path)
     done = thesis("list", cwd=tmp_path)
     assert (done.status, done.out) == (1, "")
     assert done.err.startswith(f"thesis: {path}: damaged: line {line} ")
@@ -239,7 +239,7 @@ def test_run_tells_the_difference_where_the_published_run_has_the_setting(ran):
 
 
 def test_cube_opens_plainly_and_says_what_it_is(ran):
-    study = validate("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
+    study = validate_request("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
     with xr.open_dataset(ran[0] / "beam-distance.nc") as cube:
         assert cube.attrs["figure_set"] == "beam-distance"
         assert json.loads(cube.attrs["parameters"]) == study.request
@@ -281,7 +281,7 @@ def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path)
     own_checkout.change("beam-distance", until_study)
     done = own_checkout.thesis(*RUN, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    study = validate("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
+    study = validate_request("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
     folder = own_checkout.root / "runs" / f"beam-distance-{study.digest}"
     assert files(folder) == sorted(f"beam-distance.{kind}" for kind in KINDS)
     assert [path.name for path in tmp_path.iterdir()] == ["project"]

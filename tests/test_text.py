@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thesis_lib import cli, text
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.structure_file import MeshError, read_body
 from thesis_lib.runs.requested import Refused, parse_assignments
 from thesis_lib.studies.request import ParameterError
@@ -20,14 +20,14 @@ HIDDEN = ["\0", "\x1b", "\t", "\x9b", "\u202e", "\u200b", "\ufeff", "\u2028", "\
 def test_a_name_has_no_hidden_character(character):
     for name in (character, f"a{character}b"):
         with pytest.raises(ParameterError, match=r"layouts") as refused:
-            validate("beam-arrays", {"layouts": {name: LAYOUT}})
+            validate_request("beam-arrays", {"layouts": {name: LAYOUT}})
         assert str(refused.value).isprintable()
         assert text.has_hidden(name)
 
 
 @pytest.mark.parametrize("name", ["é ∅ ü", "梁の形", "a b", "Ω₁", "naïve", "e\u0301"])
 def test_what_everybody_sees_is_a_name(name):
-    assert name in validate("beam-arrays", {"layouts": {name: LAYOUT}}).layouts
+    assert name in validate_request("beam-arrays", {"layouts": {name: LAYOUT}}).layouts
 
 
 def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):

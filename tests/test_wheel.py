@@ -19,7 +19,7 @@ from thesis_lib import files
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.record import experiments
-from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
 from thesis_lib.studies import storage
 from thesis_lib.vibration.motion import Component
 
@@ -134,12 +134,12 @@ def test_lists_write_nothing(reader):
 
 def test_a_run_is_the_one_of_a_clone(reader, run):
     assert (
-        storage.opened(run / f"{NAME}.nc").attrs["commit"].strip() == "unknown"
+        storage.open_netcdf(run / f"{NAME}.nc").attrs["commit"].strip() == "unknown"
     )  # and not the reader's own
     targets = (run / f"{NAME}.{kind}" for kind in ("ipynb", "nc", "html"))
     _, cube, page = targets
-    made_by = storage.opened(cube).attrs
-    assert made_by["parameters_hash"] == validate(NAME, VALUES).digest
+    made_by = storage.open_netcdf(cube).attrs
+    assert made_by["parameters_hash"] == validate_request(NAME, VALUES).digest
     assert made_by["library_sha256"] == code_digest(FIGURE_SETS[NAME])
     assert files.sha256(cube) in page.read_text(encoding="utf-8")
     assert set(reader.written()) <= {"build", "example", "plan", "runs"}
@@ -171,7 +171,7 @@ def test_plans_need_no_clone(reader):
 
 def test_measurements_need_no_clone(reader):
     part = Component(amplitude=0.003, frequency=6.3)
-    rig = own.short_rig(setups.beam(), [(12, 30), (-150, 35)], part, steady=0.8)
+    rig = own.short_rig(setups.thesis_beam(), [(12, 30), (-150, 35)], part, steady=0.8)
     done = reader.thesis("measure", own.make(reader.root / "example", rig, {}))
     assert done.returncode == 0, done.stderr
     assert (reader.root / "example" / "measured" / "report.html").is_file()

@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.radiation import radiation_matrix, sound_power
-from thesis_lib.acoustics.sources import AIR, Medium, monopole
+from thesis_lib.acoustics.sources import AIR, Medium, monopole_pressure
 from thesis_lib.acoustics.surfaces import Surface
 
 DRAWS = 20000
@@ -36,26 +36,28 @@ def judged(found, truth, conforms, unbiased=0.0):
 
 def test_powers_are_unbiased_and_their_errors_are_those_of_draws(conforms):
     measured, C = drawn(0.4)
-    found = [estimates.quadratic(FORM, estimates.Amplitudes(w, C)) for w in measured[:3000]]
+    found = [
+        estimates.estimate_quadratic_form(FORM, estimates.Amplitudes(w, C)) for w in measured[:3000]
+    ]
     judged(found, np.real(np.conj(TRUE) @ FORM @ TRUE), conforms)
 
 
 def test_powers_of_modes_one_by_one(conforms):
     measured, C = drawn(0.12)
-    found = [estimates.factored(ROWS, estimates.Amplitudes(w, C)) for w in measured[:3000]]
+    found = [estimates.estimate_squares(ROWS, estimates.Amplitudes(w, C)) for w in measured[:3000]]
     judged(found, np.abs(ROWS @ TRUE) ** 2, conforms)
     whole = estimates.Amplitudes(measured[0], C)
-    total = estimates.quadratic(FORM, whole).value
+    total = estimates.estimate_quadratic_form(FORM, whole).value
     rows = np.concatenate([ROWS.real, ROWS.imag])  # FORM is the real part of their form
-    conforms.closed_form(estimates.factored(rows, whole).value.sum(), total, rtol=1e-12)
+    conforms.closed_form(estimates.estimate_squares(rows, whole).value.sum(), total, rtol=1e-12)
 
 
 def test_forms_together_err_as_draws_of_their_sum_do(conforms):
     measured, C = drawn(0.12)
     every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
-    found = [estimates.summed(ROWS, one) for one in every]
+    found = [estimates.estimate_sum(ROWS, one) for one in every]
     judged(found, np.sum(np.abs(ROWS @ TRUE) ** 2), conforms)
-    each = estimates.factored(ROWS, every[0])
+    each = estimates.estimate_squares(ROWS, every[0])
     conforms.invariance(float(found[0].value), each.value.sum(), rtol=1e-12)
     apart = np.hypot(float(each.error[0]), np.hypot(*each.error[1:]))
     assert abs(float(found[0].error) / apart - 1) > 0.05  # they see the same errors
@@ -65,9 +67,9 @@ def test_forms_together_err_as_draws_of_their_sum_do(conforms):
 def test_stated_variances_are_in_the_mean_those_of_the_estimates(of, conforms):
     """Exactly, over points that have the mean and the covariance of what is measured."""
     forms = {
-        "quadratic": lambda known: estimates.quadratic(FORM, known),
-        "factored": lambda known: estimates.factored(ROWS[:1], known),
-        "summed": lambda known: estimates.summed(ROWS, known),
+        "quadratic": lambda known: estimates.estimate_quadratic_form(FORM, known),
+        "factored": lambda known: estimates.estimate_squares(ROWS[:1], known),
+        "summed": lambda known: estimates.estimate_sum(ROWS, known),
     }
     S = 0.12 * SPREAD
     away = np.sqrt(2 * N) * np.concatenate([S.T, -S.T])
@@ -76,7 +78,7 @@ def test_stated_variances_are_in_the_mean_those_of_the_estimates(of, conforms):
         float(np.ravel(forms[of](estimates.Amplitudes(one[:N] + 1j * one[N:], S @ S.T)).error)[0])
         for one in x + away
     ]
-    R = estimates.stacked_matrix(ROWS[:1] if of == "factored" else ROWS)
+    R = estimates.stack_matrix(ROWS[:1] if of == "factored" else ROWS)
     A = np.kron(np.eye(2), FORM) if of == "quadratic" else R.T @ R
     AS = A @ S @ S.T
     own = 2 * float(np.sum(AS * AS.T))
@@ -97,24 +99,31 @@ def test_quotients_and_absolute_values(conforms):
     measured, C = drawn(0.2)
     each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
     truth = np.real(np.conj(TRUE) @ FORM @ TRUE) / np.sum(np.abs(TRUE) ** 2)
-    judged([estimates.ratio(FORM, OTHER, one) for one in each], truth, conforms, 0.01 * truth)
-    pressures = [estimates.magnitude(ROWS, one) for one in each]
+    judged(
+        [estimates.estimate_ratio(FORM, OTHER, one) for one in each], truth, conforms, 0.01 * truth
+    )
+    pressures = [estimates.estimate_magnitude(ROWS, one) for one in each]
     judged(pressures, np.abs(ROWS @ TRUE), conforms, 0.01)
 
 
 def test_what_all_amplitudes_share_does_not_average_out(conforms):
     w = np.full(400, 1 + 1j)
-    alone = estimates.quadratic(np.eye(400), estimates.circular(w, np.full(400, 1e-4)))
+    alone = estimates.estimate_quadratic_form(
+        np.eye(400), estimates.circular_estimate(w, np.full(400, 1e-4))
+    )
     conforms.closed_form(alone.error / alone.value, 2 * 0.01 / np.sqrt(800), rtol=2e-3)
-    common = estimates.circular(w, np.zeros(400), 0.01 * w[None])
-    shared = estimates.quadratic(np.eye(400), common)
+    common = estimates.circular_estimate(w, np.zeros(400), 0.01 * w[None])
+    shared = estimates.estimate_quadratic_form(np.eye(400), common)
     conforms.closed_form(shared.error / shared.value, 0.02, rtol=1e-3)  # 2 of a relative error
 
 
 def test_amplitudes_that_are_errors_alone_have_no_power():
     C = np.eye(2 * N)
     errors = np.random.default_rng(6).normal(size=(4000, 2 * N))
-    found = [estimates.quadratic(FORM, estimates.Amplitudes(e[:N] + 1j * e[N:], C)) for e in errors]
+    found = [
+        estimates.estimate_quadratic_form(FORM, estimates.Amplitudes(e[:N] + 1j * e[N:], C))
+        for e in errors
+    ]
     mean = np.mean([one.value for one in found])
     assert abs(mean) < 0.1 * np.trace(FORM)
 
@@ -194,7 +203,7 @@ def test_two_pistons_are_a_pair_of_monopoles(conforms):
     where = np.array([[-apart / 2, apart / 2], [0, 0], [0, 0]])
     far = np.linalg.norm(points[:, :, None] - where[:, None], axis=0)
     volume = 2 * 1j * omega * side**2  # of a displacement of 1, before a baffle
-    waves = np.array([monopole(r, volume, omega, medium).sum() for r in far])
+    waves = np.array([monopole_pressure(r, volume, omega, medium).sum() for r in far])
     conforms.closed_form(found, waves, rtol=1e-3)
 
 

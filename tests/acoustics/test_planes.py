@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from thesis_lib.acoustics.planes import Plane, operator, pistons
-from thesis_lib.acoustics.radiation import rayleigh
-from thesis_lib.acoustics.sources import Medium, transfer
+from thesis_lib.acoustics.planes import Plane, plane_operator, plate_pistons
+from thesis_lib.acoustics.radiation import rayleigh_pressure
+from thesis_lib.acoustics.sources import Medium, transfer_pressure
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.figure_sets.registry import validate_request
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
 NAMES = ["XZ", "YZ"]
-PLATE = setups.plate()
+PLATE = setups.thesis_plate()
 EPS = np.finfo(float).eps
 
 
@@ -25,7 +25,9 @@ def plane_of(name, shape=(149, 99)):
 
 
 def velocity_of(mode, plate=PLATE, peak=0.01):
-    return 1j * resonance(plate, mode) * deflection_shape(plate, mode, plate.markers, peak)
+    return (
+        1j * resonance_frequency(plate, mode) * deflection_shape(plate, mode, plate.markers, peak)
+    )
 
 
 def random_velocity(n, seed=0):
@@ -41,7 +43,7 @@ def mode_number(pair):
 
 
 def test_points_of_the_planes_are_those_of_the_reading(conforms):
-    study = validate("sound-distance", {})
+    study = validate_request("sound-distance", {})
     assert study.planes == (plane_of("XZ"), plane_of("YZ"))
     for plane in study.planes:
         x, y, z = plane.points
@@ -57,7 +59,7 @@ def test_points_of_the_planes_are_those_of_the_reading(conforms):
 
 
 def test_pistons_are_the_plates_cells_about_its_centre(conforms):
-    parts = pistons(PLATE)
+    parts = plate_pistons(PLATE)
     assert parts.size == (0.668 / 15, 0.443 / 10)
     conforms.closed_form(parts.area * 150, 0.668 * 0.443, rtol=1e-14)
     conforms.invariance(parts.centres, -parts.centres[:, ::-1], atol=1e-15)
@@ -98,8 +100,8 @@ def test_operator_is_rayleighs_integral_for_even_and_odd_numbers(
     plane = plane_of(name, (columns, rows))
     omega, water = 2 * pi * 200, Medium(1480, 998)
     v = random_velocity(grid[0] * grid[1])
-    exact = rayleigh(pistons(plate), v, plane.points, omega, water)
-    field = operator(plate, plane, omega, water).field(v)
+    exact = rayleigh_pressure(plate_pistons(plate), v, plane.points, omega, water)
+    field = plane_operator(plate, plane, omega, water).field(v)
     assert field.shape == (columns, rows)
     conforms.independent(field, exact, atol=1e-13 * np.max(np.abs(exact)))
 
@@ -107,10 +109,10 @@ def test_operator_is_rayleighs_integral_for_even_and_odd_numbers(
 @pytest.mark.parametrize("mode", [1, 2, 3])
 @pytest.mark.parametrize("name", NAMES)
 def test_field_on_the_thesis_planes_is_the_direct_sum(conforms, name, mode):
-    omega, plane = resonance(PLATE, mode), plane_of(name)
-    op = operator(PLATE, plane, omega)
+    omega, plane = resonance_frequency(PLATE, mode), plane_of(name)
+    op = plane_operator(PLATE, plane, omega)
     for v in (random_velocity(150), random_velocity(150).real):
-        direct = transfer(pistons(PLATE), plane.points, omega) @ v
+        direct = transfer_pressure(plate_pistons(PLATE), plane.points, omega) @ v
         conforms.independent(
             np.max(np.abs(op.field(v) - direct)), below=1e-12 * np.max(np.abs(direct))
         )
@@ -120,7 +122,7 @@ def test_field_on_the_thesis_planes_is_the_direct_sum(conforms, name, mode):
 def test_too_large_pistons_are_refused(name):
     coarse = replace(PLATE, grid=(3, 2))
     with pytest.raises(ValueError, match="use more and smaller pistons"):
-        operator(coarse, plane_of(name), 1.01 * pi / (PLATE.width / 2) * 343)
+        plane_operator(coarse, plane_of(name), 1.01 * pi / (PLATE.width / 2) * 343)
 
 
 # Its rms.
@@ -131,10 +133,10 @@ def test_too_large_pistons_are_refused(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_rms_is_that_of_the_direct_sum(conforms, name, grid, columns):
     plate, plane = replace(PLATE, grid=grid), plane_of(name, (columns, 33))
-    omega = resonance(plate, 2)
-    op = operator(plate, plane, omega)
+    omega = resonance_frequency(plate, 2)
+    op = plane_operator(plate, plane, omega)
     v = np.random.default_rng(1).normal(size=(5, grid[0] * grid[1]))
-    kernel = transfer(pistons(plate), plane.points, omega).reshape(columns * 33, -1)
+    kernel = transfer_pressure(plate_pistons(plate), plane.points, omega).reshape(columns * 33, -1)
     exact = np.sqrt(np.mean(np.abs(v @ kernel.T) ** 2, axis=1))
     conforms.independent(op.rms(v), exact, rtol=1e-12)
     conforms.independent(op.rms(v, op.rms_factor()), exact, rtol=1e-12)
@@ -143,31 +145,33 @@ def test_rms_is_that_of_the_direct_sum(conforms, name, grid, columns):
 def test_rms_of_fewer_points_than_pistons(conforms):
     for columns in (1, 2, 3):
         plane = plane_of("XZ", (columns, 2))
-        op = operator(PLATE, plane, 3000.0)
+        op = plane_operator(PLATE, plane, 3000.0)
         v = random_velocity(150).real
-        exact = np.sqrt(np.mean(np.abs(rayleigh(pistons(PLATE), v, plane.points, 3000.0)) ** 2))
+        exact = np.sqrt(
+            np.mean(np.abs(rayleigh_pressure(plate_pistons(PLATE), v, plane.points, 3000.0)) ** 2)
+        )
         conforms.independent(op.rms(v), exact, rtol=1e-12)
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 @pytest.mark.parametrize("name", NAMES)
 def test_rms_of_the_errors_of_trials(conforms, name, mode):
-    study = validate("plate-distance", {"trials": 3, "modes": [mode]})
+    study = validate_request("plate-distance", {"trials": 3, "modes": [mode]})
     cube = studies.run(study)
     error = cube["measured_deflection"].astype(float) - cube["reference_deflection"]
     errors = error.transpose("setting", "mode", "trial", "point").values.reshape(-1, 150)
-    omega, plane = resonance(PLATE, mode), plane_of(name)
-    kernel = transfer(pistons(PLATE), plane.points, omega).reshape(-1, 150)
+    omega, plane = resonance_frequency(PLATE, mode), plane_of(name)
+    kernel = transfer_pressure(plate_pistons(PLATE), plane.points, omega).reshape(-1, 150)
     exact = np.sqrt(np.mean(np.abs(errors @ kernel.T) ** 2, axis=1))
-    conforms.independent(operator(PLATE, plane, omega).rms(errors), exact, rtol=1e-12)
+    conforms.independent(plane_operator(PLATE, plane, omega).rms(errors), exact, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rms_of_fields_that_all_but_cancel(conforms, name):
     """Where the quadratic form would have lost all digits, the factor still has some."""
-    omega, plane = resonance(PLATE, 1), plane_of(name, (30, 20))
-    op = operator(PLATE, plane, omega)
-    kernel = transfer(pistons(PLATE), plane.points, omega).reshape(600, 150)
+    omega, plane = resonance_frequency(PLATE, 1), plane_of(name, (30, 20))
+    op = plane_operator(PLATE, plane, omega)
+    kernel = transfer_pressure(plate_pistons(PLATE), plane.points, omega).reshape(600, 150)
     stacked = np.concatenate([kernel.real, kernel.imag])
     _, strength, directions = linalg.svd(stacked, full_matrices=False)
     gram = stacked.T @ stacked / 600
@@ -186,10 +190,10 @@ def test_rms_of_fields_that_all_but_cancel(conforms, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rms_of_silence_is_zero(conforms, name):
-    op = operator(PLATE, plane_of(name, (30, 20)), resonance(PLATE, 1))
+    op = plane_operator(PLATE, plane_of(name, (30, 20)), resonance_frequency(PLATE, 1))
     assert op.rms(np.zeros(150)) == 0
     # What is antisymmetric across a plane cancels on it altogether.
-    x, y = pistons(PLATE).centres
+    x, y = plate_pistons(PLATE).centres
     conforms.closed_form(
         op.rms(y if name == "XZ" else x), below=10 * EPS * op.rms(np.abs(x) + np.abs(y))
     )
@@ -202,7 +206,9 @@ def test_rms_of_silence_is_zero(conforms, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_field_of_a_mode_is_even_or_odd_about_the_plates_centre(conforms, name, mode):
     index = PLATE.mode_indices(mode)[-1]
-    field = operator(PLATE, plane_of(name), resonance(PLATE, mode)).field(velocity_of(mode))
+    field = plane_operator(PLATE, plane_of(name), resonance_frequency(PLATE, mode)).field(
+        velocity_of(mode)
+    )
     parity = 1 if index[NAMES.index(name)] % 2 else -1
     scale = np.max(np.abs(velocity_of(mode))) * 343 * 1.21
     conforms.invariance(field[::-1], parity * field, atol=100 * EPS * scale)
@@ -216,7 +222,9 @@ def test_reversing_a_point_has_the_parity_of_the_mode_without_folding(conforms, 
     points[2] = np.abs(points[2]) + 0.03
     mirrored = points * [[-1], [-1], [1]]
     here, there = (
-        rayleigh(pistons(PLATE), velocity_of(mode), p, resonance(PLATE, mode))
+        rayleigh_pressure(
+            plate_pistons(PLATE), velocity_of(mode), p, resonance_frequency(PLATE, mode)
+        )
         for p in (points, mirrored)
     )
     parity = (-1) ** (m1 + m2)
@@ -227,10 +235,10 @@ def largest(mode):
     """Largest pressure on both planes, and the most that the pistons could give there."""
     result = []
     for name in NAMES:
-        plane, omega = plane_of(name), resonance(PLATE, mode)
+        plane, omega = plane_of(name), resonance_frequency(PLATE, mode)
         v = velocity_of(mode)
-        field = np.max(np.abs(operator(PLATE, plane, omega).field(v)))
-        kernel = transfer(pistons(PLATE), plane.points, omega)
+        field = np.max(np.abs(plane_operator(PLATE, plane, omega).field(v)))
+        kernel = transfer_pressure(plate_pistons(PLATE), plane.points, omega)
         result.append((field, np.max(np.abs(kernel) @ np.abs(v))))
     return result
 

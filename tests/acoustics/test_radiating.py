@@ -7,18 +7,18 @@ import pytest
 from scipy.stats import qmc
 
 from thesis_lib.acoustics import radiating
-from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
+from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import setups
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
-PLATE = setups.plate()
-OMEGA = resonance(PLATE, 1)
+PLATE = setups.thesis_plate()
+OMEGA = resonance_frequency(PLATE, 1)
 PLANE = Plane("XZ", 0.334, 0.0445, 0.443, (21, 14))
-FACTOR = full_factor(operator(PLATE, PLANE, OMEGA))
+FACTOR = full_factor(plane_operator(PLATE, PLANE, OMEGA))
 MODES = radiating.radiation_modes(FACTOR)
 
 
@@ -49,7 +49,9 @@ def test_in_the_loudest_mode_all_markers_move_to_one_side(conforms):
 def test_only_its_own_mode_hears_a_radiation_mode(conforms):
     """The field of one is orthogonal, over the plane, to the field of any other."""
     ways = MODES[:4] / np.linalg.norm(MODES[:4], axis=1, keepdims=True)
-    fields = [rayleigh(pistons(PLATE), way, PLANE.points, OMEGA).ravel() for way in ways]
+    fields = [
+        rayleigh_pressure(plate_pistons(PLATE), way, PLANE.points, OMEGA).ravel() for way in ways
+    ]
     together = np.real(np.conj(fields) @ np.transpose(fields)) / PLANE.points[0].size
     expected = np.diag(np.sum(MODES[:4] ** 2, axis=1))
     conforms.independent(together / together[0, 0], expected / expected[0, 0], atol=1e-12)
@@ -63,12 +65,12 @@ def test_what_the_modes_add_is_the_whole(conforms):
 
 
 def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(conforms):
-    conforms.closed_form(radiating.coherence(FACTOR, 3.0 * np.eye(150)), 1, rtol=1e-13)
+    conforms.closed_form(radiating.coherence_ratio(FACTOR, 3.0 * np.eye(150)), 1, rtol=1e-13)
     most = np.sqrt(150 * np.sum(MODES[0] ** 2) / np.sum(MODES**2))
     loudest = np.outer(MODES[0], MODES[0])
-    conforms.closed_form(radiating.coherence(FACTOR, loudest), most, rtol=1e-12)
+    conforms.closed_form(radiating.coherence_ratio(FACTOR, loudest), most, rtol=1e-12)
     for seed in range(5):
-        conforms.closed_form(radiating.coherence(FACTOR, covariance(seed)), below=most)
+        conforms.closed_form(radiating.coherence_ratio(FACTOR, covariance(seed)), below=most)
 
 
 def drawn_errors(turn, draws=11):
@@ -91,7 +93,9 @@ def drawn_errors(turn, draws=11):
 def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms, turn):
     errors, C = drawn_errors(turn)
     few = errors[::4]
-    fields = np.stack([rayleigh(pistons(PLATE), e, PLANE.points, OMEGA) for e in few])
+    fields = np.stack(
+        [rayleigh_pressure(plate_pistons(PLATE), e, PLANE.points, OMEGA) for e in few]
+    )
     square = np.mean(np.abs(fields) ** 2)
     conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
     found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
@@ -112,6 +116,6 @@ def test_a_turn_by_2_degrees_takes_most_of_the_field_and_nothing_of_the_shape(co
 
 def test_symmetry_of_a_plane_is_that_of_its_modes(conforms):
     mirrored = replace(PLATE, grid=(4, 3))
-    modes = radiating.radiation_modes(full_factor(operator(mirrored, PLANE, OMEGA)))
+    modes = radiating.radiation_modes(full_factor(plane_operator(mirrored, PLANE, OMEGA)))
     across = modes[:4].reshape(4, 3, 4)
     conforms.invariance(across, across[:, ::-1], atol=1e-12 * np.abs(across).max())

@@ -13,15 +13,15 @@ from scipy.special import j1, struve
 
 from thesis_lib.acoustics import radiation as rad
 from thesis_lib.acoustics import sources as acoustics_sources
-from thesis_lib.acoustics.planes import pistons
+from thesis_lib.acoustics.planes import plate_pistons
 from thesis_lib.acoustics.sources import (
     Medium,
     Pistons,
     check_pistons,
-    monopole,
-    piston,
+    monopole_pressure,
+    piston_pressure,
     pulsating_sphere,
-    transfer,
+    transfer_pressure,
 )
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.facts import setups
@@ -122,7 +122,7 @@ def test_pulsating_sphere_sends_its_power_through_every_sphere(conforms):
 def test_a_small_pulsating_sphere_is_a_monopole_with_order_2(conforms):
     omega, r = 2 * pi * 500, np.array([0.5, 1, 4])
     radii = 0.02 / 2 ** np.arange(4)
-    exact = monopole(r, 0.01j, omega)
+    exact = monopole_pressure(r, 0.01j, omega)
     errors = [np.max(np.abs(pulsating_sphere(r, a, 0.01j, omega) / exact - 1)) for a in radii]
     conforms.order(orders(errors), 2, atol=0.05)
     # e^{jka} / (1 + jka) = 1 − (ka)²/2 + …
@@ -132,7 +132,7 @@ def test_a_small_pulsating_sphere_is_a_monopole_with_order_2(conforms):
 def test_monopole_is_an_outgoing_spherical_wave(conforms):
     omega = 2 * pi * 700
     r = np.linspace(0.1, 3, 50)
-    p = monopole(r, 0.02, omega)
+    p = monopole_pressure(r, 0.02, omega)
     conforms.closed_form(np.abs(p) * r, omega * RHO * 0.02 / (4 * pi), rtol=1e-13)
     # With e^{+jωt}, a point at a distance sees what the source did a time r/c ago.
     delay = -np.angle(p / p[0])
@@ -143,11 +143,15 @@ def test_monopole_is_an_outgoing_spherical_wave(conforms):
 def test_a_baffle_doubles_a_monopole(conforms):
     omega, r = 2 * pi * 700, np.array([0.1, 0.7, 2])
     conforms.closed_form(
-        piston(r, 0.3j, 0.002, omega), 2 * monopole(r, 0.3j * 0.002, omega), rtol=1e-14
+        piston_pressure(r, 0.3j, 0.002, omega),
+        2 * monopole_pressure(r, 0.3j * 0.002, omega),
+        rtol=1e-14,
     )
     one = Pistons(np.zeros((2, 1)), (0.05, 0.04))
     points = np.stack([0.6 * r, 0 * r, 0.8 * r])
-    conforms.closed_form(transfer(one, points, omega)[:, 0], piston(r, 1, 0.002, omega), rtol=1e-12)
+    conforms.closed_form(
+        transfer_pressure(one, points, omega)[:, 0], piston_pressure(r, 1, 0.002, omega), rtol=1e-12
+    )
 
 
 # Rayleigh's integral: the circular piston.
@@ -165,7 +169,9 @@ def test_circular_piston_on_its_axis_with_order_2(conforms, ka):
     errors = []
     for rings in (16, 32, 64, 128):
         parts = disc(a, rings)
-        p = rad.rayleigh(parts, np.full(3 * rings**2, v), np.stack([0 * z, 0 * z, z]), k * C)
+        p = rad.rayleigh_pressure(
+            parts, np.full(3 * rings**2, v), np.stack([0 * z, 0 * z, z]), k * C
+        )
         errors.append(np.max(np.abs(p - exact)))
     conforms.order(orders(errors), 2, atol=0.15)
     conforms.closed_form(errors[-1], below=1e-3 * np.max(modulus))
@@ -202,7 +208,7 @@ def test_impedance_of_the_circular_piston_is_that_of_bessel_and_struve(conforms,
     for rings in (8, 16, 32):
         parts = disc(a, rings)
         v, h = np.ones(3 * rings**2), 2 * parts.size[0]
-        above = rad.rayleigh(parts, v, np.stack([*parts.centres, h * v]), omega)
+        above = rad.rayleigh_pressure(parts, v, np.stack([*parts.centres, h * v]), omega)
         errors.append(abs(np.mean(above) + 1j * omega * RHO * h - exact))
     conforms.order(orders(errors), 1.8, atol=0.2)
     conforms.closed_form(errors[-1], below=0.01 * abs(exact))
@@ -330,7 +336,7 @@ def test_rayleighs_integral_tends_to_the_far_field(conforms):
     far = rad.far_field(parts, v, u, omega)[0]
     errors = []
     for r in (50, 100, 200, 400):
-        p = rad.rayleigh(parts, v, r * u, omega)[0]
+        p = rad.rayleigh_pressure(parts, v, r * u, omega)[0]
         errors.append(abs(p * r * np.exp(1j * omega / C * r) - far))
     conforms.order(orders(errors), 1, atol=0.05)
 
@@ -374,7 +380,7 @@ def test_near_field_intensity_of_a_piston_is_its_power_with_order_2(conforms):
     u, weight = hemisphere(40)
     r, errors = 0.9, []
     for h in (0.02, 0.01, 0.005):
-        p, out, inner = (rad.rayleigh(parts, v, (r + d) * u, omega) for d in (0, h, -h))
+        p, out, inner = (rad.rayleigh_pressure(parts, v, (r + d) * u, omega) for d in (0, h, -h))
         velocity = -(out - inner) / (2 * h) / (1j * omega * RHO)
         errors.append(abs(np.sum(weight * np.real(p * np.conj(velocity))) * r**2 / 2 / exact - 1))
     conforms.order(orders(errors), 2, atol=0.1)
@@ -422,13 +428,13 @@ def test_two_pistons_that_meet_are_one_of_double_area(conforms):
     one = Pistons(np.zeros((2, 1)), (2 * side, side))
     point = np.array([[0.3], [0.2], [0.1]])
     exact_power = rad.sound_power(one, [1.0], k * C)
-    exact_pressure = transfer(one, point, k * C)[0, 0]
+    exact_pressure = transfer_pressure(one, point, k * C)[0, 0]
     power, pressure = [], []
     distances = 0.04 / 2 ** np.arange(4)
     for d in distances:
         two = Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (side, side))
         power.append(abs(rad.sound_power(two, [1.0, 1.0], k * C) / exact_power - 1))
-        pressure.append(abs(np.sum(transfer(two, point, k * C)) / exact_pressure - 1))
+        pressure.append(abs(np.sum(transfer_pressure(two, point, k * C)) / exact_pressure - 1))
     conforms.order(orders(power), 2, atol=0.02)
     conforms.order(orders(pressure), 2, atol=0.02)
     # (1 + sinc kd) / 2 = 1 − (kd)²/12 + …
@@ -454,7 +460,7 @@ def test_source_and_receiver_change_places(conforms, x1, y1, x2, y2, z, omega):
     def pressure(source, receiver):
         parts = Pistons(np.array(source)[:, None], (0.01, 0.02))
         point = np.array([*receiver, z])[:, None]
-        return complex(transfer(parts, point, omega)[0, 0])
+        return complex(transfer_pressure(parts, point, omega)[0, 0])
 
     there, back = pressure((x1, y1), (x2, y2)), pressure((x2, y2), (x1, y1))
     conforms.invariance(there, back, rtol=1e-11)
@@ -462,7 +468,7 @@ def test_source_and_receiver_change_places(conforms, x1, y1, x2, y2, z, omega):
 
 @pytest.mark.parametrize("kind", [complex, float])
 def test_field_is_the_direct_expression(conforms, kind):
-    parts = pistons(setups.plate())
+    parts = plate_pistons(setups.thesis_plate())
     rng = np.random.default_rng(3)
     v = rng.normal(size=150) + (1j * rng.normal(size=150) if kind is complex else 0)
     points = rng.uniform([[-1], [-1], [0.005]], [[1], [1], [3]], (3, 1000)).reshape(3, 20, 50)
@@ -473,7 +479,10 @@ def test_field_is_the_direct_expression(conforms, kind):
     kernel = 1j * omega * RHO * parts.area / (2 * pi) * np.exp(-1j * omega / C * R) / R
     direct = kernel @ v
     peak = np.max(np.abs(direct))
-    for field in (rad.rayleigh(parts, v, points, omega), transfer(parts, points, omega) @ v):
+    for field in (
+        rad.rayleigh_pressure(parts, v, points, omega),
+        transfer_pressure(parts, points, omega) @ v,
+    ):
         assert field.shape == (20, 50)
         conforms.independent(np.max(np.abs(field - direct)), below=1e-12 * peak)
 
@@ -482,23 +491,23 @@ def test_field_is_linear_in_velocity_and_density(conforms):
     parts = panel(6, 4)
     points, omega = np.array([[0.1], [0.2], [0.3]]), 3 * C / A
     one, other = random_velocity(24, 1), random_velocity(24, 2)
-    both = rad.rayleigh(parts, one + 2j * other, points, omega)
-    apart = [rad.rayleigh(parts, v, points, omega) for v in (one, other)]
+    both = rad.rayleigh_pressure(parts, one + 2j * other, points, omega)
+    apart = [rad.rayleigh_pressure(parts, v, points, omega) for v in (one, other)]
     conforms.invariance(both, apart[0] + 2j * apart[1], rtol=1e-12)
     water = Medium(C, 1000)
     conforms.invariance(
-        rad.rayleigh(parts, one, points, omega, water), apart[0] * 1000 / RHO, rtol=1e-12
+        rad.rayleigh_pressure(parts, one, points, omega, water), apart[0] * 1000 / RHO, rtol=1e-12
     )
 
 
 def test_memory_of_a_field_is_bounded_by_a_block():
-    parts = pistons(setups.plate())
+    parts = plate_pistons(setups.thesis_plate())
     v = random_velocity(150)
 
     def peak(n):
         points = np.stack([np.linspace(-1, 1, n), np.zeros(n), np.full(n, 0.1)])
         tracemalloc.start()
-        result = rad.rayleigh(parts, v, points, 2 * pi * 942)
+        result = rad.rayleigh_pressure(parts, v, points, 2 * pi * 942)
         used = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return used - result.nbytes
@@ -541,10 +550,12 @@ def test_a_medium_must_be_positive(bad):
 
 CALLS = {
     "sphere": lambda omega: pulsating_sphere(1, 0.1, 1, omega),
-    "monopole": lambda omega: monopole(1, 1, omega),
-    "piston": lambda omega: piston(1, 1, 1, omega),
-    "transfer": lambda omega: transfer(panel(6, 4), np.ones((3, 1)), omega),
-    "rayleigh": lambda omega: rad.rayleigh(panel(6, 4), np.ones(24), np.ones((3, 1)), omega),
+    "monopole": lambda omega: monopole_pressure(1, 1, omega),
+    "piston": lambda omega: piston_pressure(1, 1, 1, omega),
+    "transfer": lambda omega: transfer_pressure(panel(6, 4), np.ones((3, 1)), omega),
+    "rayleigh": lambda omega: rad.rayleigh_pressure(
+        panel(6, 4), np.ones(24), np.ones((3, 1)), omega
+    ),
     "matrix": lambda omega: rad.radiation_matrix(panel(6, 4), omega),
     "power": lambda omega: rad.sound_power(panel(6, 4), np.ones(24), omega),
     "efficiency": lambda omega: rad.radiation_efficiency(panel(6, 4), np.ones(24), omega),
@@ -582,10 +593,10 @@ def test_the_longer_side_of_a_piston_counts():
 
 
 @pytest.mark.parametrize("z", [0.0, -0.1, NAN])
-@pytest.mark.parametrize("function", [rad.rayleigh, transfer])
+@pytest.mark.parametrize("function", [rad.rayleigh_pressure, transfer_pressure])
 def test_points_must_stand_in_front_of_the_plate(function, z):
     points = np.array([[0.0, 0.1], [0, 0], [0.1, z]])
-    velocity = [np.ones(24)] if function is rad.rayleigh else []
+    velocity = [np.ones(24)] if function is rad.rayleigh_pressure else []
     with pytest.raises(ValueError, match=r"points: given Z = .*, needs Z > 0"):
         function(panel(6, 4), *velocity, points, 1000.0)
 
@@ -596,4 +607,4 @@ def test_a_point_inside_the_sphere_or_at_the_source_is_refused():
     with pytest.raises(ValueError, match="radius: given 0"):
         pulsating_sphere(1, 0, 1, 1000)
     with pytest.raises(ValueError, match="distance: given 0"):
-        monopole([1, 0], 1, 1000)
+        monopole_pressure([1, 0], 1, 1000)

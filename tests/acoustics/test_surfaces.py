@@ -6,7 +6,7 @@ from numpy.polynomial.legendre import leggauss
 
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.vibration.polygons import area, clip, moments
+from thesis_lib.vibration.polygons import clip_polygon, polygon_area, polygon_moments
 
 PLATE = np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]])
 L = np.array([[0, 0], [0.6, 0], [0.6, 0.23], [0.21, 0.23], [0.21, 0.4], [0, 0.4]])
@@ -57,8 +57,8 @@ def efficiency(places, weights, shape, k):
 def test_the_stated_uncertainty_holds_what_sums_are_off_by(name, conforms):
     corners, integral = OUTLINES[name]
     surface, (places, weights) = Surface.of(corners, 1600), integral()
-    conforms.closed_form(surface.area, area(corners), rtol=1e-9)
-    conforms.independent(weights.sum(), area(corners), rtol=1e-9)
+    conforms.closed_form(surface.area, polygon_area(corners), rtol=1e-9)
+    conforms.independent(weights.sum(), polygon_area(corners), rtol=1e-9)
     off = []
     for hertz in (60, 300, 900):
         omega = 2 * np.pi * hertz
@@ -86,13 +86,13 @@ def test_the_error_of_a_sum_falls_with_the_fourth_power_of_its_cells(conforms):
 
 def test_a_clipped_polygon_has_the_moments_of_its_part(conforms):
     """A triangle cut to a trapezium, and an L of which two parts lie in the box."""
-    triangle = clip([[0, 0], [2, 0], [0, 2]], [0, 0], [1, 1])
-    whole, centre, variances = moments(triangle)
+    triangle = clip_polygon([[0, 0], [2, 0], [0, 2]], [0, 0], [1, 1])
+    whole, centre, variances = polygon_moments(triangle)
     conforms.closed_form(whole, 1, rtol=1e-12)
     assert len(triangle) >= 4
     u = [[0, 0], [3, 0], [3, 2], [2, 2], [2, 1], [1, 1], [1, 2], [0, 2]]
-    whole, centre, variances = moments(clip(u, [0, 1.5], [3, 2]))
+    whole, centre, variances = polygon_moments(clip_polygon(u, [0, 1.5], [3, 2]))
     conforms.closed_form(whole, 1, rtol=1e-12)
     conforms.closed_form(centre, [1.5, 1.75], rtol=1e-12)
     conforms.closed_form(variances, [1 / 12 + 1, 0.25 / 12], rtol=1e-12)
-    assert moments(clip(u, [5, 5], [6, 6]))[0] == 0
+    assert polygon_moments(clip_polygon(u, [5, 5], [6, 6]))[0] == 0

@@ -7,7 +7,7 @@ import pytest
 from command import thesis
 
 from thesis_lib.book.pieces import benchmarks, filming
-from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.messages import CHECK_LIMITS
 
@@ -36,7 +36,9 @@ def test_the_rule_is_the_limit_that_the_check_warns_of():
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    moved = min(row.motion_px for row in assess(draft_manifest(filming.EXAMPLE_PLATE)).table)
+    moved = min(
+        row.motion_px for row in assess_manifest(draft_manifest(filming.EXAMPLE_PLATE)).table
+    )
     share = benchmarks.format_share(filming.film_error_px(filming.COMPRESSED_NAME) / moved)
     line = next(
         line for line in filming.answer_for_plate().splitlines() if line.startswith("| full HD")

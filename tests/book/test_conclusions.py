@@ -18,14 +18,14 @@ from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import compute as experiment
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import with_provenance
 
 
 def power_law(name, knob, power, factor=3.0):
     """A cube whose errors are exactly a power of what is varied, in every trial."""
-    request = validate(name, {"trials": 5, "modes": [1, 2]})
+    request = validate_request(name, {"trials": 5, "modes": [1, 2]})
     cube = with_provenance(studies.run(request), request, 0.0)
     x = xr.DataArray(cube["value"].values.astype(float), dims="setting") ** power
     one = xr.ones_like(cube["mean_error"])
@@ -71,7 +71,7 @@ def test_a_fall_in_every_run_that_is_not_material_is_no_support():
 @cache
 def matched():
     """Return a request for the experiment's own chain, and its cube from synthetic recordings."""
-    request = validate("experiment-resolution", {"trials": 3, "cases": ["matched"]})
+    request = validate_request("experiment-resolution", {"trials": 3, "cases": ["matched"]})
     return request, experiment.run(request, replicates(request.recordings, 4, sigma=0.02))
 
 
@@ -178,15 +178,15 @@ def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cubes")
     made = {}
     for name in ("beam-distance", "plate-distance", "beam-resolution", "beam-arrays"):
-        request = validate(name, {"trials": 4})
+        request = validate_request(name, {"trials": 4})
         made[name] = folder / f"{name}.nc"
-        storage.write(with_provenance(studies.run(request), request, 0.0), made[name])
+        storage.write_netcdf(with_provenance(studies.run(request), request, 0.0), made[name])
     return made
 
 
 def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_path):
     paths = list(small.values())
-    opened = {path.stem: cube_file.read(path) for path in paths}
+    opened = {path.stem: cube_file.read_cube(path) for path in paths}
     axes = conclusions_figure.draw_summary(opened).axes
     assert [panel.get_xscale() for panel in axes] == ["log"] * 5
     lines = [[line for line in panel.lines if line.get_linestyle() != "None"] for panel in axes]
@@ -213,13 +213,15 @@ def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
     found = {(one.structure, one.case): one for one in conclusions.equal_pixels()}
     assert len(found) == 12
     for structure in ("beam", "plate"):
-        cube = studies.run(validate(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))
+        cube = studies.run(validate_request(f"{structure}-arrays", {"trials": 1, "cases": ["4b"]}))
         law = np.sqrt(np.mean(cube["predicted_error"].values[-1] ** 2))
         one = found[structure, "4b"]
         conforms.independent(one.array, law, rtol=1e-3)
         # Twice as many pixels across as the first pair alone: by the law, at eight cameras.
         finer = {"trials": 1, "cases": ["4b"], "resolution_px": [640, 360]}
-        pair = studies.run(validate(f"{structure}-arrays", finer))["predicted_error"].values[0]
+        pair = studies.run(validate_request(f"{structure}-arrays", finer))[
+            "predicted_error"
+        ].values[0]
         assert one.n_cameras == 8
         conforms.closed_form(one.pair / np.sqrt(np.mean(pair**2)), below=1 + 1e-3)
     worse = [key for key, one in found.items() if one.ratio > 1.1]

@@ -19,7 +19,7 @@ from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.studies import published
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
@@ -31,7 +31,7 @@ from thesis_lib.vision.pinhole import (
     pixelate,
     project,
 )
-from thesis_lib.vision.simulation import measure, percent_errors
+from thesis_lib.vision.simulation import measure_deflections, percent_errors
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
@@ -225,7 +225,7 @@ def in_library(one: dict[str, Any]) -> dict[str, Any]:
     reference = deflection_shape(structure, one["mode"], structure.markers, one["peak"])
     points = world_points(structure, np.stack([np.zeros_like(reference), reference]))
     shifts = np.array(one["shifts"] or np.zeros((len(cameras), 2)))
-    measured = measure(cameras, points, shifts[None], one["known"])
+    measured = measure_deflections(cameras, points, shifts[None], one["known"])
     point, mean, largest = percent_errors(measured, reference[None])
     images = project(cameras.P, points[:, 1])
     return {
@@ -665,7 +665,7 @@ def test_the_command_runs_this_layout(chromium: Browser, path: Path, query: str)
         assert link == opened.page.url
     thesis, run, name, *rest = shlex.split(copied)
     assert (thesis, run, set(rest[::2])) == ("thesis", "run", {"-p"})
-    study = validate(name, values(rest[1::2]))
+    study = validate_request(name, values(rest[1::2]))
     assert isinstance(study, CameraStudy)
     assert name == f"{shown['s']}-arrays" in STUDIES
     [setting] = study.settings()
@@ -694,7 +694,7 @@ def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:
             [least] = re.findall(r"range, (\d+) to", refusal(opened))
             box.fill(least)
             assert state(opened)["d"] == int(least)
-            validate(f"{subject}-arrays", values(command(opened)[4::2]))
+            validate_request(f"{subject}-arrays", values(command(opened)[4::2]))
 
 
 # --- the page

@@ -17,7 +17,7 @@ from PIL import Image
 
 from thesis_lib.book import drawings, extension, html_pages
 from thesis_lib.book.interval_cells import draw_intervals
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.web.fragment import static_html
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {}/>'
@@ -138,7 +138,7 @@ def test_panels_of_a_figure_are_where_matplotlib_draws_them() -> None:
     axes[0, 0].plot([0, 1], [0, 1e4])
     axes[0, 0].set(ylim=(0, 10), ylabel="deflection, mm", title="(a) shape")
     figure.colorbar(axes[1, 1].imshow(np.eye(3)), ax=axes[1, 1], label="w, mm")
-    told = re.findall('data-panels="([^"]*)"', svg(figure))[0]
+    told = re.findall('data-panels="([^"]*)"', figure_svg(figure))[0]
     boxes = [[float(one) for one in box.split()] for box in told.split(";")]
     assert len(boxes) == 4
     width, height = 72 * figure.get_size_inches()
@@ -148,7 +148,7 @@ def test_panels_of_a_figure_are_where_matplotlib_draws_them() -> None:
     assert boxes[3][0] + boxes[3][2] > 95  # with its scale
     column = Figure(figsize=(5, 5), layout="constrained")
     column.subplots(3)
-    assert "data-panels" not in svg(column)
+    assert "data-panels" not in figure_svg(column)
 
 
 @pytest.mark.parametrize(

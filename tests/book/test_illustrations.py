@@ -75,7 +75,7 @@ def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
 def test_what_a_newton_moves_is_drawn() -> None:
     with in_style():
         beam = fact_figures.draw_deflections().axes[0].lines[0].get_ydata()
-    assert beam[0] == pytest.approx(1000 * peak_deflection(setups.beam(), 1))
+    assert beam[0] == pytest.approx(1000 * peak_deflection(setups.thesis_beam(), 1))
     assert list(beam) == sorted(beam, reverse=True)
 
 

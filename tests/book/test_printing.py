@@ -13,7 +13,7 @@ import xarray as xr
 import yaml
 
 from thesis_lib.book import pdf as printing
-from thesis_lib.figure_sets.display import promised
+from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.web import fragment as widgets
 from thesis_lib.web.page import BookError
@@ -106,7 +106,7 @@ def test_captions_of_all_figures_are_printed(words):
     for name in STUDIES:
         document = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
         for cell in document.cells:
-            for caption in promised(STUDIES[name](), cell.source):
+            for caption in list_captions(STUDIES[name](), cell.source):
                 number += 1
                 missing += [caption] if plain(caption.text) not in words else []
     assert number > 130

@@ -34,7 +34,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.planner import compute as planner_study
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts
@@ -43,7 +43,7 @@ from thesis_lib.studies.schema import with_provenance
 
 def ledgered(made):
     """The ledger of some cubes, with few draws of its own."""
-    request = validate("claims", {"trials": 3, "readings": ["rest known"]})
+    request = validate_request("claims", {"trials": 3, "readings": ["rest known"]})
     own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
     found = judge_claims(lambda study: made[study.name], own)
     return ledger.as_cube(found, readings.run(request.other_readings))
@@ -54,12 +54,12 @@ def opened():
     """Every cube, with few trials and, for sound, few points."""
     made = {}
     for name, model in STUDIES.items():
-        request = validate(name, {"trials": 12})
+        request = validate_request(name, {"trials": 12})
         if model.subject == "experiment":
             data = replicates(request.recordings, 3, sigma=0.02)
             cube = study.run(request, data)
         elif model.subject == "sound":
-            request = validate(name, {"trials": 12, "plane_shape": [9, 7]})
+            request = validate_request(name, {"trials": 12, "plane_shape": [9, 7]})
             cube = cube_of(request)
         elif name in ("lab-elevation", "lab-layout"):
             cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=4))
@@ -68,18 +68,18 @@ def opened():
         elif name == "lab-radiation":
             cube = lab_radiation_study.run(request, sounding(request))
         elif name == "lab-modes":
-            request = validate(name, {"trials": 3})
+            request = validate_request(name, {"trials": 3})
             cube = lab_modes_study.run(request, films(request, sigma=0.02))
         elif name == "lab-plate":
-            request = validate(name, {"trials": 3, "plane_shape": [9, 7]})
+            request = validate_request(name, {"trials": 3, "plane_shape": [9, 7]})
             cube = lab_plate_study.run(request, films(request, sigma=0.02))
         elif name == "cameras":
             cube = optics_study.run(request)
         elif name == "design-law":
-            cube = design_study.run(validate(name, {"trials": 3, "counts": [2, 6]}))
+            cube = design_study.run(validate_request(name, {"trials": 3, "counts": [2, 6]}))
         elif name == "planner":
             quick = {"trials": 3, "counts": [2, 4], "starts": 0, "step_deg": 30}
-            cube = planner_study.run(validate(name, quick))
+            cube = planner_study.run(validate_request(name, quick))
         elif name == "claims":
             cube = ledgered(made)
         else:
@@ -142,7 +142,7 @@ def test_agreement_counts_the_checks(opened, text):
         check
         for name, cube in opened.items()
         if name.startswith("beam")
-        for check in verdicts.check(cube, claims.claims_of(name))
+        for check in verdicts.check_claims(cube, claims.claims_of(name))
         if check.claim.quantity == "mean_error"
     ]
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
@@ -165,8 +165,8 @@ def test_cameras_square_to_the_plate_hear_worse_than_they_see():
     """The page's finding, from runs of its own: a pair turned by 7° keeps the shape's error."""
     layouts = {"square": [[[0, 15], [180, 15]]], "askew": [[[7, 15], [187, 15]]]}
     values = {"cases": [], "layouts": layouts, "trials": 300, "modes": [1], "seed": 4}
-    plate = studies.run(validate("plate-arrays", values))
-    cube = sound.run(validate("sound-arrays", {**values, "plane_shape": [31, 21]}), plate)
+    plate = studies.run(validate_request("plate-arrays", values))
+    cube = sound.run(validate_request("sound-arrays", {**values, "plane_shape": [31, 21]}), plate)
     field = (cube["plane_error"][:, 0, 1:].sel(plane="XZ") ** 2).mean("trial") ** 0.5
     shape = (plate["mean_error"][:, 0, 1:] ** 2).mean("trial") ** 0.5
     assert abs(shape[0] / shape[1] - 1) < 0.05

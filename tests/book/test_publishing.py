@@ -20,7 +20,7 @@ from small_book import BAD, GOOD, make
 from thesis_lib import files
 from thesis_lib.book import crate, downloads, missing
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import sha256
 
 
@@ -46,7 +46,7 @@ def test_every_download_is_there_and_is_what_the_page_says(whole):
         assert all((whole / link).stat().st_size > 100 for link in links)
         digest = sha256(whole / "data" / f"{name}.nc")
         assert digest in text
-        cube = cube_file.read(whole / "data" / f"{name}.nc")
+        cube = cube_file.read_cube(whole / "data" / f"{name}.nc")
         assert cube.attrs["figure_set"] == name
         assert f'id="provenance-{name}"' in text
         assert text.count(f'href="#provenance-{name}"') == 3
@@ -78,7 +78,7 @@ def test_research_object_reads_back_and_tells_every_run(whole):
         assert tool.type == "SoftwareApplication"
         assert "commit" in tool["softwareVersion"]
         values = {e["name"]: e["value"] for e in action["object"] if e.type == "PropertyValue"}
-        request = validate(name, {}).request
+        request = validate_request(name, {}).request
         assert set(values) == set(request)
         assert json.loads(values["modes"]) == request["modes"]
         results = {entity.id for entity in action["result"]}

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show
 from thesis_lib.runs.requested import parse_assignments
 from thesis_lib.studies.published import read_published
@@ -58,7 +58,7 @@ STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pr
 
 def atlas(name: str, **values: Any) -> str:
     """What the page of a figure set shows, its viewer with the parameters above it."""
-    cube = run.cube_of(validate(name, values))
+    cube = run.cube_of(validate_request(name, values))
     return str(show.viewer(cube)._repr_mimebundle_()[0]["text/html"])
 
 
@@ -166,7 +166,7 @@ def drawn_request(rng: random.Random, name: str) -> CameraStudy:
     }  # fmt: skip
     markers = {"first_marker_mm": some(0, 23)} if subject == "beam" else {
         "grid": rng.choice([[15, 10], [6, 5], [9, 17]])}  # fmt: skip
-    request = validate(name, {**own, **shared, **markers, "trials": 0})
+    request = validate_request(name, {**own, **shared, **markers, "trials": 0})
     assert isinstance(request, CameraStudy)
     return request
 
@@ -219,7 +219,7 @@ def test_a_request_is_what_the_library_makes_of_it(
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
             words = shlex.split(said(opened, CODE))
-            again = validate(name, {**parse_assignments(words[4::2]), "trials": 0})
+            again = validate_request(name, {**parse_assignments(words[4::2]), "trials": 0})
             assert again == request
         assert opened.trouble == []
 
@@ -338,7 +338,9 @@ def test_what_a_page_cannot_do_is_left_to_the_command(
         opened.page.evaluate(PUT, [name, texts])
         assert said(opened, SENTENCE) == f"Not in the page: {words}. The command runs it."
         line = shlex.split(said(opened, CODE))
-        assert validate(name, parse_assignments(line[4::2])) == validate(name, values)
+        assert validate_request(name, parse_assignments(line[4::2])) == validate_request(
+            name, values
+        )
         stale = opened.page.locator(".tl-rerun-figure[data-stale]")
         assert stale.count() == 1
         opened.page.get_by_role("button", name="Reset").click()
@@ -506,5 +508,5 @@ def test_the_settings_are_those_of_the_facts() -> None:
     assert set(COMPUTED_SETS) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
         "distance", "aperture", "resolution", "arrays")}  # fmt: skip
     facts = demos.form_data()["here"]
-    assert facts["pairs"] == setups.pairs()
+    assert facts["pairs"] == setups.camera_pairs()
     assert set(facts["sets"]) == set(COMPUTED_SETS)

@@ -14,7 +14,7 @@ from thesis_lib.book.pieces import filming
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
-from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.messages import ALL_MESSAGES, CHECK_GROUPS, NEW_MESSAGES, NOTE_GROUPS
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -130,7 +130,7 @@ def test_defaults_are_those_that_an_empty_manifest_gets():
         for term, _ in terms(reference.list_fields(part)):
             name, shown = re.match(r"`(\w+)` · (.*)", term).groups()
             if shown != "its fields below":
-                unit = re.escape(fields.unit(name))
+                unit = re.escape(fields.unit_of_field(name))
                 text = re.sub(rf"( {unit}|, else in {unit})$", "", shown) if unit else shown
                 assert yaml.safe_load(text) == made[name], term
 
@@ -204,7 +204,7 @@ def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):
     path = tmp_path / "manifest.yaml"
     path.write_text(text, encoding="utf-8")
     manifest = read_manifest(path, check_files=False)
-    assessment = assess(manifest)
+    assessment = assess_manifest(manifest)
     assert assessment.warnings == ()
     assert np.isfinite(assessment.rig.smallest_mm)
     assert manifest.structure.youngs_modulus_pa == 2.1e11

@@ -18,11 +18,11 @@ from scenes.changes import CHANGES, OWN_CHANGES
 from thesis_lib.book import demos
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate
+from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.notebook.form import form_data
 from thesis_lib.runs.requested import Refused, parse_assignments, requests_of
-from thesis_lib.studies.fields import permitted
-from thesis_lib.studies.request import ParameterError, command, describe
+from thesis_lib.studies.fields import describe_permitted
+from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
 from thesis_lib.web.fragment import static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
@@ -144,13 +144,13 @@ def test_the_form_knows_every_parameter_in_the_models_words() -> None:
     assert list(data["sets"]) == list(STUDIES)
     assert list(data["chapters"]) == list(CHAPTER_SETS)
     for name, study in STUDIES.items():
-        rows = [row for row in describe(study) if row["name"] != "cube"]
+        rows = [row for row in describe_parameters(study) if row["name"] != "cube"]
         fields = [data["fields"][n] for n in data["sets"][name]["shown"]]
         for field, row in zip(fields, rows, strict=True):
             assert [field[key] for key in ("name", "meaning", "unit", "allowed")] == [
                 row[key] for key in ("name", "meaning", "unit", "allowed")
             ]
-            assert field["permitted"] == permitted(study, row["name"])
+            assert field["permitted"] == describe_permitted(study, row["name"])
         checked = [data["fields"][n]["name"] for n in data["sets"][name]["checked"]]
         assert checked == [key for key in study.model_fields if key != "cube"]
 
@@ -322,7 +322,7 @@ def papermill_values(line: str, monkeypatch: pytest.MonkeyPatch) -> tuple[str, d
 
 def outcome(name: str, values: dict[str, Any]) -> Any:
     try:
-        return validate(name, values)
+        return validate_request(name, values)
     except ParameterError as error:
         return str(error)
 
@@ -356,7 +356,7 @@ def test_commands_say_what_the_form_holds(
             assert outcome(name, given) == wanted
             if not isinstance(wanted, str):  # else a relation that the command checks
                 accepted += 1
-                assert line == command(wanted)
+                assert line == study_command(wanted)
                 number = len(words[4::2])
                 assert said["status"].startswith(f"{number} parameter" if number else "As publ")
         assert accepted > 30
@@ -394,7 +394,7 @@ def test_a_chapters_command_reaches_each_set(
         assert studies[0].request["distances_mm"] == [600, 900]
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
         for study, mill in zip(studies, mills.splitlines(), strict=True):
-            assert validate(study.name, papermill_values(mill, monkeypatch)[1]) == study
+            assert validate_request(study.name, papermill_values(mill, monkeypatch)[1]) == study
 
 
 def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
@@ -411,7 +411,7 @@ def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
         line = code.inner_text()
         opened.page.reload()
         assert code.inner_text() == line
-        study = validate(ARRAYS, parse_assignments(shlex.split(line)[4::2]))
+        study = validate_request(ARRAYS, parse_assignments(shlex.split(line)[4::2]))
         assert study.request["layouts"] == {"ü & 2": [[[0, 20], [90, 20]]]}
         assert study.request["cases"] == ["4a"]
         assert "other=1" in opened.page.url

@@ -29,7 +29,7 @@ BOOK = files.project_root() / "build" / "html"
 
 @pytest.fixture(scope="module")
 def data() -> xr.Dataset:
-    return example.sample()
+    return example.read_sample()
 
 
 @pytest.fixture(scope="module")

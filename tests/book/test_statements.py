@@ -12,9 +12,9 @@ import pytest
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.lab_equal_pixels import figures as equal_pixels
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.tables import coarse
+from thesis_lib.figure_sets.planner.tables import coarse_options
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.plotting.selection import select
+from thesis_lib.plotting.selection import select_settings
 from thesis_lib.vision import cone_law
 
 pytestmark = pytest.mark.book
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.book
 
 @cache
 def book(name):
-    cube = cube_file.built(STUDIES[name]())
+    cube = cube_file.read_built(STUDIES[name]())
     assert not isinstance(cube, str), cube
     return cube.load()
 
@@ -33,7 +33,7 @@ def rms(part, error="mean_error"):
 
 def of(name, case, error="mean_error"):
     """Rms errors of the only mode over the settings of a case, and the values."""
-    part = select(book(name), case, 1)
+    part = select_settings(book(name), case, 1)
     return part["value"].values, rms(part, error).values.ravel()
 
 
@@ -177,7 +177,7 @@ def test_low_cameras_leap_and_the_optimum_is_flat():
     best = value[np.nanargmin(coarse_error)]
     assert best > value[np.nanargmin(error)]  # "seen from higher up"
     one, three = (
-        select(book("lab-elevation"), case, 1)["lost"].values[value == 9].item()
+        select_settings(book("lab-elevation"), case, 1)["lost"].values[value == 9].item()
         for case in ("middle-row", "three-rows")
     )
     assert one > 0.02 > 0.001 > three  # "it is lost earlier"
@@ -189,12 +189,12 @@ def test_rendered_distance_and_aperture_do_more_than_in_chapter_3():
     assert change(of("lab-layout", "aperture")[1]) < 0.35
     for case in ("2a", "2c"):
         for mode in (1, 2, 3):
-            part = select(book("beam-aperture"), case, mode)
+            part = select_settings(book("beam-aperture"), case, mode)
             assert change(rms(part).values.ravel()) > 0.75
 
 
 def test_which_cameras_matters_more_than_how_many():
-    part = select(book("lab-layout"), "subsets", 1)
+    part = select_settings(book("lab-layout"), "subsets", 1)
     assert part.sizes["setting"] == 247
     error, n = rms(part).values.ravel(), part["n_cameras"].values
     north = np.cos(np.radians(part["camera_azimuth"].values)) > 0
@@ -216,7 +216,7 @@ def test_which_cameras_matters_more_than_how_many():
 
 
 def medians(name, case):
-    return select(book(name), case, 1)["mean_error"].median("trial").values.ravel()
+    return select_settings(book(name), case, 1)["mean_error"].median("trial").values.ravel()
 
 
 def test_the_thesis_chain_gains_from_cameras_and_with_pixels_only_up_to_1280():
@@ -239,7 +239,7 @@ def test_clocks_let_neither_pixels_nor_cameras_help():
 
 
 def test_two_opposite_cameras_beat_two_that_stand_20_degrees_apart():
-    part = select(book("experiment-cameras"), "harmonic-all", 1)
+    part = select_settings(book("experiment-cameras"), "harmonic-all", 1)
     error = dict(
         zip(part["label"].values, part["mean_error"].median("trial").values.ravel(), strict=True)
     )
@@ -305,7 +305,9 @@ def test_the_first_degrees_do_most_but_for_very_low_cameras():
 def test_opening_a_pair_tenfold_lowers_the_error_by_an_eighth_in_some_cases_by_less_than_a_tenth():
     for body in ("beam", "plate"):
         cube = book(f"{body}-aperture")
-        factors = [change(rms(select(cube, c, m)).values) for c in ("2a", "2c") for m in (1, 2, 3)]
+        factors = [
+            change(rms(select_settings(cube, c, m)).values) for c in ("2a", "2c") for m in (1, 2, 3)
+        ]
         assert np.median(factors) == pytest.approx(7 / 8, abs=0.03)
         assert max(factors) > 0.9
 
@@ -320,7 +322,7 @@ def test_planned_places_beat_the_best_of_the_thesis_most_with_few_cameras():
     plans = book("planner")
     for body, question in THESIS_QUESTIONS.items():
         own = plans.sel(structure=body)["thesis_expected"].min("thesis_case").values
-        gain = coarse(plans, question)["expected_error"].values / own
+        gain = coarse_options(plans, question)["expected_error"].values / own
         assert (gain < 1).all()
         assert gain[:2].max() < gain[2:].min()
 
@@ -330,7 +332,7 @@ def test_the_best_of_the_thesis_beats_plans_for_readable_markers_but_cannot_read
     plans, worse = book("planner"), 0
     for body in THESIS_QUESTIONS:
         own = plans.sel(structure=body)
-        read = coarse(plans, f"{body}: markers that can be read")["expected_error"].values
+        read = coarse_options(plans, f"{body}: markers that can be read")["expected_error"].values
         worse += int((read > own["thesis_expected"].min("thesis_case").values).sum())
         best = own["thesis_expected"].fillna(np.inf).argmin("thesis_case")
         assert (own["thesis_read_fraction"].isel(thesis_case=best) < 0.5).all()

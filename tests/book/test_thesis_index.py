@@ -16,12 +16,12 @@ from thesis_lib import files
 from thesis_lib.book.pieces import thesis_index
 from thesis_lib.book.pieces.thesis_index import CHAPTER_FILES
 from thesis_lib.facts import claims, setups
-from thesis_lib.figure_sets.display import promised
+from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.experiment import compute as experiment_study
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 
 ROOT = files.project_root()
 BOOK = ROOT / "book"
@@ -82,7 +82,7 @@ def test_figures_stand_under_the_study_and_case_of_the_setups():
     for name, study in STUDIES.items():
         if study.subject not in ("beam", "plate", "sound"):
             continue
-        for case in setups.table(study.subject, study.study)["figures"]:
+        for case in setups.setup_table(study.subject, study.study)["figures"]:
             for mode in (1, 2, 3):
                 number = setups.figure_number(study.subject, study.study, case, mode)
                 one = entry(f"figure {number}")
@@ -111,7 +111,7 @@ def anchors(document):
     if document.startswith("executed/"):
         name = document.removeprefix("executed/")
         cells = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4).cells
-        return {one.name for cell in cells for one in promised(STUDIES[name](), cell.source)}
+        return {one.name for cell in cells for one in list_captions(STUDIES[name](), cell.source)}
     text = (BOOK / f"{document}.md").read_text(encoding="utf-8")
     named = re.findall(r"^(?:\((.+)\)=|:name: (.+)|\$\$ \((.+)\))$", text, re.MULTILINE)
     headings = re.findall(r"^#{1,3} (.+)$", text, re.MULTILINE)
@@ -142,13 +142,13 @@ def test_functions_can_be_imported(name):
 def cube_of(subject):
     """A small cube of a subject's first study."""
     if subject == "experiment":
-        request = validate("experiment-resolution", {"trials": 1})
+        request = validate_request("experiment-resolution", {"trials": 1})
         return experiment_study.run(request, replicates(request.recordings, 2, sigma=0.02))
     if subject == "cameras":
-        return optics_study.run(validate("cameras", {"trials": 2}))
-    request = validate(f"{subject}-distance", {"trials": 1})
+        return optics_study.run(validate_request("cameras", {"trials": 2}))
+    request = validate_request(f"{subject}-distance", {"trials": 1})
     if subject == "sound":
-        plate = studies.run(validate("plate-distance", request.plate_request))
+        plate = studies.run(validate_request("plate-distance", request.plate_request))
         return sound.run(request, plate)
     return studies.run(request)
 
@@ -251,7 +251,7 @@ def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypa
     text = thesis_index.tabulate_chapter("3")
     assert text.count("{py:obj}") == sum(
         name.startswith(
-            ("thesis_lib.vibration.beam.Beam", "thesis_lib.vibration.structure.resonance")
+            ("thesis_lib.vibration.beam.Beam", "thesis_lib.vibration.structure.resonance_frequency")
         )
         for entry in ENTRIES
         if entry.item.split()[1].startswith("3.")

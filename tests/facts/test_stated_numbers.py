@@ -189,7 +189,7 @@ def test_apertures_are_those_of_the_setups():
 
 def test_counts():
     sizes = {len(s.directions_deg) for s in setups.array_settings(
-        list(setups.pairs()), {}, {}, 500, (320, 180))}  # fmt: skip
+        list(setups.camera_pairs()), {}, {}, 500, (320, 180))}  # fmt: skip
     assert sizes == {2, 4, 6, 8, 10, 12}
     assert value("cameras-sizes") == len(sizes)
     assert [value(name) for name in ("equations-one", "equations-two")] == [2, 4]
@@ -205,7 +205,7 @@ def test_only_opposite_pairs_on_an_axis_mirror_each_other():
         places = [np.round([sin(radians(a)), cos(radians(a))], 9) for a, _ in pair]
         return any((places[0] * flip == places[1]).all() for flip in ([-1, 1], [1, -1]))
 
-    found = {case: sum(map(mirrored, pairs)) for case, pairs in setups.pairs().items()}
+    found = {case: sum(map(mirrored, pairs)) for case, pairs in setups.camera_pairs().items()}
     assert found.pop("4e") == value("mirrored-4e") == 2
     assert found == {"4a": 6, "4a'": 6, "4b": 4, "4c": 6, "4d": 4}
 
@@ -355,7 +355,7 @@ def places(claim):
     structure, study = claim["figure_set"].split("-")
     if structure != "beam":
         return []
-    facts = setups.table(structure, study)
+    facts = setups.setup_table(structure, study)
     pixels = tuple(facts.get("resolution_px", (320, 180)))
     cases = [claim["case"]]
     if study == "distance":

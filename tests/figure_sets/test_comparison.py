@@ -79,7 +79,7 @@ def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind)
     path = tmp_path / "doctored.nc"
     DOCTORED[kind](cube).to_netcdf(path)
     with pytest.raises(CubeError, match=r"not a cube of this project") as refused:
-        cube_file.read(path)
+        cube_file.read_cube(path)
     assert str(refused.value).startswith(str(path))
     assert str(refused.value).isprintable()
 
@@ -87,7 +87,7 @@ def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind)
 def test_part_of_a_cube_is_a_cube(cube, tmp_path):
     path = tmp_path / "part.nc"
     cube.isel(setting=[1], mode=[0], trial=[0, 1]).to_netcdf(path)
-    assert comparison.all_difference_lines(cube_file.read(path), cube, "whole")[-1].startswith(
+    assert comparison.all_difference_lines(cube_file.read_cube(path), cube, "whole")[-1].startswith(
         "no difference from whole in 28"
     )
 
@@ -157,7 +157,7 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
     text, line = DAMAGED[kind]
     path = tmp_path / "beam-distance.csv"
     path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(published, "published_path", lambda _: path)
+    monkeypatch.setattr(published, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match=rf"damaged: line {line} ") as refused:
         comparison.difference_lines(cube)
     assert str(refused.value).startswith(str(path))
@@ -168,7 +168,7 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
 def test_published_bytes_that_are_no_text_are_named(cube, tmp_path, monkeypatch):
     path = tmp_path / "beam-distance.csv"
     path.write_bytes(GOOD.encode("utf-16"))
-    monkeypatch.setattr(published, "published_path", lambda _: path)
+    monkeypatch.setattr(published, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match="damaged: line 1 cannot be read"):
         comparison.difference_lines(cube)
 

@@ -24,16 +24,16 @@ from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate
-from thesis_lib.plotting.style import svg
+from thesis_lib.figure_sets.registry import validate_request
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import comparison, cubes, storage
 from thesis_lib.studies.published import read_published
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
-from thesis_lib.vision.estimators import exponent
+from thesis_lib.vision.estimators import fit_exponent
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
-from thesis_lib.vision.triangulation import covariance, triangulate
+from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 SIZE = (320, 180)
 distances, focals = st.floats(0.2, 20), st.floats(50, 5000)
@@ -44,7 +44,7 @@ FEW = {"trials": 60, "counts": [2, 3, 8, 24], "frame_rates_hz": [60, 480]}
 @pytest.fixture(scope="module")
 def study():
     """A smaller request."""
-    return validate("design-law", FEW)
+    return validate_request("design-law", FEW)
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +61,13 @@ def test_cone_covariance_is_that_of_the_jacobian(conforms, distance, focal, n, a
     closed = cone_law.cone_covariance(distance, focal, n, angle, 0.3)
     P = cone_cameras(distance, angle, n, focal, SIZE).P
     scale = np.sqrt(np.outer(np.diag(closed), np.diag(closed)))
-    conforms.closed_form(covariance(P, np.zeros(3), 0.3) / scale, np.eye(3), atol=1e-12)
+    conforms.closed_form(point_covariance(P, np.zeros(3), 0.3) / scale, np.eye(3), atol=1e-12)
 
 
 @given(distances, focals, st.integers(2, 64), angles)
 def test_deflection_error_of_a_cone_holds_from_two_cameras_on(conforms, distance, focal, n, angle):
     P = cone_cameras(distance, angle, n, focal, SIZE).P
-    exact = np.sqrt(covariance(P, np.zeros(3), MOTION_PX)[2, 2])
+    exact = np.sqrt(point_covariance(P, np.zeros(3), MOTION_PX)[2, 2])
     closed = cone_law.cone_deflection_error(distance, focal, n, angle)
     conforms.closed_form(closed, exact, rtol=1e-12)
 
@@ -77,7 +77,7 @@ def test_noise_of_a_pair_is_that_of_the_jacobian_wherever_it_looks_from(
     conforms, d, f, alpha, phi, turn
 ):
     P = hemisphere_cameras(d, [turn + alpha / 2, turn - alpha / 2], [phi, phi], f, SIZE).P
-    exact = np.sqrt(covariance(P, np.zeros(3), 0.5)[2, 2])
+    exact = np.sqrt(point_covariance(P, np.zeros(3), 0.5)[2, 2])
     closed = cone_law.pair_noise_error(d, f, alpha, phi, 0.5)
     conforms.closed_form(closed, exact, rtol=1e-9)
 
@@ -179,10 +179,10 @@ def test_motions_beyond_a_hundredth_of_the_distance_are_refused(form):
 @pytest.mark.parametrize("part", design_study.CHAPTER_PARTS)
 @pytest.mark.parametrize("structure", ["beam", "plate"])
 def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
-    study = validate("design-law", {})
+    study = validate_request("design-law", {})
     request = design_sweeps.thesis_study(study, structure, part)
     peak = request.peaks_m[0]
-    points = design_sweeps.shapes(request.structure, peak)
+    points = design_sweeps.mode_shapes(request.structure, peak)
     points = points[..., :: 1 if structure == "beam" else 6]  # 25 markers of each
     for setting in request.settings():
         rig = setting.cameras(24, 36)
@@ -212,10 +212,10 @@ def test_all_directions_are_alike_at_two_thirds(conforms):
 
 def test_exponents_of_the_closed_forms(conforms):
     x = np.arange(3, 40)
-    conforms.order(exponent(x, cone_law.cone_deflection_error(1, 213, x, 1)), -0.5, rtol=1e-6)
-    conforms.order(exponent(x, cone_law.cone_deflection_error(x, 213, 4, 1)), 1, rtol=1e-6)
-    conforms.order(exponent(x, cone_law.cone_deflection_error(1, x, 4, 1)), -1, rtol=1e-6)
-    conforms.order(exponent(x, 7.0 * x**1.5), 1.5, rtol=1e-6)
+    conforms.order(fit_exponent(x, cone_law.cone_deflection_error(1, 213, x, 1)), -0.5, rtol=1e-6)
+    conforms.order(fit_exponent(x, cone_law.cone_deflection_error(x, 213, 4, 1)), 1, rtol=1e-6)
+    conforms.order(fit_exponent(x, cone_law.cone_deflection_error(1, x, 4, 1)), -1, rtol=1e-6)
+    conforms.order(fit_exponent(x, 7.0 * x**1.5), 1.5, rtol=1e-6)
 
 
 @pytest.mark.parametrize("n", [2, 1, 0])
@@ -271,10 +271,10 @@ def test_weighted_error_is_the_quadratic_form_of_the_covariance(conforms):
     x, w = random.uniform(-3, 3, (2, 40)), random.normal(size=(2, 40))
     C = rounding.error_covariance(x[:, :, None] - x[:, None])
     exact = np.sqrt(np.einsum("ti,tij,tj->t", w, C, w))
-    conforms.independent(cone_law.weighted_error(x, w), exact, rtol=5e-3)
+    conforms.independent(cone_law.error_of_sum(x, w), exact, rtol=5e-3)
     # One coordinate alone: 1/12; the same twice with opposite weights: nothing.
-    conforms.closed_form(cone_law.weighted_error([0.3], [1]), np.sqrt(1 / 12), rtol=2e-3)
-    conforms.closed_form(cone_law.weighted_error([0.3, 5.3], [1, -1]), 0, atol=1e-9)
+    conforms.closed_form(cone_law.error_of_sum([0.3], [1]), np.sqrt(1 / 12), rtol=2e-3)
+    conforms.closed_form(cone_law.error_of_sum([0.3, 5.3], [1, -1]), 0, atol=1e-9)
 
 
 @given(st.floats(1e6, 1e10), st.integers(2, 64), st.floats(1, 1000))
@@ -301,9 +301,9 @@ def test_below_a_pixel_the_relative_error_grows_as_the_inverse_root(conforms, cu
     small = motion < 0.03
     for name, tolerance in (("motion_error", 0.01), ("drawn_motion_error", 0.15)):
         relative = cube[name].values[small] / motion[small]
-        conforms.order(exponent(motion[small], relative), -0.5, atol=tolerance)
+        conforms.order(fit_exponent(motion[small], relative), -0.5, atol=tolerance)
     # Of two roundings that know nothing of each other it would grow as the inverse.
-    conforms.order(exponent(motion, MOTION_PX / motion), -1, rtol=1e-6)
+    conforms.order(fit_exponent(motion, MOTION_PX / motion), -1, rtol=1e-6)
 
 
 def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
@@ -320,13 +320,13 @@ def test_independent_roundings_are_up_to_more_than_twice_too_many(conforms, cube
     conforms.closed_form(factor.max(), above=2.1, below=2.2)
     where = np.unravel_index(np.argmax(factor), factor.shape)
     worst = cube.isel(setting=where[0], shape=where[1])
-    request = validate(f"{worst['of_structure'].item()}-{worst['of_part'].item()}", {})
+    request = validate_request(f"{worst['of_structure'].item()}-{worst['of_part'].item()}", {})
     number = where[0] - int(np.flatnonzero(
         (cube["of_structure"] == worst["of_structure"]) & (cube["of_part"] == worst["of_part"])
     )[0])  # fmt: skip
     rig = request.settings()[number].cameras(24, 36)
     mode = int(worst["shape"])
-    points = design_sweeps.shapes(request.structure, request.peaks_m[mode - 1])[:, [0, mode]]
+    points = design_sweeps.mode_shapes(request.structure, request.peaks_m[mode - 1])[:, [0, mode]]
     # The factor again, drawn: a grid of its own for each of the two images, against one for both.
     random = np.random.default_rng(0)
     errors = []
@@ -392,27 +392,27 @@ def test_far_below_a_pixel_distance_and_resolution_are_worth_the_root(conforms, 
 def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
     many = np.zeros((3, 2001, 1))  # a marker at the centre, over ten pixels of motion
     for finding in design_sweeps.SWEPT_FINDINGS:
-        for value in design_sweeps.swept("plate", finding)[::20]:
-            rig = design_sweeps.rig(study, "plate", finding, float(value))
-            noise = design_sweeps.noisy(rig.cameras(), np.zeros((3, 1)))
+        for value in design_sweeps.sweep_values("plate", finding)[::20]:
+            rig = design_sweeps.step_rig(study, "plate", finding, float(value))
+            noise = design_sweeps.noise_error(rig.cameras(), np.zeros((3, 1)))
             conforms.closed_form(rig.centre_error(noisy=True), noise, rtol=1e-9)
             far = replace(rig, focal=1000 * rig.focal)  # so that a pixel is nothing to the distance
             lift = np.sin(rig.angle) if rig.count else np.cos(rig.elevation)
             reach = 10 * rig.distance / (1000 * rig.focal * rig.size[0] * lift)
             many[2, 1:, 0] = reach * (np.arange(2000) + 0.5) / 2000
-            rounded = design_sweeps.exact(far.cameras(), many)
+            rounded = design_sweeps.exact_rms(far.cameras(), many)
             conforms.closed_form(far.centre_error(), rounded, rtol=2e-3)
 
 
 @pytest.mark.parametrize("aperture", [16.0, 60.0, 124.0, 180.0])
 def test_averaged_law_is_that_of_draws_at_many_amplitudes(conforms, study, aperture):
-    rig = design_sweeps.rig(study, "beam", "aperture", aperture).cameras()
-    rest, *bent = np.moveaxis(design_sweeps.shapes(setups.beam(), 5.5e-3), 1, 0)
+    rig = design_sweeps.step_rig(study, "beam", "aperture", aperture).cameras()
+    rest, *bent = np.moveaxis(design_sweeps.mode_shapes(setups.thesis_beam(), 5.5e-3), 1, 0)
     scale = np.linspace(*design_sweeps.AMPLITUDE_RANGE, 64)
     many = [rest + a * (one - rest) for one in bent for a in scale]
     points = np.stack([rest, *many], axis=1)
     found = np.sqrt(np.mean(drawn(rig, points, 7)[2] ** 2))
-    law = design_sweeps.expected(rig, np.stack([rest, *bent], axis=1))
+    law = design_sweeps.predicted_rms(rig, np.stack([rest, *bent], axis=1))
     conforms.sampled(found, law, rtol=0.02)
 
 
@@ -442,7 +442,7 @@ def test_pairs_tell_rounding_from_noise(conforms, cube):
 
 def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
     for one in ("beam", "plate"):
-        printed = setups.table(one, "distance")["distances_mm"]
+        printed = setups.setup_table(one, "distance")["distances_mm"]
         swept = cube["swept"].sel(finding="distance", structure=one)
         assert [swept.min(), swept.max()] == pytest.approx([min(printed), max(printed)])
 
@@ -483,17 +483,19 @@ def test_drawn_frames_and_films_are_the_law(conforms, cube):
 
 
 def amplitude_error(rig, filmed, seed):
-    images, number = design_shares.seen(rig, filmed, seed)
+    images, number = design_shares.round_images(rig, filmed, seed)
     wrong = design_shares.amplitude_errors(filmed, triangulate(rig.P, images)[2][number])
     return np.sqrt(np.mean(wrong**2))
 
 
 @pytest.mark.parametrize(("count", "rate"), [(2, 60.0), (8, 480.0)])
 def test_law_of_a_film_is_its_simulation(conforms, count, rate):
-    study = validate("design-law", {"trials": 600, "counts": [count], "frame_rates_hz": [rate]})
+    study = validate_request(
+        "design-law", {"trials": 600, "counts": [count], "frame_rates_hz": [rate]}
+    )
     rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.film(float(study.shared[2][0, 0]), study)
-    law = design_shares.fitted_by_law(rig, filmed)
+    filmed = design_shares.sample_vibration(float(study.shared[2][0, 0]), study)
+    law = design_shares.predict_amplitude_error(rig, filmed)
     drawn = [amplitude_error(rig, filmed, seed) for seed in range(4)]
     conforms.sampled(np.sqrt(np.mean(np.square(drawn))), law, rtol=0.1)
 
@@ -527,13 +529,13 @@ def test_the_mean_of_the_polytope_is_no_worse_than_its_centre_in_frames_and_film
 
 def test_numbers_of_cameras_differ_for_least_squares_below_half_a_pixel(conforms):
     """As the page says: alike above half a pixel, to the tenth; below it many are better."""
-    request = validate("design-law", {})
+    request = validate_request("design-law", {})
     peak = request.amplitude_mm / 1000
-    points = design_sweeps.shapes(setups.beam(), peak)
+    points = design_sweeps.mode_shapes(setups.thesis_beam(), peak)
     cosine = np.sin(np.radians(request.cone_deg)) / (request.cone_distance_mm / 1000)
     motions, ratios = [], []
     for count, rate in [(2, 60), (8, 60), (64, 60), (64, 240), (8, 960), (16, 960), (64, 960)]:
-        one = validate("design-law", {"counts": [count], "frame_rates_hz": [rate]})
+        one = validate_request("design-law", {"counts": [count], "frame_rates_hz": [rate]})
         (setting,) = one.settings()
         rig = setting.cameras(24, 36)
         focal = setting.resolution_px[0] * 24 / 36
@@ -551,7 +553,7 @@ def test_numbers_of_cameras_differ_for_least_squares_below_half_a_pixel(conforms
 
 
 def test_film_is_fitted_exactly_without_rounding(conforms, study):
-    filmed = design_shares.film(60.0, study)
+    filmed = design_shares.sample_vibration(60.0, study)
     waves = (filmed.fit @ filmed.points[2][..., None])[..., 0]
     conforms.closed_form(waves[:, 0], filmed.peaks, rtol=1e-12)
     conforms.closed_form(waves[:, 1:], 0, atol=1e-15)
@@ -560,7 +562,7 @@ def test_film_is_fitted_exactly_without_rounding(conforms, study):
 
 def test_films_in_parts_are_films_at_once(conforms, study, monkeypatch):
     rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.film(60.0, study)
+    filmed = design_shares.sample_vibration(60.0, study)
     whole = amplitude_error(rig, filmed, 0)
     monkeypatch.setattr(design_shares, "_FILM_VALUES", 500)
     conforms.invariance(amplitude_error(rig, filmed, 0), whole, rtol=1e-9)
@@ -568,8 +570,8 @@ def test_films_in_parts_are_films_at_once(conforms, study, monkeypatch):
 
 def test_frames_that_show_the_same_pixels_are_taken_once(conforms, study):
     rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.film(480.0, study)
-    images, number = design_shares.seen(rig, filmed, 3)
+    filmed = design_shares.sample_vibration(480.0, study)
+    images, number = design_shares.round_images(rig, filmed, 3)
     shifts = rounding.grid_shifts(3, len(filmed.peaks), len(rig))[1:]
     shift = np.moveaxis(shifts, 0, 2)[..., None]
     every = pixelate(project(rig.P, filmed.points) + shift) - shift
@@ -597,13 +599,17 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
         return triangulate(P, uv, steps=0)
 
     monkeypatch.setitem(design_shares.ESTIMATORS, "linear", linear)
-    request = validate("design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]})
+    request = validate_request(
+        "design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]}
+    )
     both = with_provenance(design_study.run(request), request, 0.0)
     assert both["estimator"].values.tolist() == [*design_shares.ESTIMATORS]
     assert both["estimator"].values[-1] == "linear"
     assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][-1])
-    assert "linear" in design_tables.shares(both)
-    assert "linear" in svg(figure_sets_display.picture(both, "shares")).replace("<!-- ", "")
+    assert "linear" in design_tables.list_shares(both)
+    assert "linear" in figure_svg(figure_sets_display.draw_picture(both, "shares")).replace(
+        "<!-- ", ""
+    )
 
 
 # The cube, its figures and tables.
@@ -611,8 +617,8 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
 
 def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     path = tmp_path / "design-law.nc"
-    storage.write(cube, path, compact=True)
-    table = cubes.summary(cube_file.read(path))
+    storage.write_netcdf(cube, path, compact=True)
+    table = cubes.summarise_errors(cube_file.read_cube(path))
     assert list(table) == ["quantity", "value", "unit"]
     assert table["quantity"].is_unique
     assert np.isfinite(table["value"]).all()
@@ -622,16 +628,17 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
     other = cube.assign(value=cube["value"] * 1.01)
     lines = comparison.difference_lines(other, cube, "x")
     assert len(lines) == len(table)
-    storage.write(cube.drop_vars("quantity"), path)
+    storage.write_netcdf(cube.drop_vars("quantity"), path)
     with pytest.raises(storage.CubeError, match="it lacks quantity"):
-        cube_file.read(path)
+        cube_file.read_cube(path)
 
 
 @pytest.mark.slow
 def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_the_laws():
     least = {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]}
     one, same, other = (
-        design_study.run(validate("design-law", least | more)) for more in ({}, {}, {"seed": 5})
+        design_study.run(validate_request("design-law", least | more))
+        for more in ({}, {}, {"seed": 5})
     )
     xr.testing.assert_equal(one, same)
     for name in ("law_error", "cone_error", "expected_error", "frame_error"):
@@ -644,9 +651,9 @@ def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_
 @pytest.mark.parametrize("name", read_toml("captions.toml")["design-law"])
 def test_figures_are_drawn_from_the_cube_alone(cube, name):
     bare = cube.drop_attrs().assign_attrs(figure_set="design-law")
-    one, other = (svg(figure_sets_display.picture(part, name)) for part in (bare, cube))
+    one, other = (figure_svg(figure_sets_display.draw_picture(part, name)) for part in (bare, cube))
     assert one == other
-    assert len(figure_sets_display.picture(cube, name).axes) >= 1
+    assert len(figure_sets_display.draw_picture(cube, name).axes) >= 1
 
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
@@ -667,7 +674,7 @@ def test_tables_have_the_numbers_of_the_cube(cube, name):
 
 
 def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
-    text = design_tables.findings(cube)
+    text = design_tables.list_findings(cube)
     best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
     assert f"least error at {best}°" in text
     assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
@@ -718,7 +725,7 @@ def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     conforms.sampled(below, below=3.5)
     text = " ".join(design_tables.few_noisy(cube).split())
     assert f"by {max(0.0, below.max()):.1f} standard errors at most" in text
-    for row in design_tables.noisy(cube).splitlines()[2 : 2 + cube.sizes["count"]]:
+    for row in design_tables.list_noisy(cube).splitlines()[2 : 2 + cube.sizes["count"]]:
         assert row.count("±") == len(design_tables.SHOWN_NOISES_PX)
 
 
@@ -740,7 +747,9 @@ def test_standard_error_of_an_rms_is_its_scatter(conforms, draw):
 
 def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
     """16 cameras: worse than least squares if told too little, than the centre if too much."""
-    study = validate("design-law", {"trials": 100, "counts": [2, 16], "frame_rates_hz": [60]})
+    study = validate_request(
+        "design-law", {"trials": 100, "counts": [2, 16], "frame_rates_hz": [60]}
+    )
     found = design_shares.noisy_shares(study)
     (squares, centre, interval), right = found["mistaken_error"][1].T, found["noisy_share_error"][1]
     conforms.sampled(interval[0] / squares[0], above=1.0, below=1.15)
@@ -754,14 +763,16 @@ def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
 
 def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
     noises = np.array(design_shares.NOISES_PX)
-    conforms.closed_form(design_shares.halved(0.4 - noises), 0.2, atol=1e-12)
-    conforms.closed_form(design_shares.halved(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12)
-    assert np.isnan(design_shares.halved(0.01 - noises))  # next to no gain
-    assert np.isnan(design_shares.halved(0.4 - 0.1 * noises))  # always more than half
+    conforms.closed_form(design_shares.half_gain_noise(0.4 - noises), 0.2, atol=1e-12)
+    conforms.closed_form(
+        design_shares.half_gain_noise(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12
+    )
+    assert np.isnan(design_shares.half_gain_noise(0.01 - noises))  # next to no gain
+    assert np.isnan(design_shares.half_gain_noise(0.4 - 0.1 * noises))  # always more than half
 
 
 def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
-    text = design_tables.shares(cube)
+    text = design_tables.list_shares(cube)
     assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
     for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
         rig = setting.cameras(24, 36)
@@ -775,7 +786,7 @@ def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
 def test_the_tracker_follows_markers_from_that_height_on():
     """As published: where markers are higher every one has a result, and lower they are lost."""
     published = read_published("lab-elevation")
-    lab = validate("lab-elevation", {})
+    lab = validate_request("lab-elevation", {})
     heights = {}
     for setting in lab.settings():
         focal = lab.focal_length_mm / lab.sensor_width_mm * setting.resolution_px[0]
@@ -790,7 +801,7 @@ def test_the_tracker_follows_markers_from_that_height_on():
 
 @pytest.mark.parametrize("n", [16, 64])
 def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
-    noise = dither.tolerance(n, 6, 0)
+    noise = dither.noise_tolerance(n, 6, 0)
     rules = ("least-squares", "analytic-centre")
     gains = []
     for one in (0.0, noise):
@@ -804,8 +815,8 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
     """Half the distance is twice the pixels across: the same errors, drawn, at both."""
     near = {"distances_mm": [1000], "trials": 400, "modes": [1]}
     values = {"distance_mm": 2000, "widths_px": [640], "trials": 400, "modes": [1]}
-    one = studies.run(validate("beam-distance", near))
-    other = studies.run(validate("beam-resolution", values))
+    one = studies.run(validate_request("beam-distance", near))
+    other = studies.run(validate_request("beam-resolution", values))
     rms = [np.sqrt(np.mean(c["mean_error"].values[0, 0, 1:] ** 2)) for c in (one, other)]
     conforms.sampled(rms[0] / rms[1], 1, atol=0.1)
 
@@ -813,7 +824,7 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
 @pytest.mark.slow
 def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     study = DesignLaw.model_validate({"trials": 12})
-    made = dither.estimated(study) | dither.dithered(study)
+    made = dither.simulate_estimators(study) | dither.simulate_dither(study)
     crowd = np.asarray(made["crowd_error"])
     linear, least, centre, joint = crowd.T
     assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
@@ -832,7 +843,7 @@ def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
 
 
 def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
-    made = dither.dithered(DesignLaw.model_validate({"trials": 2}))
+    made = dither.simulate_dither(DesignLaw.model_validate({"trials": 2}))
     shake = dither.SHAKES_PX
     left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
     late = (shake > 0.3) & (shake < 0.8)

@@ -44,7 +44,7 @@ def test_threads_that_draw_at_once_draw_as_one_does(cube):
     def other() -> None:
         for size in (5, 30):
             with style.in_style({"font.size": size, "axes.titlelocation": "center"}):
-                style.svg(style.subplots()[0])
+                style.figure_svg(style.subplots()[0])
 
     threads = [threading.Thread(target=work) for work in (draw, other, draw, other)]
     for thread in threads:

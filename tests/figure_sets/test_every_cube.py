@@ -15,7 +15,7 @@ from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.optics import compute as optics
 from thesis_lib.figure_sets.planner import compute as planner
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.planning import results as plan_cube
 from thesis_lib.studies.schema import Variable
 
@@ -82,8 +82,8 @@ PLANS = {"counts": [2, 4], "resolutions_px": [[640, 360]], "starts": 1, "step_de
 SMALL = {
     "beam-arrays": lambda: cube_of("beam-arrays"),
     "sound-distance": lambda: cube_of("sound-distance"),
-    "cameras": lambda: optics.run(validate("cameras", {})),
-    "planner": lambda: planner.run(validate("planner", PLANS)),
+    "cameras": lambda: optics.run(validate_request("cameras", {})),
+    "planner": lambda: planner.run(validate_request("planner", PLANS)),
     "claims-layouts": own_cube,
 }
 
@@ -96,6 +96,6 @@ def test_small_cubes_have_units_and_long_names(name):
 @pytest.mark.book
 @pytest.mark.parametrize("name", STUDIES)
 def test_cubes_of_the_book_have_units_and_long_names(name):
-    cube = cube_file.built(STUDIES[name]())
+    cube = cube_file.read_built(STUDIES[name]())
     assert not isinstance(cube, str), cube
     assert faults(attributes_of(cube)) == []

@@ -18,11 +18,11 @@ from thesis_lib.figure_sets.experiment.parameters import (
     ExperimentResolution,
     method_of,
 )
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vibration.motion import Component
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 SIGMA = 0.02  # px
 WIDTHS = [320, 640, 1280, 1920]
@@ -31,11 +31,11 @@ REPLICATES = 13
 
 
 def resolution(**values):
-    return validate("experiment-resolution", {"trials": REPLICATES - 1, **QUIET, **values})
+    return validate_request("experiment-resolution", {"trials": REPLICATES - 1, **QUIET, **values})
 
 
 def cameras(**values):
-    return validate("experiment-cameras", {"trials": REPLICATES - 1, **QUIET, **values})
+    return validate_request("experiment-cameras", {"trials": REPLICATES - 1, **QUIET, **values})
 
 
 @pytest.fixture(scope="module")
@@ -464,8 +464,8 @@ def test_rigs_that_do_not_see_the_whole_beam_are_refused(values):
 
 
 def test_the_bounds_themselves_are_allowed():
-    validate(BOTH[0], {"frequency_hz": 24.0, "exposure_ms": 1000 / 60, "distance_mm": 480})
-    validate(BOTH[1], {"width_px": 160, "amplitude_mm": 6})
+    validate_request(BOTH[0], {"frequency_hz": 24.0, "exposure_ms": 1000 / 60, "distance_mm": 480})
+    validate_request(BOTH[1], {"width_px": 160, "amplitude_mm": 6})
 
 
 def test_both_studies_share_one_set_of_recordings():
@@ -495,7 +495,7 @@ def test_the_parameters_reach_the_rig():
               "elevation_deg": 35.0, "lens_k1": 0.0, "frequency_hz": 5.0, "amplitude_mm": 2.0,
               "frame_rate_hz": 100.0, "exposure_ms": 2.0, "shot_noise": 0.1, "read_noise": 2.0,
               "audio_noise_db": 30.0, "seed": 9}  # fmt: skip
-    rig = rig_of(validate(BOTH[0], values).recordings)
+    rig = rig_of(validate_request(BOTH[0], values).recordings)
     camera, station = rig.cameras[1], rig.stations[1]
     assert camera.K[0, 0] == pytest.approx(1600, rel=0.006)
     x, y, z = camera.centre / 0.7

@@ -8,7 +8,7 @@ from scenes.equal_pixels import equal_pixels
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_equal_pixels import compute
 from thesis_lib.figure_sets.lab_equal_pixels.parameters import STORED_REPLICATES
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.studies.schema import with_provenance
@@ -17,7 +17,7 @@ from thesis_lib.vision.pinhole import project
 
 
 def study(**values):
-    return validate("lab-equal-pixels", values)
+    return validate_request("lab-equal-pixels", values)
 
 
 def made(request, **scene):
@@ -147,7 +147,7 @@ def test_the_verdict_follows_the_bands():
 
     def verdict(low, high):
         band = cube["ratio_band"].copy(data=np.full(cube["ratio_band"].shape, [low, high]))
-        text = display.text(cube.assign(ratio_band=band), "results")
+        text = display.fill_text(cube.assign(ratio_band=band), "results")
         return text.splitlines()[2].split("|")[-2].strip()
 
     assert verdict(1.2, 1.5) == "worse"
@@ -182,4 +182,4 @@ def test_cameras_that_find_no_board_have_no_result(monkeypatch):
     data = data.map(lambda values: np.nan * values)
     cube = compute.run(request, data)
     assert cube["failed"] == 1
-    assert "nan" not in display.text(with_provenance(cube, request, 0.0), "recordings")
+    assert "nan" not in display.fill_text(with_provenance(cube, request, 0.0), "recordings")

@@ -24,33 +24,33 @@ from thesis_lib.figure_sets.lab_plate import compute as plate_films
 from thesis_lib.figure_sets.lab_plate.compute import surface_matrix
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.lab_plate.parameters import stands_of
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import replicates as lab_films
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.fitting import aliasing
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import viewer_data
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration import torsion
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
-BEAM, PLATE = setups.beam(), setups.plate()
+BEAM, PLATE = setups.thesis_beam(), setups.thesis_plate()
 SIGMA = 0.02  # px
 QUICK = {"width_px": 960, "frames": 12, "modes": [3], "trials": 0}
 SMALL = {"plane_shape": [19, 13], "trials": 2}
 
 
 def modes_study(**values):
-    return validate("lab-modes", {"trials": 2, **values})
+    return validate_request("lab-modes", {"trials": 2, **values})
 
 
 def plate_study(**values):
-    return validate("lab-plate", {**SMALL, **values})
+    return validate_request("lab-plate", {**SMALL, **values})
 
 
 def finished(cube, study):
@@ -87,7 +87,7 @@ def of(cube, case, label=None):
 
 @given(st.floats(0.1, 2000), st.floats(10, 500), st.integers(8, 40))
 def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate, frames):
-    shown = float(aliasing.alias(frequency, rate))
+    shown = float(aliasing.fold_frequency(frequency, rate))
     assert 0 <= shown <= rate / 2 * (1 + 1e-12)
     times = np.arange(frames) / rate
     conforms.invariance(
@@ -97,9 +97,11 @@ def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate
 
 @given(st.floats(1, 900), st.floats(10, 500))
 def test_a_frequency_is_among_those_that_show_where_it_does(conforms, frequency, rate):
-    every = aliasing.candidates(float(aliasing.alias(frequency, rate)), rate, 1000.0)
+    every = aliasing.list_aliases(float(aliasing.fold_frequency(frequency, rate)), rate, 1000.0)
     conforms.closed_form(np.abs(every - frequency).min(), below=1e-9 * rate + 1e-9)
-    conforms.invariance(aliasing.alias(every, rate), aliasing.alias(frequency, rate), atol=1e-8)
+    conforms.invariance(
+        aliasing.fold_frequency(every, rate), aliasing.fold_frequency(frequency, rate), atol=1e-8
+    )
     assert np.all(np.diff(every) > 0)
 
 
@@ -119,14 +121,14 @@ def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(con
     rng = np.random.default_rng(0)
     times = [start + np.arange(40) / 60 for start in (0.0, 0.007)]
     clean = [np.cos(2 * np.pi * 7.3 * t)[:, None] * [1.0, -2.0] for t in times]
-    conforms.closed_form(spectra.explained_share([7.3], times, clean)[0], 1, rtol=1e-6)
+    conforms.closed_form(spectra.share_explained([7.3], times, clean)[0], 1, rtol=1e-6)
     conforms.closed_form(spectra.read_frequency(times, clean, 60), 7.3, atol=1e-3)
     mixed = [own + 0.3 * rng.standard_normal(own.shape) for own in clean]
     share = np.mean([own.var() for own in clean]) / np.mean([own.var() for own in mixed])
-    conforms.closed_form(spectra.explained_share([7.3], times, mixed)[0], share, atol=0.03)
+    conforms.closed_form(spectra.share_explained([7.3], times, mixed)[0], share, atol=0.03)
     gappy = [np.column_stack([own, own[:, 0]]) for own in clean]
     gappy[0][3, 2] = np.nan
-    conforms.closed_form(spectra.explained_share([7.3], times, gappy)[0], 1, rtol=1e-6)
+    conforms.closed_form(spectra.share_explained([7.3], times, gappy)[0], 1, rtol=1e-6)
 
 
 # Bending and torsion, from exact projections.
@@ -227,12 +229,12 @@ def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_
 
 
 def test_static_torsion_is_saint_venant_s(conforms):
-    summed = torsion.twist(BEAM, 0.01, 1e-6, modes=4000)
-    angle = 0.01 * BEAM.force_position / torsion.rigidity(BEAM)
+    summed = torsion.tip_twist(BEAM, 0.01, 1e-6, modes=4000)
+    angle = 0.01 * BEAM.force_position / torsion.torsional_rigidity(BEAM)
     conforms.closed_form(summed, angle * BEAM.width / 2, rtol=1e-3)
     first, second = (torsion.torsional_frequency(BEAM, n) for n in (1, 2))
     conforms.invariance(second, 3 * first, rtol=1e-6)
-    assert torsion.twist(BEAM, 0.01, first) > 10 * torsion.twist(BEAM, 0.01, 0.5 * first)
+    assert torsion.tip_twist(BEAM, 0.01, first) > 10 * torsion.tip_twist(BEAM, 0.01, 0.5 * first)
 
 
 # The plate and its sound.
@@ -242,7 +244,7 @@ def test_static_torsion_is_saint_venant_s(conforms):
 def heard():
     study = plate_study()
     shape = deflection_shape(PLATE, 1, PLATE.markers, 1e-3)
-    omega = resonance(PLATE, 1)
+    omega = resonance_frequency(PLATE, 1)
     return PlateSound.of(PLATE, study.planes, study.medium, omega, shape)
 
 
@@ -284,7 +286,9 @@ def test_nodal_planes_have_no_error(conforms):
     study = plate_study()
     for mode, silent in ((2, [False, True]), (3, [True, False]), (5, [True, True])):
         shape = deflection_shape(PLATE, mode, PLATE.markers, 1e-3)
-        sound = PlateSound.of(PLATE, study.planes, study.medium, resonance(PLATE, mode), shape)
+        sound = PlateSound.of(
+            PLATE, study.planes, study.medium, resonance_frequency(PLATE, mode), shape
+        )
         np.testing.assert_array_equal(np.isnan(sound.plane_errors(1.1 * shape)), silent)
         conforms.invariance(sound.power_errors(1.1 * shape), 21, rtol=1e-7)
 
@@ -375,8 +379,8 @@ def test_a_cube_has_named_dimensions_units_and_meanings(conforms, name, request)
     conforms.independent(cube["max_point_error"], error.max(axis=-1), atol=1e-4)
     conforms.independent(cube["point_error"], error[:, :, 0], atol=1e-5)
     assert cube["trial"].size == json.loads(cube.attrs["parameters"])["trials"] + 1
-    table = cubes.summary(cube)
-    assert set(table["error"]) == set(cubes.errors(cube))
+    table = cubes.summarise_errors(cube)
+    assert set(table["error"]) == set(cubes.cube_errors(cube))
     assert not table.duplicated([*cubes.ROW_KEYS, "error"]).any()
 
 
@@ -387,37 +391,44 @@ def test_every_figure_table_and_viewer_is_made(name, request):
         assert "<svg" in as_svg(cube, case, int(cube["mode"][0]))
     json.dumps(viewer_data.viewer_data(cube))
     if name == "beam_cube":
-        assert "<svg" in svg(figure_sets_display.picture(cube, "aliases", 3))
-        assert figure_sets_display.picture(cube, "aliases", 1) is None
-        texts = [figure_sets_display.text(cube, of) for of in ("frequency", "parts", "conditions")]
+        assert "<svg" in figure_svg(figure_sets_display.draw_picture(cube, "aliases", 3))
+        assert figure_sets_display.draw_picture(cube, "aliases", 1) is None
+        texts = [
+            figure_sets_display.fill_text(cube, of) for of in ("frequency", "parts", "conditions")
+        ]
     else:
-        texts = [figure_sets_display.text(cube, of) for of in ("ratios", "visibility")]
-        texts += [figure_sets_display.text(cube, "plate", mode) for mode in (1, 2, 3)]
-        assert "not asked for" in figure_sets_display.text(cube, "plate", 5)
+        texts = [figure_sets_display.fill_text(cube, of) for of in ("ratios", "visibility")]
+        texts += [figure_sets_display.fill_text(cube, "plate", mode) for mode in (1, 2, 3)]
+        assert "not asked for" in figure_sets_display.fill_text(cube, "plate", 5)
     for text in texts:
         assert "nan" not in text
 
 
 @pytest.mark.parametrize("name", ["lab-modes", "lab-plate"])
 def test_without_trials_everything_is_still_shown(name):
-    study = validate(name, {"trials": 0, "cases": ["known"] if name == "lab-modes" else ["cameras"],
-                            "modes": [2]})  # fmt: skip
+    study = validate_request(
+        name,
+        {"trials": 0, "cases": ["known"] if name == "lab-modes" else ["cameras"], "modes": [2]},
+    )
     run = lab_modes_study.run if name == "lab-modes" else lab_plate_study.run
     cube = finished(run(study, films(study, SIGMA)), study)
     json.dumps(viewer_data.viewer_data(cube))
     case = str(cube["case"].values[0])
     assert "<svg" in as_svg(cube, case, 2)
     if name == "lab-modes":
-        figure_sets_display.text(cube, "parts"), figure_sets_display.text(cube, "conditions")
+        (
+            figure_sets_display.fill_text(cube, "parts"),
+            figure_sets_display.fill_text(cube, "conditions"),
+        )
     else:
-        assert "nan" not in figure_sets_display.text(cube, "plate", 2)
-        assert "nan" not in figure_sets_display.text(cube, "ratios")
+        assert "nan" not in figure_sets_display.fill_text(cube, "plate", 2)
+        assert "nan" not in figure_sets_display.fill_text(cube, "ratios")
 
 
 def test_the_same_request_gives_the_same_bytes(tmp_path):
     study = modes_study(modes=[3], cases=["read"], trials=2)
     for name in ("one.nc", "other.nc"):
-        storage.write(lab_modes_study.run(study, films(study, SIGMA)), tmp_path / name)
+        storage.write_netcdf(lab_modes_study.run(study, films(study, SIGMA)), tmp_path / name)
     assert (tmp_path / "one.nc").read_bytes() == (tmp_path / "other.nc").read_bytes()
 
 
@@ -566,11 +577,13 @@ def test_silly_parameters_are_refused_in_one_line(name, values, words):
 @given(st.floats(10, 600), st.integers(8, 60))
 def test_a_rate_that_is_allowed_has_a_fit_that_knows_its_parts(rate, frames):
     try:
-        validate("lab-modes", {"frame_rates_hz": [rate], "frames": frames, "exposure_ms": 0.1})
+        validate_request(
+            "lab-modes", {"frame_rates_hz": [rate], "frames": frames, "exposure_ms": 0.1}
+        )
     except ParameterError:
         return
     for mode in (2, 3):
-        hertz = resonance(BEAM, mode) / 2 / np.pi
+        hertz = resonance_frequency(BEAM, mode) / 2 / np.pi
         A = np.stack([np.ones(frames), np.cos(2 * np.pi * hertz * np.arange(frames) / rate),
                       np.sin(2 * np.pi * hertz * np.arange(frames) / rate)], 1)  # fmt: skip
         inverse = np.linalg.inv(A.T @ A)

@@ -18,8 +18,8 @@ from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics import tables as optics_tables
-from thesis_lib.figure_sets.registry import validate
-from thesis_lib.plotting.style import svg
+from thesis_lib.figure_sets.registry import validate_request
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import comparison, cubes, published
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import world_points
@@ -86,13 +86,15 @@ def test_two_rays_through_a_lens_meet_in_the_image(conforms, focal, times, heigh
     slopes = np.array([-height / z, -height / focal])
     behind = height / (slopes[0] - slopes[1])
     conforms.independent(optics.image_distance(focal, z), behind, rtol=1e-9)
-    conforms.independent(optics.magnification(focal, z), -slopes[0] * behind / height, rtol=1e-9)
+    conforms.independent(
+        optics.image_magnification(focal, z), -slopes[0] * behind / height, rtol=1e-9
+    )
 
 
 def test_far_objects_are_sharp_at_the_focal_length_and_twice_it_is_life_size(conforms):
     conforms.closed_form(optics.image_distance(24, 1e12), 24, rtol=1e-6)
     assert optics.image_distance(24, 48) == 48
-    assert optics.magnification(24, 48) == 1
+    assert optics.image_magnification(24, 48) == 1
 
 
 def spread(focal: float, f_number: float, focused: float, z: float) -> float:
@@ -144,7 +146,9 @@ def test_depth_of_field_broadcasts_and_knows_no_object_within_the_focal_length()
 def test_disparity_is_that_of_projected_points(conforms, baseline, depth, x):
     images = project(beside(baseline).P, [x, 0.1, depth])
     disparity = images[0, 0] - images[1, 0]
-    conforms.independent(optics.disparity(depth, baseline, 213.3), disparity, rtol=1e-9, atol=1e-9)
+    conforms.independent(
+        optics.stereo_disparity(depth, baseline, 213.3), disparity, rtol=1e-9, atol=1e-9
+    )
     conforms.independent(optics.stereo_depth(disparity, baseline, 213.3), depth, rtol=1e-6)
 
 
@@ -180,7 +184,7 @@ def test_the_image_behind_the_hole_is_turned_round(conforms, x, y, z, f):
 
 @given(st.floats(0, 6), st.floats(0.1, 1.5), st.floats(0.5, 3))
 def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, elevation, distance):
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     points = world_points(beam, np.zeros(beam.n_markers))
     camera = hemisphere_cameras(distance, [azimuth], [elevation], 213.3, SIZE)
     depth = camera.R_camera_world[0, 2] @ (points - camera.centres[0][:, None])
@@ -202,7 +206,7 @@ def test_one_depth_is_exact_for_points_that_have_one(conforms):
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.floats(0.1, 10))
 def test_homogeneous_coordinates_go_there_and_back(conforms, point, factor):
-    triple = optics.homogeneous(point)
+    triple = optics.append_one(point)
     assert triple.shape == (len(point) + 1,)
     conforms.invariance(optics.from_homogeneous(factor * triple), point, atol=1e-12)
 
@@ -212,12 +216,14 @@ def test_a_point_at_infinity_has_no_finite_coordinates():
 
 
 def test_lines_join_points_and_points_join_lines(conforms):
-    a, b, c = optics.homogeneous([[0, 1], [2, 5], [3, 1]])
-    line, other = optics.join(a, b), optics.join(a, c)
+    a, b, c = optics.append_one([[0, 1], [2, 5], [3, 1]])
+    line, other = optics.join_homogeneous(a, b), optics.join_homogeneous(a, c)
     assert [float(line @ a), float(line @ b)] == [0, 0]
-    conforms.closed_form(optics.from_homogeneous(optics.join(line, other)), [0, 1], rtol=1e-7)
-    parallel = optics.join(*optics.homogeneous([[0, 3], [2, 7]]))
-    meeting = optics.join(line, parallel)
+    conforms.closed_form(
+        optics.from_homogeneous(optics.join_homogeneous(line, other)), [0, 1], rtol=1e-7
+    )
+    parallel = optics.join_homogeneous(*optics.append_one([[0, 3], [2, 7]]))
+    meeting = optics.join_homogeneous(line, parallel)
     assert meeting[2] == 0
     assert meeting[1] / meeting[0] == 2  # the direction of both
 
@@ -268,11 +274,11 @@ def test_a_mosaic_records_one_colour_per_pixel(pattern):
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_recorded_values_stay_and_constant_colours_are_exact_to_the_border(conforms, pattern):
     picture = np.random.default_rng(4).random((6, 8, 3))
-    found = optics.demosaic(optics.bayer_mosaic(picture, pattern), pattern)
+    found = optics.demosaic_image(optics.bayer_mosaic(picture, pattern), pattern)
     masks = optics.bayer_masks((6, 8), pattern)
     np.testing.assert_array_equal(found[masks], picture[masks])
     constant = np.broadcast_to([0.2, 0.5, 0.9], (6, 8, 3))
-    found = optics.demosaic(optics.bayer_mosaic(constant, pattern), pattern)
+    found = optics.demosaic_image(optics.bayer_mosaic(constant, pattern), pattern)
     conforms.closed_form(found, constant, rtol=1e-7)
 
 
@@ -280,7 +286,7 @@ def test_recorded_values_stay_and_constant_colours_are_exact_to_the_border(confo
 def test_demosaicing_is_exact_where_colours_change_linearly(conforms, pattern):
     row, column = np.indices((9, 12))[..., None]
     picture = np.array([0.1, 0.2, 0.3]) + np.array([0.02, 0.01, -0.01]) * row + column * 0.03
-    found = optics.demosaic(optics.bayer_mosaic(picture, pattern), pattern)
+    found = optics.demosaic_image(optics.bayer_mosaic(picture, pattern), pattern)
     conforms.closed_form(found[1:-1, 1:-1], picture[1:-1, 1:-1], rtol=1e-7)
     assert np.abs(found - picture).max() > 0.005  # at the border it is not
 
@@ -289,7 +295,7 @@ def test_demosaicing_is_exact_where_colours_change_linearly(conforms, pattern):
 def test_demosaicing_is_that_of_opencv(pattern):
     mosaic = np.random.default_rng(5).integers(0, 60_000, (20, 30)).astype(np.uint16)
     theirs = cv2.demosaicing(mosaic, getattr(cv2, f"COLOR_Bayer{pattern}2RGB"))
-    found = optics.demosaic(mosaic, pattern)
+    found = optics.demosaic_image(mosaic, pattern)
     assert np.abs(found - theirs)[1:-1, 1:-1].max() <= 1  # theirs are whole numbers
 
 
@@ -298,11 +304,13 @@ def test_demosaicing_is_that_of_opencv(pattern):
 
 @pytest.fixture(scope="module")
 def picture():
-    return optics_pictures.draw(setups.beam(), 0.5, radians(30), radians(25), 24 / 36, 0.005)
+    return optics_pictures.draw_beam(
+        setups.thesis_beam(), 0.5, radians(30), radians(25), 24 / 36, 0.005
+    )
 
 
 def test_markers_are_drawn_where_they_are_and_as_large_as_they_are(conforms, picture):
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     points = world_points(beam, np.zeros(beam.n_markers))
     images = project(picture.camera.P, points)[0]
     steps = [project(picture.camera.P, points + step)[0] - images
@@ -344,14 +352,14 @@ def test_without_edges_colour_filters_cost_nothing(conforms, picture):
 
 @pytest.fixture(scope="module")
 def cube():
-    request = validate("cameras", {})
+    request = validate_request("cameras", {})
     return with_provenance(optics_study.run(request), request, 0.0)
 
 
 def test_the_asked_distances_are_among_those_of_the_curves(cube):
     assert np.isin(cube["shown_distance"].values, cube["distance"].values).all()
     assert (np.diff(cube["distance"].values) > 0).all()
-    odd = validate("cameras", {"distances_mm": [1000, 333.333333, 500]})
+    odd = validate_request("cameras", {"distances_mm": [1000, 333.333333, 500]})
     run = optics_study.run(odd)
     assert run["shown_distance"].values.tolist() == [1.0, 0.333333333, 0.5]
     assert np.isin(run["shown_distance"].values, run["distance"].values).all()
@@ -395,7 +403,9 @@ def test_values_of_the_cube_are_those_of_the_formulas(conforms, cube):
 
 def test_random_shifts_follow_seed_and_number_of_trials():
     runs = [
-        optics_study.run(validate("cameras", {"trials": 5, "seed": seed, "widths_px": [16]}))
+        optics_study.run(
+            validate_request("cameras", {"trials": 5, "seed": seed, "widths_px": [16]})
+        )
         for seed in (0, 0, 1)
     ]
     same, again, other = (run["rounded_depth_error"].values for run in runs)
@@ -419,13 +429,13 @@ def test_random_shifts_follow_seed_and_number_of_trials():
     ids=str,
 )
 def test_odd_requests_run_and_are_shown(values):
-    request = validate("cameras", {**values, "trials": 2})
+    request = validate_request("cameras", {**values, "trials": 2})
     made = with_provenance(optics_study.run(request), request, 0.0)
     for name in optics_tables.TABLES:
-        assert "|" in optics_tables.show(made, name).data
+        assert "|" in optics_tables.show_table(made, name).data
     for name in read_toml("captions.toml")["cameras"]:
-        assert "<svg" in svg(figure_sets_display.picture(made, name))
-    assert cubes.summary(made)["quantity"].is_unique
+        assert "<svg" in figure_svg(figure_sets_display.draw_picture(made, name))
+    assert cubes.summarise_errors(made)["quantity"].is_unique
 
 
 @pytest.mark.parametrize(
@@ -449,9 +459,9 @@ def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
 
 
 def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
-    monkeypatch.setattr(published, "published_path", lambda name: tmp_path / f"{name}.csv")
+    monkeypatch.setattr(published, "summary_path", lambda name: tmp_path / f"{name}.csv")
     assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
-    published.publish(cube)
+    published.publish_errors(cube)
     number = cube.sizes["quantity"]
     same = [f"no difference from published ({number} quantities compared)"]
     assert comparison.difference_lines(cube) == same
@@ -461,7 +471,7 @@ def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
     (line,) = comparison.difference_lines(changed)
     assert line.startswith("centre shift by colour: 0.0")
     assert line.endswith(" → 1 px")
-    request = validate("cameras", {"distances_mm": [500], "circle_mm": 0.02})
+    request = validate_request("cameras", {"distances_mm": [500], "circle_mm": 0.02})
     other = with_provenance(optics_study.run(request), request, 0.0)
     lines = comparison.difference_lines(other, cube, "old.nc")
     assert lines
@@ -480,7 +490,7 @@ def test_what_is_published_is_what_comes_out(cube):
 
 def test_the_same_cube_gives_the_same_pictures(cube):
     for name in read_toml("captions.toml")["cameras"]:
-        texts = {svg(figure_sets_display.picture(cube, name)) for _ in range(2)}
+        texts = {figure_svg(figure_sets_display.draw_picture(cube, name)) for _ in range(2)}
         assert len(texts) == 1
 
 

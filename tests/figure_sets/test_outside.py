@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.digests import code_digest, request_key
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
 from thesis_lib.studies import storage
-from thesis_lib.studies.request import validated
+from thesis_lib.studies.request import validate_values
 
 PAGE = (PROJECT / "book" / "own-figure-set.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```\{code-block\} python\n:caption: (.+)\n((?:.*\n)*?)```", PAGE)
@@ -102,7 +102,7 @@ def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, mo
 def test_compare_executes_nothing_that_lies_beside_a_cube(tmp_path, monkeypatch):
     """As one does with an archive of a cube and a module."""
     attrs = {"figure_set": "footprint", "parameters": "{}", "parameters_hash": "0" * 10}
-    storage.write(xr.Dataset({"mean_error": ("x", [1.0])}, attrs=attrs), tmp_path / "x.nc")
+    storage.write_netcdf(xr.Dataset({"mean_error": ("x", [1.0])}, attrs=attrs), tmp_path / "x.nc")
     (tmp_path / "figure_set.py").write_text("from pathlib import Path; Path('ran').touch()\n")
     monkeypatch.chdir(tmp_path)
     refusal(thesis("compare", "x.nc"))
@@ -133,15 +133,15 @@ def test_it_is_refused_as_others_are(footprint, tmp_path):
 
 
 def test_a_notebook_older_than_a_parameter_runs_with_its_default(footprint):
-    outside.load(footprint)
+    outside.load_sets(footprint)
     asked = show.checked("footprint", {"focal_length_mm": 50.0})
-    assert asked == registry.validate("footprint", {"focal_length_mm": 50.0})
+    assert asked == registry.validate_request("footprint", {"focal_length_mm": 50.0})
 
 
 def test_its_controls_rerun_it(footprint):
-    outside.load(footprint)
+    outside.load_sets(footprint)
     found = []
-    made = live.controls(registry.validate("footprint", {}), found.append)
+    made = live.controls(registry.validate_request("footprint", {}), found.append)
     made.inputs["focal_length_mm"].value = 36.0
     made.button.click()
     assert not any(one["output_type"] == "error" for one in made.output.outputs), (
@@ -151,7 +151,7 @@ def test_its_controls_rerun_it(footprint):
 
 
 def test_it_is_stale_when_what_it_rests_on_changes(footprint):
-    (name,) = outside.load(footprint)
+    (name,) = outside.load_sets(footprint)
     one = registry.FIGURE_SETS[name]
     before = request_key(one, one.request())
     for file in ("parameters.py", "compute.py"):
@@ -215,7 +215,7 @@ def test_the_notebooks_of_the_book_set_what_their_figure_sets_declare(name):
     }
     assert given.keys() == request.model_fields.keys()
     for field, value in given.items():
-        declared = validated(request, {field: ast.literal_eval(value)})
+        declared = validate_values(request, {field: ast.literal_eval(value)})
         assert getattr(declared, field) == getattr(request(), field), field
 
 
@@ -227,8 +227,8 @@ def test_in_the_library_it_is_one_of_the_book(own_checkout, footprint, tmp_path)
     assert "footprint" in own_checkout.thesis("list", cwd=tmp_path).stdout
     publish = (
         "from thesis_lib.figure_sets import cube_file; from pathlib import Path;"
-        "from thesis_lib.studies.published import publish;"
-        "publish(cube_file.read(Path('out/footprint.nc')))"
+        "from thesis_lib.studies.published import publish_errors;"
+        "publish_errors(cube_file.read_cube(Path('out/footprint.nc')))"
     )
     for said in ("nothing is published yet", "no difference from published (3 quantities"):
         done = own_checkout.thesis("run", "footprint", "--out", "out", cwd=tmp_path)

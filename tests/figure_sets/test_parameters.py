@@ -22,10 +22,10 @@ from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.studies.fields import unit
-from thesis_lib.studies.request import ParameterError, describe, validated
+from thesis_lib.studies.fields import unit_of_field
+from thesis_lib.studies.request import ParameterError, describe_parameters, validate_values
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -54,7 +54,7 @@ SHAPE = "shape-l"
 
 
 def allowed(name: str, field: str) -> str:
-    row = next(row for row in describe(STUDIES[name]) if row["name"] == field)
+    row = next(row for row in describe_parameters(STUDIES[name]) if row["name"] == field)
     return f"allowed: {row['allowed']}" + (f", in {row['unit']}" if row["unit"] else "")
 
 
@@ -305,7 +305,7 @@ def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
     reach = float(message.split("more than ")[1].split()[0])
     assert f"{reach:.4g} mm" in message
     further = 1.01 * reach
-    validate(name, {**values, field: [further] if field == "distances_mm" else further})
+    validate_request(name, {**values, field: [further] if field == "distances_mm" else further})
 
 
 @pytest.mark.parametrize(
@@ -335,9 +335,9 @@ def test_pistons_too_large_for_the_wave_are_refused(name):
     message = refusal(name, grid=[2, 2], modes=[1, 30])
     assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
     assert message.endswith("needs at most π: take lower modes or a finer grid")
-    validate(name, {"grid": [60, 60], "modes": [1, 30]})
-    validate(name, {"grid": [2, 2], "modes": [1]})
-    validate(name.replace("sound", "plate"), {"grid": [2, 2], "modes": [1, 30]})
+    validate_request(name, {"grid": [60, 60], "modes": [1, 30]})
+    validate_request(name, {"grid": [2, 2], "modes": [1]})
+    validate_request(name.replace("sound", "plate"), {"grid": [2, 2], "modes": [1, 30]})
 
 
 def test_a_slow_fluid_may_make_the_pistons_too_large():
@@ -348,13 +348,13 @@ def test_a_slow_fluid_may_make_the_pistons_too_large():
 def test_a_plane_may_start_higher_if_it_ends_higher():
     message = refusal(SOUND, plane_bottom_mm=500)
     assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
-    validate(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
+    validate_request(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
 
 
 def test_cases_that_are_not_run_refuse_nothing():
-    validate(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
-    validate(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
-    validate(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
+    validate_request(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
+    validate_request(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
+    validate_request(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
 
 
 class Own(CameraStudy):
@@ -369,14 +369,14 @@ class Own(CameraStudy):
 
 def test_a_camera_study_of_ones_own_has_the_shared_defaults():
     shared = set(CameraStudy.model_fields)
-    beam = validate(DISTANCE, {}).model_dump(include=shared)
-    assert validated(Own, {}).model_dump(include=shared) == beam
+    beam = validate_request(DISTANCE, {}).model_dump(include=shared)
+    assert validate_values(Own, {}).model_dump(include=shared) == beam
 
 
 @pytest.mark.parametrize("elevation", [-5.0, 0.0, 90.5])
 def test_a_camera_below_the_plane_or_beyond_the_normal_is_refused(elevation):
     with pytest.raises(ParameterError, match="an elevation above 0, at most 90") as caught:
-        validated(Own, {"elevation_deg": elevation})
+        validate_values(Own, {"elevation_deg": elevation})
     assert f", {elevation}], the [azimuth, elevation]" in str(caught.value)
 
 
@@ -395,14 +395,20 @@ def test_values_that_are_not_json_are_refused_by_name():
 
 
 def test_what_is_meant_is_accepted():
-    ints = validate(DISTANCE, {"distances_mm": (500, 800), "resolution_px": (640, 360)})
-    floats = validate(DISTANCE, {"distances_mm": [500.0, 800.0], "resolution_px": [640, 360]})
+    ints = validate_request(DISTANCE, {"distances_mm": (500, 800), "resolution_px": (640, 360)})
+    floats = validate_request(
+        DISTANCE, {"distances_mm": [500.0, 800.0], "resolution_px": [640, 360]}
+    )
     assert ints == floats
     assert [type(d) for d in ints.distances_mm] == [float, float]
-    assert validate(DISTANCE, {"amplitude_mm": [5, 5.0, 5]}).peaks_m == [0.005] * 3
-    assert validate(ARRAYS, {"cases": ["4a′"]}) == validate(ARRAYS, {"cases": ["4a'"]})
-    assert validate(ARRAYS, {"pair_order": {"4a′": "reversed"}}).pair_order == {"4a'": "reversed"}
-    assert validate(DISTANCE, {"trials": 0, "seed": 2**63 - 1, "cube": "a.nc"}).trials == 0
+    assert validate_request(DISTANCE, {"amplitude_mm": [5, 5.0, 5]}).peaks_m == [0.005] * 3
+    assert validate_request(ARRAYS, {"cases": ["4a′"]}) == validate_request(
+        ARRAYS, {"cases": ["4a'"]}
+    )
+    assert validate_request(ARRAYS, {"pair_order": {"4a′": "reversed"}}).pair_order == {
+        "4a'": "reversed"
+    }
+    assert validate_request(DISTANCE, {"trials": 0, "seed": 2**63 - 1, "cube": "a.nc"}).trials == 0
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -411,26 +417,28 @@ def test_digest_changes_with_every_parameter_but_not_with_the_cubes_place(name):
     first_case = {"cases": model().cases[:1]} if "cases" in model.model_fields else {}
     changes = {**CHANGES, **first_case, **OWN_CHANGES.get(name, {})}
     digests = {
-        field: validate(name, {field: changes[field]}).digest
+        field: validate_request(name, {field: changes[field]}).digest
         for field in model.model_fields
         if field != "cube"
     }
     assert len({*digests.values(), model().digest}) == len(digests) + 1
-    assert validate(name, {"cube": "somewhere.nc"}).digest == model().digest
+    assert validate_request(name, {"cube": "somewhere.nc"}).digest == model().digest
 
 
 def test_digest_is_the_same_for_the_same_request():
-    assert validate(DISTANCE, {"focal_length_mm": 24}).digest == STUDIES[DISTANCE]().digest
-    assert validate(DISTANCE, {"focal_length_mm": 24.0}).digest == STUDIES[DISTANCE]().digest
-    one = validate(DISTANCE, {"amplitude_mm": [5, 6, 7]}).digest
-    assert one == validate(DISTANCE, {"amplitude_mm": [5.0, 6.0, 7.0]}).digest
+    assert validate_request(DISTANCE, {"focal_length_mm": 24}).digest == STUDIES[DISTANCE]().digest
+    assert (
+        validate_request(DISTANCE, {"focal_length_mm": 24.0}).digest == STUDIES[DISTANCE]().digest
+    )
+    one = validate_request(DISTANCE, {"amplitude_mm": [5, 6, 7]}).digest
+    assert one == validate_request(DISTANCE, {"amplitude_mm": [5.0, 6.0, 7.0]}).digest
     assert STUDIES[APERTURE]().digest != STUDIES[ARRAYS]().digest
 
 
 def test_digest_tells_the_order_of_layouts_which_is_that_of_the_settings():
     mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}
-    one = validate(ARRAYS, {"layouts": {**mine, **yours}})
-    other = validate(ARRAYS, {"layouts": {**yours, **mine}})
+    one = validate_request(ARRAYS, {"layouts": {**mine, **yours}})
+    other = validate_request(ARRAYS, {"layouts": {**yours, **mine}})
     assert [s.case for s in one.settings()] != [s.case for s in other.settings()]
     assert one.digest != other.digest
 
@@ -438,10 +446,10 @@ def test_digest_tells_the_order_of_layouts_which_is_that_of_the_settings():
 def test_digest_is_stable_across_processes():
     values = {"pair_order": {"4b": "reversed", "4a": "printed"}, "layouts": {"b": [PAIR]}}
     code = (
-        "import json, sys; from thesis_lib.figure_sets.registry import validate; "
-        f"print(validate({ARRAYS!r}, json.loads(sys.argv[1])).digest)"
+        "import json, sys; from thesis_lib.figure_sets.registry import validate_request; "
+        f"print(validate_request({ARRAYS!r}, json.loads(sys.argv[1])).digest)"
     )
-    digests = {validate(ARRAYS, values).digest}
+    digests = {validate_request(ARRAYS, values).digest}
     for seed in ("1", "2"):
         done = subprocess.run(
             [sys.executable, "-c", code, json.dumps(values)],
@@ -470,7 +478,7 @@ def test_notebooks_defaults_are_the_models(name):
         assert isinstance(statement.target, ast.Name)
         values[statement.target.id] = ast.literal_eval(statement.value)
     assert set(values) == set(STUDIES[name].model_fields)
-    assert validate(name, values) == STUDIES[name]()
+    assert validate_request(name, values) == STUDIES[name]()
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -485,18 +493,18 @@ def test_papermill_tells_type_and_meaning_of_every_parameter(name):
         assert len(row["help"]) > 5, field
         words = {"mm": ["mm"], "px": ["px"], "°": ["degrees", "°"], "m/s": ["m/s"],
                  "kg/m³": ["kg/m3", "kg/m³"], "Hz": ["Hz"], "ms": ["ms"], "dB": ["dB"],
-                 "s": ["s"], "": [""]}[unit(field)]  # fmt: skip
+                 "s": ["s"], "": [""]}[unit_of_field(field)]  # fmt: skip
         assert any(row["help"].startswith(word) for word in words), row["help"]
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_describe_covers_every_parameter(name):
-    rows = describe(STUDIES[name])
+    rows = describe_parameters(STUDIES[name])
     assert sorted(row["name"] for row in rows) == sorted(STUDIES[name].model_fields)
     for row in rows:
         assert row["meaning"]
         assert row["allowed"]
-        assert validate(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
+        assert validate_request(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
         suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3",
                     "Hz": "_hz", "ms": "_ms", "dB": "_db", "s": "_s"}  # fmt: skip
         assert row["name"].endswith(suffixes.get(row["unit"], ""))
@@ -519,11 +527,11 @@ def kinds(annotation: object) -> set[type]:
 def test_every_number_has_a_unit_or_is_declared_to_have_none(model):
     for name, info in model.model_fields.items():
         if float in kinds(info.annotation):
-            assert bool(unit(name)) != (name in NO_UNIT), name
+            assert bool(unit_of_field(name)) != (name in NO_UNIT), name
         elif int in kinds(info.annotation):
-            assert unit(name) in {"px", ""}, name
+            assert unit_of_field(name) in {"px", ""}, name
         else:
-            assert unit(name) == "", name
+            assert unit_of_field(name) == "", name
 
 
 SCALARS = (
@@ -549,7 +557,7 @@ FIELDS = sorted({field for model in STUDIES.values() for field in model.model_fi
 def outcome(name, values):
     """The validated study, or None and what was said instead."""
     try:
-        return validate(name, values), ""
+        return validate_request(name, values), ""
     except ParameterError as error:
         return None, str(error)
 
@@ -567,7 +575,7 @@ def test_junk_is_refused_in_one_line_or_valid(name, values):
         assert len(message) < 500
     else:
         assert study.settings() or name in WITHOUT_SETTINGS
-        assert validate(name, study.request).digest == study.digest
+        assert validate_request(name, study.request).digest == study.digest
 
 
 @settings(max_examples=300, derandomize=True)

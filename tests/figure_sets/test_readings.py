@@ -7,20 +7,20 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading, assumptions
+from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading, list_assumptions
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import intrinsics
 from thesis_lib.vision.rounding import grid_shifts
-from thesis_lib.vision.simulation import measure
+from thesis_lib.vision.simulation import measure_deflections
 
 TRIALS = 12
 FEW = ("beam-distance", "plate-distance", "sound-distance")
@@ -33,7 +33,7 @@ def few(monkeypatch):
 
 
 def cube_of(name, **values):
-    return studies.run(validate(name, {"trials": TRIALS, **values}))
+    return studies.run(validate_request(name, {"trials": TRIALS, **values}))
 
 
 def run(*names, **draws):
@@ -46,8 +46,10 @@ def run(*names, **draws):
 def test_the_adopted_reading_is_what_the_figure_sets_say(few):
     made = readings.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
     cubes = {name: cube_of(name) for name in FEW[:2]}
-    cubes[FEW[2]] = sound.run(validate(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
-    expected = [c for name in FEW for c in verdicts.check(cubes[name], claims.claims_of(name))]
+    cubes[FEW[2]] = sound.run(validate_request(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
+    expected = [
+        c for name in FEW for c in verdicts.check_claims(cubes[name], claims.claims_of(name))
+    ]
     assert made == expected
     assert {check.claim.chapter for check in made} == set(readings.CHAPTER_OF_GROUP.values())
 
@@ -98,14 +100,14 @@ def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter(
         taken = [readings.reading_parameters(reading, one) for one in CAMERA_STUDIES]
         assert {key for values in taken for key in values} == set(reading.values)
         for one, values in zip(CAMERA_STUDIES, taken, strict=True):
-            request = validate(one, values)
+            request = validate_request(one, values)
             assert (request.digest == STUDIES[one]().digest) == (not values)
         assert name == reading.name
         assert bool(reading.topic) == (name != ADOPTED_READING)
 
 
 def test_topics_are_those_of_the_assumptions():
-    topics = {item["readings"] for item in assumptions() if "readings" in item}
+    topics = {item["readings"] for item in list_assumptions() if "readings" in item}
     assert topics == {reading.topic for reading in READINGS.values()} - {""}
 
 
@@ -125,7 +127,7 @@ def test_log_residual_counts_what_is_stated_as_a_value_or_an_interval():
 
 def test_unknown_readings_are_refused_with_all_names():
     with pytest.raises(ParameterError) as refusal:
-        validate("claims", {"readings": ["1 N", "rest unknown"]})
+        validate_request("claims", {"readings": ["1 N", "rest unknown"]})
     message = str(refusal.value)
     assert message == f'claims: readings: given "rest unknown", allowed: {", ".join(READINGS)}'
 
@@ -140,10 +142,10 @@ def test_the_adopted_reading_is_always_run_once(monkeypatch):
 
 
 def test_the_ledgers_requests_share_their_draws():
-    request = validate("claims", {"trials": 7, "seed": 3, "readings": ["1 N"]})
+    request = validate_request("claims", {"trials": 7, "seed": 3, "readings": ["1 N"]})
     assert request.own_runs == OwnRuns(trials=7, seed=3)
     assert request.other_readings == OtherReadings(trials=7, seed=3, readings=["1 N"])
-    other = validate("claims", {"trials": 7, "seed": 3, "readings": ["rest known"]})
+    other = validate_request("claims", {"trials": 7, "seed": 3, "readings": ["rest known"]})
     assert other.own_runs.digest == request.own_runs.digest
 
 
@@ -199,9 +201,9 @@ def test_motions_far_below_a_pixel_have_errors_as_one_over_the_root_of_their_siz
 def test_the_first_marker_moves_the_row(conforms, first):
     cube = cube_of("beam-distance", first_marker_mm=first)
     conforms.closed_form(1000 * cube["x"], first + 25 * np.arange(25), rtol=1e-7)
-    length = setups.beam().length
-    tip = deflection_shape(setups.beam(), 1, [[length], [0.0]], 5.5e-3)
-    at = deflection_shape(setups.beam(), 1, [cube["x"], 0 * cube["x"]], 5.5e-3)
+    length = setups.thesis_beam().length
+    tip = deflection_shape(setups.thesis_beam(), 1, [[length], [0.0]], 5.5e-3)
+    at = deflection_shape(setups.thesis_beam(), 1, [cube["x"], 0 * cube["x"]], 5.5e-3)
     np.testing.assert_allclose(cube["reference_deflection"].sel(mode=1), at)
     if first == 23:  # the last one is at the tip, which moves most
         np.testing.assert_allclose(abs(at[-1]), abs(tip[0]))
@@ -221,7 +223,7 @@ def test_a_marker_in_the_clamp_does_not_move(conforms):
 def test_azimuths_from_x_are_layouts_with_90_degrees_less_them(name):
     cases = ["4a", "4b", "4d"]
     turned = cube_of(name, cases=cases, azimuth_zero="X")
-    plain = validate(name, {"cases": cases}).settings()
+    plain = validate_request(name, {"cases": cases}).settings()
     layouts = {}
     for setting in plain:
         cameras = [[90 - azimuth, elevation] for azimuth, elevation in setting.directions_deg]
@@ -234,8 +236,8 @@ def test_azimuths_from_x_are_layouts_with_90_degrees_less_them(name):
 
 def test_azimuths_from_x_swap_the_arcs_along_and_across():
     """Case 2a from +X is 2c's arc mirrored; its pair stands on the structure's other side."""
-    turned = validate("beam-aperture", {"cases": ["2a"], "azimuth_zero": "X"}).settings()
-    across = validate("beam-aperture", {"cases": ["2c"]}).settings()
+    turned = validate_request("beam-aperture", {"cases": ["2a"], "azimuth_zero": "X"}).settings()
+    across = validate_request("beam-aperture", {"cases": ["2c"]}).settings()
     for one, other in zip(turned, across, strict=True):
         places = ({(a % 360, e) for a, e in one.directions_deg},
                   {((a + 180) % 360, e) for a, e in other.directions_deg})  # fmt: skip
@@ -262,7 +264,7 @@ def displaced(cameras, offset):
 
 @pytest.mark.parametrize("offset", [0.5, -0.3, 0.125])
 def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(conforms, offset):
-    study = validate("beam-aperture", {"trials": 0, "principal_offset_px": offset})
+    study = validate_request("beam-aperture", {"trials": 0, "principal_offset_px": offset})
     structure, cube = study.structure, studies.run(study)
     shapes = [deflection_shape(structure, mode, structure.markers, 5.5e-3)
               for mode in study.modes]  # fmt: skip
@@ -271,8 +273,8 @@ def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(conforms,
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         moved = displaced(cameras, offset)
         shifts = np.zeros((1, len(cameras), 2))
-        alone = measure(moved, points, shifts)
-        shifted = measure(cameras, points, shifts + offset)
+        alone = measure_deflections(moved, points, shifts)
+        shifted = measure_deflections(cameras, points, shifts + offset)
         conforms.independent(shifted, alone, atol=1e-12)
         conforms.independent(
             cube["measured_deflection"][number, :, 0], alone[:, 0], rtol=1e-7, atol=1e-12
@@ -302,7 +304,7 @@ def test_only_the_literal_run_is_another_draw(conforms):
 
 
 def test_grids_are_shifted_alike_in_all_trials(conforms):
-    study = validate("beam-distance", {"trials": 3, "principal_offset_px": 0.25, "seed": 9})
+    study = validate_request("beam-distance", {"trials": 3, "principal_offset_px": 0.25, "seed": 9})
     cameras = study.settings()[0].cameras(24, 36)
     structure = study.structure
     shape = deflection_shape(structure, 2, structure.markers, 5.5e-3)
@@ -310,6 +312,6 @@ def test_grids_are_shifted_alike_in_all_trials(conforms):
     for trial, shift in enumerate(grid_shifts(9, 3, 2)):
         K = cameras.K.copy()
         K[:, :2, 2] += shift + 0.25
-        alone = measure(replace(cameras, K=K), points, np.zeros((1, 2, 2)))
+        alone = measure_deflections(replace(cameras, K=K), points, np.zeros((1, 2, 2)))
         found = studies.run(study)["measured_deflection"].sel(mode=2)[0, trial]
         conforms.independent(found, alone[0, 0], rtol=1e-6, atol=1e-11)

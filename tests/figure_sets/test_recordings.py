@@ -10,19 +10,19 @@ from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.parametric.tables import error_table
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.schema import with_provenance
 
 
 @pytest.fixture(scope="module")
 def data():
     """What was measured on the default recordings."""
-    return EXPERIMENT.load(validate("experiment-resolution", {}).recordings)
+    return EXPERIMENT.load(validate_request("experiment-resolution", {}).recordings)
 
 
 @pytest.fixture(scope="module")
 def results(data):
-    requests = [validate(f"experiment-{name}", {}) for name in ("resolution", "cameras")]
+    requests = [validate_request(f"experiment-{name}", {}) for name in ("resolution", "cameras")]
     made = [with_provenance(study.run(r, data), r, 0.0) for r in requests]
     return {cube.attrs["figure_set"]: cube for cube in made}
 
@@ -125,7 +125,7 @@ def test_a_beam_at_rest_fits_its_grid(results):
 
 def test_tables_of_the_notebooks_hold_numbers(results):
     for cube in results.values():
-        shown = [display.text(cube, name) for name in ("tracking", "harmonic")]
+        shown = [display.fill_text(cube, name) for name in ("tracking", "harmonic")]
         for text in (error_table(cube).data, *shown):
             assert "nan" not in text
             assert len(re.findall(r"\d", text)) > 20

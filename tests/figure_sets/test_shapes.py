@@ -11,7 +11,7 @@ from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import symmetry as shape_tables
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
 from thesis_lib.plotting.viewer_data import viewer_data
@@ -19,7 +19,7 @@ from thesis_lib.studies import schema
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.polygons import Circle, area
+from thesis_lib.vibration.polygons import Circle, polygon_area
 from thesis_lib.vibration.structure import deflection_shape
 
 NAMES = ("shape-l", "shape-holes")
@@ -28,7 +28,9 @@ ROWS, COLUMNS = 10, 15
 
 
 def made(name, **values):
-    request = validate(name, {**({} if name == shape_tables.PLATE_SET else QUICK), **values})
+    request = validate_request(
+        name, {**({} if name == shape_tables.PLATE_SET else QUICK), **values}
+    )
     return with_provenance(studies.run(request), request, 0.0)
 
 
@@ -44,9 +46,9 @@ def opened():
 
 
 def test_default_shapes_are_cut_from_the_plate_and_have_no_symmetry():
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     for name in NAMES:
-        panel = validate(name, {}).structure
+        panel = validate_request(name, {}).structure
         assert isinstance(panel, Panel)
         assert panel.extent == pytest.approx(plate.extent)
         assert (panel.thickness, panel.poisson) == (plate.thickness, plate.poisson)
@@ -82,7 +84,7 @@ def test_default_shapes_are_cut_from_the_plate_and_have_no_symmetry():
 )
 def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
     with pytest.raises(ParameterError) as error:
-        validate("shape-l", values)
+        validate_request("shape-l", values)
     message = str(error.value)
     assert message.startswith("shape-l: ")
     assert "\n" not in message
@@ -94,7 +96,7 @@ def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, name):
-    cube, panel = opened[name], validate(name, QUICK).structure
+    cube, panel = opened[name], validate_request(name, QUICK).structure
     assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera", "corner", "xy"}
     assert cube.sizes["setting"] == opened[shape_tables.PLATE_SET].sizes["setting"]
     np.testing.assert_allclose([cube["x"], cube["y"]], panel.markers)
@@ -151,8 +153,8 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
     cube = made("shape-holes", cutouts_mm=[], **values)
     curves = schema.structure_contours(cube)
     np.testing.assert_allclose(curves[0] + [0.25, 0.2], np.array(outline) / 1000)
-    assert area(curves[0]) > 0 > area(curves[1])
-    conforms.closed_form(abs(area(curves[1])), np.pi * 0.06**2, rtol=0.02)
+    assert polygon_area(curves[0]) > 0 > polygon_area(curves[1])
+    conforms.closed_form(abs(polygon_area(curves[1])), np.pi * 0.06**2, rtol=0.02)
     drawn = viewer_data(cube)["structure"]
     assert (drawn["length_mm"], drawn["width_mm"]) == (500, 400)
     assert [len(curve) for curve in drawn["contours_mm"]] == [4, 24]
@@ -160,7 +162,7 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
 
 
 def test_maps_are_empty_where_there_is_no_marker(opened):
-    drawing = figure_sets_display.figure(opened["shape-l"], "4a", 1)
+    drawing = figure_sets_display.draw_figure(opened["shape-l"], "4a", 1)
     maps = [axes.images[0].get_array() for axes in drawing.axes if axes.images]
     for picture in maps[:3]:
         values = np.ma.filled(picture, np.nan)
@@ -188,23 +190,23 @@ def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_imag
 
 def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
     plate = opened[shape_tables.PLATE_SET]
-    itself = shape_tables.symmetry(plate, plate, ["4a"])
+    itself = shape_tables.compare_cases(plate, plate, ["4a"])
     assert itself.simulated == itself.predicted == 1
     assert itself.same > 2 / 3
-    assert shape_tables.symmetry(plate, plate, ["4c"]).same < 0.1
-    ell = shape_tables.symmetry(opened["shape-l"], plate, ["4a"])
+    assert shape_tables.compare_cases(plate, plate, ["4c"]).same < 0.1
+    ell = shape_tables.compare_cases(opened["shape-l"], plate, ["4a"])
     assert ell.same < 0.2
     conforms.sampled(ell.simulated / ell.predicted, 1, atol=0.05)
 
 
 def test_convergence_of_the_page_has_order_2(conforms):
-    text = shape_tables.convergence({})
+    text = shape_tables.compare_convergence({})
     orders = [float(cell) for cell in text.splitlines()[-1].strip("| ").split(" | ")[1:]]
     conforms.order(orders, 2, atol=0.1)
 
 
 def test_table_of_modes_tells_frequencies_and_peaks(opened):
-    text = shape_tables.modes(opened["shape-l"]).data
+    text = shape_tables.compare_frequencies(opened["shape-l"]).data
     first = text.splitlines()[2].strip("| ").split(" | ")
     assert float(first[1]) == pytest.approx(float(opened["shape-l"]["frequency"][0]), abs=0.06)
     assert float(first[1]) > float(first[2])  # less plate between supports
@@ -215,7 +217,8 @@ def test_table_of_modes_tells_frequencies_and_peaks(opened):
 
 
 @pytest.mark.parametrize(
-    "structure", [setups.beam(), setups.plate(), validate(NAMES[1], QUICK).structure]
+    "structure",
+    [setups.thesis_beam(), setups.thesis_plate(), validate_request(NAMES[1], QUICK).structure],
 )
 def test_modes_are_written_with_places_from_the_middle(structure, tmp_path):
     path = write_modes(structure, [2, 1], tmp_path / "modes.nc")
@@ -241,4 +244,6 @@ def test_modes_are_written_with_places_from_the_middle(structure, tmp_path):
 
 def test_circle_is_a_value():
     assert Circle(1.0, 2.0, 3.0) == Circle(1.0, 2.0, 3.0)
-    assert hash(validate(NAMES[1], {}).structure) == hash(validate(NAMES[1], {}).structure)
+    assert hash(validate_request(NAMES[1], {}).structure) == hash(
+        validate_request(NAMES[1], {}).structure
+    )

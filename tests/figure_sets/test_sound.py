@@ -10,13 +10,13 @@ import pytest
 import xarray as xr
 
 from thesis_lib import files
-from thesis_lib.acoustics.planes import full_factor, operator, pistons
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pistons
+from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.viewer_data import viewer_data
@@ -24,9 +24,9 @@ from thesis_lib.studies import cache as studies_cache
 from thesis_lib.studies import storage
 from thesis_lib.studies.request import SOUND_READING
 from thesis_lib.studies.schema import RUN_DEPENDENT, with_provenance
-from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency, world_points
 from thesis_lib.vision import rounding
-from thesis_lib.vision.simulation import measure
+from thesis_lib.vision.simulation import measure_deflections
 
 STUDIES = ["distance", "aperture", "resolution", "arrays"]
 PLANES = ["XZ", "YZ"]
@@ -66,8 +66,8 @@ COARSE = (30, 20)  # what holds on a plane does so at as few points as at many
 @cache
 def both(study, **values):
     """Validated sound study, the plate's cube, and the sound cube made of it."""
-    request = validate(f"sound-{study}", {"trials": 5, "plane_shape": COARSE, **values})
-    plate = studies.run(validate(f"plate-{study}", request.plate_request))
+    request = validate_request(f"sound-{study}", {"trials": 5, "plane_shape": COARSE, **values})
+    plate = studies.run(validate_request(f"plate-{study}", request.plate_request))
     return request, plate, sound.run(request, plate)
 
 
@@ -112,7 +112,7 @@ def test_checksum_is_that_of_the_plates_deflections(study):
     assert cube.attrs["deflections_sha256"] == hashlib.sha256(content).hexdigest()
     other = plate.copy(deep=True)
     other["measured_deflection"][0, 0, 0, 0] += 1e-6
-    assert sound.checksum(other) != sound.checksum(plate)
+    assert sound.deflection_checksum(other) != sound.deflection_checksum(plate)
 
 
 def test_sound_takes_the_deflections_of_its_estimator():
@@ -120,7 +120,11 @@ def test_sound_takes_the_deflections_of_its_estimator():
         both("arrays", cases=("4c",), estimator=name)
         for name in ("least-squares", "analytic-centre")
     )
-    assert sound.checksum(squares) != sound.checksum(centres) == cube.attrs["deflections_sha256"]
+    assert (
+        sound.deflection_checksum(squares)
+        != sound.deflection_checksum(centres)
+        == cube.attrs["deflections_sha256"]
+    )
     many = {"setting": -1, "trial": slice(1, None)}
     assert cube["deflection_error"].isel(many).mean() < plain["deflection_error"].isel(many).mean()
     xr.testing.assert_equal(plain["predicted_error"], cube["predicted_error"])
@@ -176,7 +180,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, study):
     request, _, cube = both(study, plane_shape=(8, 6))
     cube = with_provenance(cube, request, 0.25)
     path = tmp_path / "new" / "cube.nc"
-    storage.write(cube, path)
+    storage.write_netcdf(cube, path)
     with xr.open_dataset(path) as opened:
         xr.testing.assert_identical(opened.load(), cube)
         assert opened.attrs["Conventions"] == "CF-1.11"
@@ -184,7 +188,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, study):
         assert len(opened.attrs["deflections_sha256"]) == 64
         assert "6.2" in opened.attrs["references"]
     assert [p.name for p in path.parent.iterdir()] == ["cube.nc"]
-    xr.testing.assert_identical(cube_file.read(path), cube)
+    xr.testing.assert_identical(cube_file.read_cube(path), cube)
 
 
 @pytest.mark.parametrize("amplitude", [10.0, "force"])
@@ -199,11 +203,11 @@ def test_absolute_levels_are_given_for_a_force_alone(amplitude):
 def test_levels_are_those_of_a_plane_piston_of_low_frequency(conforms):
     """One newton at 305 Hz: power by the mean square velocity, level by the pressure's rms."""
     _, plate, cube = both("distance", amplitude_mm="force")
-    structure = setups.plate()
+    structure = setups.thesis_plate()
     assert {name: cube[name].attrs["units"] for name in LEVELS} == LEVELS
     area = structure.length * structure.width
     for m in range(3):
-        v = resonance(structure, m + 1) * plate["reference_deflection"].values[m]
+        v = resonance_frequency(structure, m + 1) * plate["reference_deflection"].values[m]
         plane_wave = 1.21 * 343 * area * np.mean(v**2) / 2
         power = plane_wave * cube["radiation_efficiency"].values[m]
         conforms.closed_form(cube["sound_power"].values[m], power, rtol=1e-12)
@@ -223,15 +227,15 @@ def test_levels_are_those_of_a_plane_piston_of_low_frequency(conforms):
 )
 def test_plane_errors_are_equation_6_8_of_direct_sums(conforms, study, setting, mode, trial):
     request, plate, cube = both(study)
-    structure = setups.plate()
-    omega = resonance(structure, mode)
+    structure = setups.thesis_plate()
+    omega = resonance_frequency(structure, mode)
     reference = plate["reference_deflection"].sel(mode=mode).values
     measured = plate["measured_deflection"].sel(mode=mode, trial=trial).isel(setting=setting)
     measured = measured.values.astype(float)
     largest, rms = [], []
     for plane in request.planes:
         p, p_ref = (
-            rayleigh(pistons(structure), 1j * omega * w, plane.points, omega)
+            rayleigh_pressure(plate_pistons(structure), 1j * omega * w, plane.points, omega)
             for w in (measured, reference)
         )
         largest.append(np.max(np.abs(p_ref)))
@@ -248,8 +252,8 @@ def test_plane_errors_are_equation_6_8_of_direct_sums(conforms, study, setting, 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_fields_are_direct_sums(conforms, mode):
     request, plate, cube = both("distance")
-    structure = setups.plate()
-    omega = resonance(structure, mode)
+    structure = setups.thesis_plate()
+    omega = resonance_frequency(structure, mode)
     median = plate["mean_error"].sel(mode=mode).values[:, 1:]
     median = np.median(median, axis=1)
     chosen = cube["best_and_worst"].sel(mode=mode).values[0]
@@ -268,7 +272,7 @@ def test_fields_are_direct_sums(conforms, mode):
         peak = float(cube["largest_pressure"].sel(mode=mode).max())
         for shape, real, imag in zip(shapes, *got, strict=True):
             v = 1j * omega * shape.values.astype(float)
-            exact = rayleigh(pistons(structure), v, plane.points, omega)
+            exact = rayleigh_pressure(plate_pistons(structure), v, plane.points, omega)
             conforms.independent(real + 1j * imag, exact, atol=3e-7 * peak)
 
 
@@ -374,7 +378,7 @@ def measured_errors(request, setting, reference, trials):
     points = world_points(request.structure, np.concatenate([rests, reference]))
     rig = setting.cameras(request.focal_length_mm, request.sensor_width_mm)
     shifts = rounding.grid_shifts(request.seed, trials, len(rig))[1:]
-    heights = measure(rig, points, shifts, rest_is_known=True)
+    heights = measure_deflections(rig, points, shifts, rest_is_known=True)
     known = heights[1:] - reference[:, None]
     return {"known": known, "rebuilt": known - heights[0]}
 
@@ -389,8 +393,12 @@ def plane_factors(request):
     """Factors that give the rms pressure error of each mode and plane from marker errors."""
     return [
         [
-            resonance(request.structure, mode)
-            * full_factor(operator(request.structure, plane, resonance(request.structure, mode)))
+            resonance_frequency(request.structure, mode)
+            * full_factor(
+                plane_operator(
+                    request.structure, plane, resonance_frequency(request.structure, mode)
+                )
+            )
             for plane in request.planes
         ]
         for mode in request.modes
@@ -471,7 +479,7 @@ def test_variances_of_the_markers_alone_do_not_predict_the_plane_errors(conforms
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize(("study", "setting", "mode"), [("distance", 0, 1), ("arrays", 1, 3)])
 def test_diagonal_of_the_covariance_is_the_variance(conforms, study, setting, mode, known):
-    request = validate(f"sound-{study}", {})
+    request = validate_request(f"sound-{study}", {})
     plate = request.structure
     w = deflection_shape(plate, mode, plate.markers, 0.01)
     rest, moved = np.moveaxis(world_points(plate, np.stack([0 * w, w])), 1, 0)
@@ -487,13 +495,13 @@ def test_diagonal_of_the_covariance_is_the_variance(conforms, study, setting, mo
 @pytest.mark.few(1)
 @pytest.mark.parametrize("known", [False, True])
 def test_covariance_is_that_of_sampled_errors(conforms, known):
-    request = validate("sound-distance", {})
+    request = validate_request("sound-distance", {})
     plate = request.structure
     w = deflection_shape(plate, 2, plate.markers, 0.01)
     points = world_points(plate, np.stack([0 * w, w]))
     rig = request.settings()[1].cameras(24, 36)
     law = rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1], known)
-    every = measure(rig, points, rounding.grid_shifts(0, 8000, 2)[1:], known)[0] - w
+    every = measure_deflections(rig, points, rounding.grid_shifts(0, 8000, 2)[1:], known)[0] - w
     apart = []
     for n in (500, 2000, 8000):
         errors = every[:n]
@@ -523,13 +531,13 @@ def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_m
     conforms, mode
 ):
     grids = [(12, 8), (15, 10), (21, 14), (30, 20)]
-    request = validate("sound-distance", {"plane_shape": COARSE})
+    request = validate_request("sound-distance", {"plane_shape": COARSE})
     plane = request.planes[0 if mode < 3 else 1]
     ratios = []
     for grid in grids:
-        plate = setups.plate(grid)
-        omega = resonance(plate, mode)
-        op = operator(plate, plane, omega)
+        plate = setups.thesis_plate(grid)
+        omega = resonance_frequency(plate, mode)
+        op = plane_operator(plate, plane, omega)
         w = deflection_shape(plate, mode, plate.markers, 0.01)
         # Field error over the largest pressure, for independent errors of a unit of the largest w.
         independent = np.linalg.norm(full_factor(op)) * np.max(np.abs(w))
@@ -561,7 +569,7 @@ def checks_of(subject, index, quantities):
     return [
         check
         for study in STUDIES
-        for check in verdicts.check(
+        for check in verdicts.check_claims(
             default_cubes(study)[index], claims.claims_of(f"{subject}-{study}")
         )
         if check.claim.quantity in quantities
@@ -613,7 +621,9 @@ def test_deflections_are_computed_once_for_parameters_and_library(library, compu
     values = {"trials": 2, "distances_mm": [750.0]}
 
     def cached(**more):
-        return studies_cache.cached(validate("plate-distance", {**values, **more}), studies.run)
+        return studies_cache.cached_study(
+            validate_request("plate-distance", {**values, **more}), studies.run
+        )
 
     first = cached()
     assert computed == ["plate-distance"]
@@ -625,11 +635,11 @@ def test_deflections_are_computed_once_for_parameters_and_library(library, compu
     assert len(computed) == 1
     other = cached(seed=1)
     assert len(computed) == 2
-    assert sound.checksum(other) != sound.checksum(first)
+    assert sound.deflection_checksum(other) != sound.deflection_checksum(first)
     library.write_text("two")
     again = cached()
     assert len(computed) == 3
-    assert sound.checksum(again) == sound.checksum(first)
+    assert sound.deflection_checksum(again) == sound.deflection_checksum(first)
     library.write_text("one")
     cached()
     assert len(computed) == 3
@@ -641,7 +651,7 @@ def test_plate_and_sound_notebooks_share_the_deflections(library, computed):
     quick = {**values, "plane_shape": [8, 6]}
     cube = notebook.study("sound-distance", quick)
     assert computed == ["plate-distance"]
-    assert cube.attrs["deflections_sha256"] == sound.checksum(plate)
+    assert cube.attrs["deflections_sha256"] == sound.deflection_checksum(plate)
     notebook.study("sound-distance", {**quick, "speed_of_sound_m_s": 340.0})
     assert len(computed) == 1
     notebook.study("sound-distance", {**quick, "amplitude_mm": 9.0})

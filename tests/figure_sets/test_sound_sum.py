@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.acoustics.planes import operator, pistons
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.planes import plane_operator, plate_pistons
+from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.figure_sets.run import cube_of
-from thesis_lib.vibration.structure import resonance
+from thesis_lib.vibration.structure import resonance_frequency
 
 HEARD = [(1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")]
 FEW = {"trials": 0, "plane_shape": [31, 21]}
@@ -19,25 +19,29 @@ FEW = {"trials": 0, "plane_shape": [31, 21]}
 
 @pytest.fixture(scope="module")
 def cube():
-    return cube_of(validate("sound-resolution", FEW))
+    return cube_of(validate_request("sound-resolution", FEW))
 
 
 def finer(mode, plane):
     """Where sums of ever smaller pistons lead to, of which each is off by the square of theirs."""
-    plate, fields = setups.plate(), []
+    plate, fields = setups.thesis_plate(), []
     for grid in ((60, 40), (90, 60)):
         many = replace(plate, grid=grid)
         moving = many.mode_shapes([mode], many.markers)[0] / plate.shape_peak(mode)
-        fields.append(rayleigh(pistons(many), moving, plane.points, resonance(plate, mode)))
+        fields.append(
+            rayleigh_pressure(
+                plate_pistons(many), moving, plane.points, resonance_frequency(plate, mode)
+            )
+        )
     return fields[1] + (fields[1] - fields[0]) / (1.5**2 - 1)
 
 
 @pytest.mark.parametrize(("mode", "name"), HEARD)
 def test_error_of_the_sum_is_that_against_ever_finer_ones(conforms, cube, mode, name):
-    study, plate = validate("sound-resolution", FEW), setups.plate()
+    study, plate = validate_request("sound-resolution", FEW), setups.thesis_plate()
     (plane,) = (one for one in study.planes if one.name == name)
     moving = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
-    few = operator(plate, plane, resonance(plate, mode)).field(moving)
+    few = plane_operator(plate, plane, resonance_frequency(plate, mode)).field(moving)
     off = 100 * np.abs(few - finer(mode, plane)) / np.max(np.abs(few))
     own = cube.sel(mode=mode, plane=name)
     conforms.independent(own["sum_error"], np.sqrt(np.mean(off**2)), rtol=0.01)
@@ -50,7 +54,7 @@ def test_nodal_planes_and_planes_too_near_have_none(cube):
         heard = [(m, p) for m in (1, 2, 3) for p in ("XZ", "YZ") if there.sel(mode=m, plane=p)]
         assert heard == HEARD
     near = cube_of(
-        validate(
+        validate_request(
             "sound-distance", FEW | {"plane_bottom_mm": 2.0, "modes": [1], "distances_mm": [750.0]}
         )
     )
@@ -60,7 +64,9 @@ def test_nodal_planes_and_planes_too_near_have_none(cube):
 
 def test_finer_pistons_are_nearer_to_the_integral(conforms, cube):
     """A quarter of the error with twice as many along and across."""
-    fine = cube_of(validate("sound-distance", FEW | {"grid": [30, 20], "distances_mm": [750.0]}))
+    fine = cube_of(
+        validate_request("sound-distance", FEW | {"grid": [30, 20], "distances_mm": [750.0]})
+    )
     ratio = (cube["sum_error"] / fine["sum_error"]).values
     conforms.order(np.log2(ratio[np.isfinite(ratio)]), 2, atol=0.1)
 
@@ -68,7 +74,7 @@ def test_finer_pistons_are_nearer_to_the_integral(conforms, cube):
 def test_table_has_the_planes_with_a_reference_and_the_cameras_beside(cube):
     names = ("distance", "aperture", "resolution", "arrays")
     opened = {f"sound-{name}": cube for name in names}
-    rows = [line for line in sound.sums(opened).splitlines() if line[2:3].isdigit()]
+    rows = [line for line in sound.compare_sums(opened).splitlines() if line[2:3].isdigit()]
     assert [row.split("|")[1].strip() for row in rows] == [f"{m}, {p}" for m, p in HEARD]
     fine = cube["predicted_error"].sel(mode=1, plane="XZ")[-1]
     assert f"{float(fine):.2f}" in rows[0]

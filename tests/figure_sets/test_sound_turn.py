@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.figure_sets.parametric import figures, sound_turn
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.figure_sets.run import cube_of
 
 FEW = {"trials": 400, "cases": ["2d"], "elevations_deg": [20, 40], "plane_shape": [31, 21]}
@@ -12,7 +12,7 @@ FEW = {"trials": 400, "cases": ["2d"], "elevations_deg": [20, 40], "plane_shape"
 
 @pytest.fixture(scope="module")
 def cube():
-    return cube_of(validate("sound-aperture", FEW))
+    return cube_of(validate_request("sound-aperture", FEW))
 
 
 def test_pairs_that_are_not_turned_are_case_2d(conforms, cube):
@@ -51,8 +51,9 @@ def test_law_over_turns_is_that_of_the_turned_pairs_where_both_are(conforms, cub
 
 def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
     """At 60°, the whole grid: 1.01 % at 3°, 2.45 % at 4.25°, 1.90 % at 4.75°, 2.79 % at 5°."""
-    asked = validate("sound-aperture", {"trials": 0, "cases": ["2d"], "elevations_deg": [60],
-                                        "modes": [1]})  # fmt: skip
+    asked = validate_request(
+        "sound-aperture", {"trials": 0, "cases": ["2d"], "elevations_deg": [60], "modes": [1]}
+    )
     law = cube_of(asked)["turned_law_error"].sel(mode=1, plane="XZ", elevation=60)
     at = law.sel(law_turn=[2, 3, 3.75, 4.25, 4.75, 5]).values
     conforms.independent(at, [1.10, 1.01, 1.34, 2.45, 1.90, 2.79], atol=0.006)
@@ -72,14 +73,16 @@ def test_table_and_figure_show_the_planes_with_a_reference(cube):
 
 def test_turned_pairs_take_no_more_trials_than_an_rms_needs():
     for trials, taken in ((12, 12), (10**5, sound_turn.MAX_TRIALS)):
-        asked = validate("sound-aperture", FEW | {"trials": trials, "azimuth_zero": "X"})
-        turned = sound_turn.turned(asked)
+        asked = validate_request("sound-aperture", FEW | {"trials": trials, "azimuth_zero": "X"})
+        turned = sound_turn.turn_pairs(asked)
         assert turned.trials == taken
         same = ("azimuth_zero", "distance_mm", "plane_shape", "seed", "resolution_px")
         assert all(getattr(turned, name) == getattr(asked, name) for name in same)
 
 
 def test_without_trials_there_is_the_law_alone():
-    cube = cube_of(validate("sound-aperture", FEW | {"trials": 0, "cases": ["2a"], "modes": [1]}))
+    cube = cube_of(
+        validate_request("sound-aperture", FEW | {"trials": 0, "cases": ["2a"], "modes": [1]})
+    )
     assert np.all(np.isfinite(cube["turned_error"]))
     assert np.all(np.isnan(cube["turned_simulated"]))

@@ -18,7 +18,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.tables import error_table
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies import schema, storage
 from thesis_lib.studies.schema import with_provenance
@@ -26,7 +26,7 @@ from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.simulation import measure
+from thesis_lib.vision.simulation import measure_deflections
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
 PLATES = [name.replace("beam", "plate") for name in NAMES]
@@ -63,12 +63,12 @@ DIMENSIONS = {
 
 @cache
 def cube_of(name, **values):
-    return studies.run(validate(name, {"trials": 20, **values}))
+    return studies.run(validate_request(name, {"trials": 20, **values}))
 
 
 @cache
 def default_cube(name):
-    return studies.run(validate(name, {}))
+    return studies.run(validate_request(name, {}))
 
 
 def whole_pixels(uv):
@@ -78,7 +78,7 @@ def whole_pixels(uv):
 
 @pytest.mark.parametrize("name", NAMES + PLATES)
 def test_cube_keeps_the_contract(conforms, name):
-    study, cube = validate(name, {"trials": 20}), cube_of(name)
+    study, cube = validate_request(name, {"trials": 20}), cube_of(name)
     points = {"beam": 25, "plate": 150}[study.subject]
     sizes = {"setting": len(study.settings()), "mode": 3, "trial": 21, "point": points}
     assert sizes.items() <= dict(cube.sizes).items()
@@ -133,9 +133,14 @@ def test_resolutions_are_16_to_9():
 
 
 def test_case_4d_grows_from_the_steepest_pair_unless_asked_otherwise():
-    reversed_, printed = cube_of("beam-arrays"), studies.run(
-        validate("beam-arrays", {"trials": 0, "cases": ["4d"], "pair_order": {"4d": "printed"}})
-    )  # fmt: skip
+    reversed_, printed = (
+        cube_of("beam-arrays"),
+        studies.run(
+            validate_request(
+                "beam-arrays", {"trials": 0, "cases": ["4d"], "pair_order": {"4d": "printed"}}
+            )
+        ),
+    )
     last = reversed_.isel(setting=reversed_["case"].values == "4d")
     np.testing.assert_array_equal(
         last["camera_elevation"].values[3, :8], [58, 58, 48, 48, 28, 28, 8, 8]
@@ -257,30 +262,30 @@ def test_ground_sample_distance_follows_distance_and_resolution(conforms):
 
 @pytest.mark.parametrize("known", [False, True])
 def test_shifting_the_pixel_grid_is_shifting_the_principal_point(conforms, known):
-    study = validate("beam-aperture", {})
+    study = validate_request("beam-aperture", {})
     cameras = study.settings()[1].cameras(24, 36)
     shapes = [deflection_shape(study.structure, m, study.structure.markers, 5.5e-3)
               for m in (1, 2)]  # fmt: skip
     points = world_points(study.structure, np.array([np.zeros(25), *shapes]))
     shifts = rounding.grid_shifts(4, 3, 2)
-    measured = measure(cameras, points, shifts, known)
+    measured = measure_deflections(cameras, points, shifts, known)
     for trial, shift in enumerate(shifts):
         K = cameras.K.copy()
         K[:, :2, 2] += shift
         moved = replace(cameras, K=K)
-        alone = measure(moved, points, np.zeros((1, 2, 2)), known)
+        alone = measure_deflections(moved, points, np.zeros((1, 2, 2)), known)
         conforms.invariance(measured[:, trial], alone[:, 0], atol=1e-11)
 
 
 @pytest.mark.parametrize("known", [False, True])
 def test_analytic_centre_takes_the_slabs_that_a_shifted_grid_leaves(conforms, known):
-    study = validate("beam-aperture", {})
+    study = validate_request("beam-aperture", {})
     cameras = study.settings()[1].cameras(24, 36)
     shape = deflection_shape(study.structure, 2, study.structure.markers, 5.5e-3)
     points = world_points(study.structure, np.array([np.zeros(25), shape]))
     shifts = rounding.grid_shifts(4, 3, 2)
-    measured = measure(cameras, points, shifts, known, "analytic-centre")
-    plain = measure(cameras, points, shifts, known)
+    measured = measure_deflections(cameras, points, shifts, known, "analytic-centre")
+    plain = measure_deflections(cameras, points, shifts, known)
     assert not np.allclose(measured, plain)
     for trial, shift in enumerate(shifts):
         slabs = np.rint(project(cameras.P, points) + shift[:, :, None, None])
@@ -301,7 +306,7 @@ def test_prediction_of_the_analytic_centre_is_said_to_be_that_of_least_squares()
     assert not np.allclose(plain["mean_error"], centre["mean_error"])
     words = []
     for cube, estimator in ((plain, "least-squares"), (centre, "analytic-centre")):
-        study = validate("beam-distance", {"trials": 2, "estimator": estimator})
+        study = validate_request("beam-distance", {"trials": 2, "estimator": estimator})
         whole = with_provenance(cube, study, 0.0)
         assert json.loads(whole.attrs["parameters"])["estimator"] == estimator
         words.append(whole.attrs["predicts"])
@@ -331,7 +336,7 @@ def test_interval_is_told_the_noise_and_better_than_both_others(conforms):
         )  # fmt: skip
         conforms.sampled(means / squares, below=gain)
         conforms.sampled(means / centres, below=1.01)
-    study = validate("plate-arrays", {"estimator": "interval", "noise_px": 0.1})
+    study = validate_request("plate-arrays", {"estimator": "interval", "noise_px": 0.1})
     assert study.predicted_by == "law of rounding and noise of least squares"
 
 
@@ -348,16 +353,16 @@ def test_a_trial_does_not_depend_on_how_many_there_are():
 
 
 def test_a_setting_does_not_depend_on_the_others():
-    alone = studies.run(validate("beam-aperture", {"trials": 20, "cases": ["2d", "2b"]}))
+    alone = studies.run(validate_request("beam-aperture", {"trials": 20, "cases": ["2d", "2b"]}))
     together = cube_of("beam-aperture")
     for case in ("2b", "2d"):
         same(*(cube.isel(setting=cube["case"].values == case) for cube in (alone, together)))
-    one = studies.run(validate("beam-distance", {"trials": 20, "distances_mm": [1000.0]}))
+    one = studies.run(validate_request("beam-distance", {"trials": 20, "distances_mm": [1000.0]}))
     same(one, cube_of("beam-distance").isel(setting=[2]))
 
 
 def test_a_mode_does_not_depend_on_the_others():
-    shuffled = studies.run(validate("beam-distance", {"trials": 20, "modes": [3, 1]}))
+    shuffled = studies.run(validate_request("beam-distance", {"trials": 20, "modes": [3, 1]}))
     np.testing.assert_array_equal(shuffled["mode"], [3, 1])
     same(shuffled, cube_of("beam-distance").sel(mode=[3, 1]))
 
@@ -370,7 +375,7 @@ def test_the_seed_changes_the_trials_but_not_the_literal_run(conforms):
 
 def test_force_gives_the_response_to_one_newton(conforms):
     reference = cube_of("beam-distance", amplitude_mm="force")["reference_deflection"]
-    tip = deflection_shape(setups.beam(), 1, [[0.623], [0.015]], 1)
+    tip = deflection_shape(setups.thesis_beam(), 1, [[0.623], [0.015]], 1)
     conforms.closed_form(abs(tip[0]), 1, rtol=1e-6)
     unit = cube_of("beam-distance", amplitude_mm=1.0)["reference_deflection"]
     millimetres = (reference / unit).values
@@ -378,7 +383,7 @@ def test_force_gives_the_response_to_one_newton(conforms):
 
 
 def test_each_mode_may_have_its_amplitude(conforms):
-    study = validate("beam-distance", {"trials": 0, "amplitude_mm": [1.0, 2.0, 4.0]})
+    study = validate_request("beam-distance", {"trials": 0, "amplitude_mm": [1.0, 2.0, 4.0]})
     one = cube_of("beam-distance", amplitude_mm=1.0)["reference_deflection"].values
     several = studies.run(study)["reference_deflection"].values
     conforms.invariance(several, one * np.array([[1], [2], [4]]), rtol=1e-12)
@@ -410,17 +415,17 @@ def test_known_rest_differs_from_rebuilt_rest():
 
 def test_own_layout_joins_the_cases():
     layout = {"mine": [[[0, 30], [120, 30]], [[0, 30], [120, 30], [240, 30]]]}
-    study = validate("beam-arrays", {"trials": 3, "cases": ["4b"], "layouts": layout})
+    study = validate_request("beam-arrays", {"trials": 3, "cases": ["4b"], "layouts": layout})
     cube = studies.run(study)
     assert list(cube["case"].values) == ["4b"] * 4 + ["mine"] * 2
     np.testing.assert_array_equal(cube["camera_azimuth"].values[5, :4], [0, 120, 240, np.nan])
 
 
 def written(path, name="beam-distance", seconds=0.25):
-    study = validate(name, {"trials": 5})
+    study = validate_request(name, {"trials": 5})
     cube = with_provenance(studies.run(study), study, seconds)
     cube.attrs["created"] = "2000-01-01T00:00:00+00:00"
-    storage.write(cube, path)
+    storage.write_netcdf(cube, path)
     return cube
 
 
@@ -436,7 +441,7 @@ def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
         assert opened.attrs["seed"] == 0
         assert {"title", "source", "references", "parameters_hash"} <= set(opened.attrs)
     assert [p.name for p in path.parent.iterdir()] == ["cube.nc"]  # nothing temporary is left
-    xr.testing.assert_identical(cube_file.read(path), cube)
+    xr.testing.assert_identical(cube_file.read_cube(path), cube)
 
 
 def test_equal_runs_give_equal_bytes(tmp_path, monkeypatch):
@@ -458,7 +463,7 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(storage.CubeError, match=r"file\.nc") as caught:
-        cube_file.read(path)
+        cube_file.read_cube(path)
     assert "\n" not in str(caught.value)
 
 
@@ -466,38 +471,38 @@ def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
     whole, cut = tmp_path / "whole.nc", tmp_path / "cut.nc"
     values = np.linspace(0.0, 1.0, 3000, dtype=np.float32).reshape(3, 1000)
     cube = xr.Dataset({"a": (("x", "y"), values), "case": ("x", ["1", "2", "3"])})
-    storage.write(cube, whole, compact=True)
+    storage.write_netcdf(cube, whole, compact=True)
     content = whole.read_bytes()
     for size in range(0, len(content), len(content) // 20):
         cut.write_bytes(content[:size])
         with pytest.raises(storage.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
-            storage.opened(cut)
-    xr.testing.assert_identical(storage.opened(whole)["case"], cube["case"])
+            storage.open_netcdf(cut)
+    xr.testing.assert_identical(storage.open_netcdf(whole)["case"], cube["case"])
 
 
 @pytest.mark.parametrize("count", [10**8, 10**12], ids=["0.8 GB", "8 TB"])
 def test_a_small_cube_that_would_fill_the_memory_is_refused(tmp_path, count):
     path = tmp_path / "bomb.nc"
-    storage.write(xr.Dataset({"a": ("x", np.zeros(3))}), path)
+    storage.write_netcdf(xr.Dataset({"a": ("x", np.zeros(3))}), path)
     with h5py.File(path, "a") as file:
         file.create_dataset("b", (count,), "f8", chunks=(2**20,)).make_scale("b")
     with pytest.raises(storage.CubeError, match=r"^[^\n]*bomb\.nc: not a cube[^\n]* MB\)$"):
-        storage.opened(path)
+        storage.open_netcdf(path)
 
 
 @pytest.mark.parametrize("limit", [1, 3000, 100_000])
 def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit):
     cube = xr.Dataset({"a": ("x", np.random.default_rng(0).random(30_000))})
-    storage.write(cube.assign(a=0 * cube["a"]), tmp_path / "a.nc")
+    storage.write_netcdf(cube.assign(a=0 * cube["a"]), tmp_path / "a.nc")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
     try:
         with pytest.raises(OSError, match="File too large"):
-            storage.write(cube, tmp_path / "a.nc")
+            storage.write_netcdf(cube, tmp_path / "a.nc")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     gc.collect()
-    assert not storage.opened(tmp_path / "a.nc")["a"].any()
+    assert not storage.open_netcdf(tmp_path / "a.nc")["a"].any()
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
 
 
@@ -512,7 +517,7 @@ def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
                 file.create_group("deep")["values"] = np.arange(5.0)
                 file["values"] = np.arange(7.0)
     with pytest.raises(storage.CubeError, match=r"^[^\n]*foreign\.nc[^\n]*$"):
-        cube_file.read(path)
+        cube_file.read_cube(path)
 
 
 @pytest.mark.parametrize("dtype", storage.MANTISSA_BITS, ids=str)
@@ -553,7 +558,7 @@ def test_most_stated_mean_errors_of_chapter_3_are_met(conforms):
     checks = [
         check
         for name in NAMES
-        for check in verdicts.check(default_cube(name), claims.claims_of(name))
+        for check in verdicts.check_claims(default_cube(name), claims.claims_of(name))
         if check.claim.quantity == "mean_error"
     ]
     assert len(checks) == 66

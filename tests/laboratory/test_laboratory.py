@@ -32,16 +32,16 @@ from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.media import write_png
-from thesis_lib.measure.recordings.media_info import MediaError, probe
+from thesis_lib.measure.recordings.media_info import MediaError, probe_media
 from thesis_lib.measure.recordings.validation import markers_of
-from thesis_lib.measure.steps import calibrated
+from thesis_lib.measure.steps import calibrate_rig
 from thesis_lib.measure.tracking.homography import TrackingError
-from thesis_lib.vibration.motion import Component, Motion, amplitudes
+from thesis_lib.vibration.motion import Component, Motion, steady_amplitudes
 from thesis_lib.vision import lens
 
 pytestmark = pytest.mark.slow  # films first
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 SIZE = (960, 540)
 OPPOSITE = [(10, 22), (190, 22)]
 BENDING, TORSION = Component(), Component("torsion", 1, 8.5, 0.0005, 0.7)
@@ -105,7 +105,7 @@ def measured(recordings, steps):
 def truth(measured, recordings, steps, rig):
     manifest = read_manifest(recordings / "manifest.yaml")
     data = measured.copy()
-    filmed._add_truth(data, rig, calibrated(manifest, recordings, steps))
+    filmed._add_truth(data, rig, calibrate_rig(manifest, recordings, steps))
     return data
 
 
@@ -125,7 +125,7 @@ def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(confo
     assert [camera.name for camera in cameras] == list("ABCD")
     conforms.closed_form([np.linalg.norm(c.centre) for c in cameras], 0.57, rtol=1e-7)
     for camera in cameras:
-        middle = lens.undistorted(camera, lens.project(camera, np.zeros(3)))
+        middle = lens.undistort_pixels(camera, lens.project_points(camera, np.zeros(3)))
         conforms.closed_form(middle, camera.K[:2, 2], atol=1e-6)
         assert np.abs(camera.K[:2, 2] - [960, 540]).max() < 8
         conforms.closed_form(camera.K[0, 0], 1280, rtol=0.0051)
@@ -179,14 +179,14 @@ def test_the_sound_is_the_force_at_the_camera_s_own_start(conforms, rig):
 def test_files_are_what_the_manifest_says(recordings, rig):
     manifest = read_manifest(recordings / "manifest.yaml")
     assert manifest == manifest_of(rig)
-    recordings_check.check(manifest, recordings)
+    recordings_check.check_files(manifest, recordings)
     names = {str(path.relative_to(recordings)) for path in recordings.rglob("*.*")}
     shots = {f"{name}/{k:02d}.png" for name in "AB" for k in range(8)}
     assert names == {"manifest.yaml", "A.mkv", "B.mkv"} | shots
 
 
 def test_lossless_videos_hold_the_frames_as_they_were_rendered(conforms, recordings, rig):
-    info = probe(recordings / "A.mkv")
+    info = probe_media(recordings / "A.mkv")
     assert (info.size, info.frame_rate, info.frames) == (SIZE, 60, 168)
     for index, name in enumerate("AB"):
         kept = next(media.read_frames(recordings / f"{name}.mkv", 0, 1))
@@ -246,7 +246,7 @@ def tracked(measured, rig):
     """Undistorted tracks, their times, projection matrices and the beam's frame."""
     cameras = chain.read_cameras(measured, "full")
     uv = np.stack(
-        [lens.undistorted(c, own.swapaxes(0, 1)).swapaxes(0, 1)
+        [lens.undistort_pixels(c, own.swapaxes(0, 1)).swapaxes(0, 1)
          for c, own in zip(cameras, measured["tracks"].values[:, 0], strict=True)]
     )  # fmt: skip
     own = np.arange(uv.shape[1]) / 60
@@ -307,7 +307,7 @@ def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics
     clock = np.exp(1j * omega * rig.stations[0].start)
     for n, frequency, share in [(1, 4.25, 0.001), (2, 8.5, 0.015)]:
         found = 2 / 16 * np.exp(-1j * n * omega * times) @ height
-        true = amplitudes(rig.motion, at, frequency) * clock**n
+        true = steady_amplitudes(rig.motion, at, frequency) * clock**n
         error = np.abs(found - true)
         peak = np.abs(true).max()
         conforms.closed_form(np.sqrt(np.mean(error**2)), below=share * peak)
@@ -319,7 +319,7 @@ def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics
 def test_the_exposure_has_been_made_good(conforms, tracked, harmonics, rig):
     _, _, P, frame, *_ = tracked
     omega, fits = harmonics
-    true = amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
+    true = steady_amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
     clock = np.exp(1j * omega * rig.stations[0].start)
     found = harmonic_deflection(P, frame, omega, fits)
     ratio = np.vdot(true * clock, found) / np.vdot(true, true)
@@ -421,7 +421,7 @@ def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
     for k in (3, 6):
         write_png(folder / "B" / f"{k:02d}.png", gray()[0])
     manifest = read_manifest(folder / "manifest.yaml")
-    corners, lost, _, full = calibration_rig.adjusted(manifest, folder)
+    corners, lost, _, full = calibration_rig.adjust_cameras(manifest, folder)
     assert len(lost) == 2
     assert all("B, " in line and "\n" not in line for line in lost)
     seen = np.isfinite(corners[:, :, 0, 0])

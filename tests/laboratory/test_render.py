@@ -25,7 +25,7 @@ from thesis_lib.measure.recordings.board import Board, on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 SHARP = Sensor(spread=0.0, samples=1)
 SIZE = (40, 30)
 
@@ -274,7 +274,7 @@ def test_a_disc_s_centroid_is_not_its_centre_s_image(conforms):
     # What the test above would miss if it took centres instead.
     at = camera()
     exact = disc_centroids(at, ROW, lambda points: 0 * points[0])
-    centre = lens.project(at, on_surface(ROW.extent, ROW.positions))
+    centre = lens.project_points(at, on_surface(ROW.extent, ROW.positions))
     conforms.closed_form(np.abs(exact - centre).max(), above=0.007, below=0.02)
 
 

@@ -14,8 +14,8 @@ from scipy.integrate import quad, solve_ivp
 from thesis_lib.laboratory.impact import select_free_decay, tap_structure
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.modes.identify import Asked, assurance, identify
-from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.modes.identify import Asked, identify_modes, modal_assurance
+from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import rows_on
 
@@ -75,7 +75,7 @@ def test_rows_that_are_read_at_once_are_the_usual_picture():
 def test_three_modes_of_a_rendered_beam():
     """A tap, three cameras at 60, 50 and 29.97 frames per second, rows read one by one."""
     own = small(rates=(60.0, 50.0, 29.97), impulse=0.02, seconds=1.6, rest=0.15)
-    found = identify(
+    found = identify_modes(
         *select_free_decay(own, track_rolling(own, 0.008), 0.008), Asked((2.0, 130.0), 3)
     )
     motion = own.motion
@@ -84,7 +84,7 @@ def test_three_modes_of_a_rendered_beam():
     np.testing.assert_allclose(found.frequency, hertz, rtol=1e-3)
     np.testing.assert_allclose(found.damping, DAMPING, rtol=0.05)
     for measured, expected in zip(found.shape, true, strict=True):
-        assert assurance([measured, expected])[0, 1] > 0.999
+        assert modal_assurance([measured, expected])[0, 1] > 0.999
 
 
 @pytest.mark.slow
@@ -98,7 +98,7 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     excitation = {"kind": "decay", "sound": "room", "rest_s": 0.55, "modes": sought}
     force = force_heard(own, tmp_path, POINT)
     manifest = written(own, tmp_path, readout, excitation=excitation, force=force)
-    measure(manifest, tmp_path / "out", str)
+    measure_recordings(manifest, tmp_path / "out", str)
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "<h2>Mode 3: 110.76 Hz</h2>" in text
     assert "<h2>Motion over force</h2>" in text
@@ -113,7 +113,7 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     shapes = found["amplitude_real"].values + 1j * found["amplitude_imag"].values
     true = motion.amplitudes(own.markers.centres, float(found["zero"]) + own.stations[0].start)
     for measured, expected in zip(shapes, true, strict=True):
-        assert assurance([measured, expected])[0, 1] > 0.9995
+        assert modal_assurance([measured, expected])[0, 1] > 0.9995
         assert np.nanmax(np.abs(measured - expected)) < 0.02 * np.abs(expected).max()
     assert found["missing"].max() < 0.05
 
@@ -125,7 +125,7 @@ def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
     own = pushed(beam_rig(2), truth, (60.0, 50.0), seconds=8.0, rest=0.6)
     excitation = {"kind": "random", "sound": "room", "rest_s": 0.55}
     force = force_heard(own, tmp_path, truth.place) | {"segment_s": 2.0}
-    measure(
+    measure_recordings(
         written(own, tmp_path, 0.008, excitation=excitation, force=force), tmp_path / "out", str
     )
     with xr.open_dataset(tmp_path / "out" / "response.nc") as file:

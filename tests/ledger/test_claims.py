@@ -13,7 +13,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import half_digit, read_claims, read_trends
 from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import undefined
+from thesis_lib.ledger.verdicts import reason_undefined
 from thesis_lib.studies import cubes
 
 CLAIMS = read_claims()
@@ -68,7 +68,7 @@ def cube_with(literal, bands, case="1", values=(500.0, 1000.0), medians=None, tr
 
 
 def checked(cube, claim):
-    (check,) = verdicts.check(cube, [claim])
+    (check,) = verdicts.check_claims(cube, [claim])
     return check
 
 
@@ -297,7 +297,7 @@ def test_the_second_largest_error_is_taken_in_each_trial(stated):
     measured = cube["measured_deflection"].values + rng.normal(0, 1e-3, (1, 1, 4, 4))
     cube["measured_deflection"] = cube["measured_deflection"].dims, measured
     reference = cube["reference_deflection"].values[0]
-    for trial, found in enumerate(verdicts.errors(cube, claim).values[0]):
+    for trial, found in enumerate(verdicts.claim_errors(cube, claim).values[0]):
         off = sorted(100 * abs(measured[0, 0, trial, i] - reference[i]) / 4e-3 for i in range(4))
         assert found == pytest.approx(off[2])
 
@@ -319,10 +319,10 @@ def test_what_is_undefined_has_a_reason_and_no_check(stated):
         (cube.isel(trial=[0]), claim, "the cube has no random trials"),
         (nodal, claim, "the reference is zero: a nodal plane"),
     ):
-        assert undefined(made, one) == reason
-        assert verdicts.check(made, [one]) == []
-    assert undefined(cube, claim) == ""
-    assert undefined(nodal, replace(claim, values=(1000.0,))) == ""
+        assert reason_undefined(made, one) == reason
+        assert verdicts.check_claims(made, [one]) == []
+    assert reason_undefined(cube, claim) == ""
+    assert reason_undefined(nodal, replace(claim, values=(1000.0,))) == ""
 
 
 # -- The file --
@@ -366,6 +366,6 @@ def test_intervals_are_ordered_and_single_unless_they_are_ranges():
 @pytest.mark.parametrize("name", [name for name in sets() if claims.claims_of(name)])
 def test_every_claim_can_be_held_against_its_cube(name):
     cube, stated_of = cube_of(name), claims.claims_of(name)
-    assert [claim.id for claim in stated_of if undefined(cube, claim)] == []
-    assert [check.claim for check in verdicts.check(cube, stated_of)] == [*stated_of]
-    assert all(claim.quantity in cubes.errors(cube) for claim in stated_of)
+    assert [claim.id for claim in stated_of if reason_undefined(cube, claim)] == []
+    assert [check.claim for check in verdicts.check_claims(cube, stated_of)] == [*stated_of]
+    assert all(claim.quantity in cubes.cube_errors(cube) for claim in stated_of)

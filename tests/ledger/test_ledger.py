@@ -13,17 +13,17 @@ from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.numbers import read_numbers
-from thesis_lib.facts.readings import READINGS, assumptions
+from thesis_lib.facts.readings import READINGS, list_assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.claims.tables import LedgerTable
-from thesis_lib.figure_sets.display import promised
+from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import verdicts as ledger_verdicts
@@ -81,7 +81,7 @@ def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
 
 
 def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
-    arc = sorted(camera for pair in setups.pairs()["4b"] for camera in pair)
+    arc = sorted(camera for pair in setups.camera_pairs()["4b"] for camera in pair)
     (request,) = ledger_runs.own_sources()["beam-tilted"].requests
     heights = []
     for tilt in ledger_runs.TILTS_DEG:
@@ -115,15 +115,17 @@ def test_commands_run_what_the_ledger_runs(name):
     source = ledger_runs.own_sources()[name]
     for command, request in zip(source.commands, source.requests, strict=True):
         assert "\n" not in command
-        assert validate(*typed(command)).digest == request.digest
+        assert validate_request(*typed(command)).digest == request.digest
 
 
 def test_commands_keep_words_and_primes():
     layouts = {'a "b" $c': [[[0, 20], [90, 20]]]}
     values = {"amplitude_mm": "force", "cases": ["4a'"], "layouts": layouts, "rest": "known"}
     request = camera_study("beam-arrays", values)
-    assert validate(*typed(studies_commands.command(request))).digest == request.digest
-    assert studies_commands.command(camera_study("beam-arrays")) == "thesis run beam-arrays"
+    assert (
+        validate_request(*typed(studies_commands.study_command(request))).digest == request.digest
+    )
+    assert studies_commands.study_command(camera_study("beam-arrays")) == "thesis run beam-arrays"
 
 
 @pytest.mark.parametrize("structure", ["beam"])
@@ -132,7 +134,7 @@ def test_corners_are_sixteen_layouts(structure):
     near, far = source.requests
     assert near.layouts == far.layouts
     assert far.distance_mm == 2 * near.distance_mm
-    assert near.distance_mm == validate(f"{structure}-arrays", {}).distance_mm
+    assert near.distance_mm == validate_request(f"{structure}-arrays", {}).distance_mm
     for name, (cameras,) in near.layouts.items():
         many, low, wide = (word in name.split() for word in ("many", "low", "wide"))
         azimuths, elevations = np.array(cameras).T
@@ -148,7 +150,7 @@ def test_corners_are_sixteen_layouts(structure):
 
 
 def request_of(name, **values):
-    return validate(name, {"trials": TRIALS, **values})
+    return validate_request(name, {"trials": TRIALS, **values})
 
 
 def test_each_corner_has_its_cameras_and_distance(conforms):
@@ -167,7 +169,7 @@ def test_each_corner_has_its_cameras_and_distance(conforms):
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms, structure):
-    distances = setups.table(structure, "distance")["distances_mm"]
+    distances = setups.setup_table(structure, "distance")["distances_mm"]
     name = f"{structure}-aperture"
     made = own()[f"{structure}-apart"]
     here = {(s.case, s.quantity, s.mode): s for s in made}
@@ -182,7 +184,7 @@ def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms, struc
 
 
 def test_elevation_and_tilts_are_what_is_varied(conforms):
-    elevations = setups.table("beam", "aperture")["elevations_deg"]
+    elevations = setups.setup_table("beam", "aperture")["elevations_deg"]
     for series in own()["beam-elevation"]:
         assert series.values.tolist() == elevations == sorted(elevations)
         assert series.case[:2] in ("2a", "2c")
@@ -244,13 +246,13 @@ def test_series_grow_with_what_is_varied_and_leave_out_the_literal_run():
 def test_second_largest_errors_are_those_of_the_claims():
     series = {(s.quantity, s.case, s.mode): s for s in series_of(cube_of("beam-arrays"))}
     (claim,) = (c for c in claims.read_claims() if c.id == "ch3-4e-m3-max-last")
-    expected = ledger_verdicts.errors(cube_of("beam-arrays"), claim)[:, 1:]
+    expected = ledger_verdicts.claim_errors(cube_of("beam-arrays"), claim)[:, 1:]
     np.testing.assert_array_equal(series["second_point_error", "4e", 3].errors[-1:], expected)
 
 
 def test_own_runs_come_back_from_their_file(tmp_path):
-    storage.write(own_cube(), tmp_path / "own.nc")
-    back = ledger_runs.read_own(storage.opened(tmp_path / "own.nc"))
+    storage.write_netcdf(own_cube(), tmp_path / "own.nc")
+    back = ledger_runs.read_own(storage.open_netcdf(tmp_path / "own.nc"))
     assert list(back) == list(own())
     for name, made in own().items():
         assert len(made) == len({(s.quantity, s.case, s.mode) for s in made})
@@ -300,7 +302,7 @@ def test_commands_of_the_entries_are_accepted(found):
     commands = {line for entry in found for line in entry.command.splitlines()}
     assert len(commands) > len(sets())
     for command in commands:
-        validate(*typed(command))
+        validate_request(*typed(command))
 
 
 @pytest.fixture(scope="module")
@@ -310,7 +312,7 @@ def labels():
     for path in (project_root() / "notebooks").glob("*.ipynb"):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         asked, sources = STUDIES[path.stem](), ("".join(cell["source"]) for cell in cells)
-        made[path.stem] = {one.name for source in sources for one in promised(asked, source)}
+        made[path.stem] = {one.name for source in sources for one in list_captions(asked, source)}
     return made
 
 
@@ -339,22 +341,24 @@ def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
 
 
 def test_totals_count_by_verdict(found):
-    everything = ledger.totals(found)
+    everything = ledger.count_verdicts(found)
     assert sum(everything.values()) == len(found)
     for where in ({"chapter": 3}, {"kind": "trend"}, {"chapter": 4, "kind": "figure"},
                   {"counted": False}):  # fmt: skip
         chosen = [e for e in found if all(getattr(e, k) == v for k, v in where.items())]
-        assert ledger.totals(found, **where) == {
+        assert ledger.count_verdicts(found, **where) == {
             verdict: sum(e.verdict == verdict for e in chosen) for verdict in VERDICTS
         }
-    by_chapter = [ledger.totals(found, chapter=chapter) for chapter in ledger.THESIS_CHAPTERS]
+    by_chapter = [
+        ledger.count_verdicts(found, chapter=chapter) for chapter in ledger.THESIS_CHAPTERS
+    ]
     assert {v: sum(one[v] for one in by_chapter) for v in VERDICTS} == everything
 
 
 def test_figures_say_what_the_checks_say(found):
     by = {entry.id: entry for entry in found}
     for name in sets():
-        for check in ledger_verdicts.check(cube_of(name), claims.claims_of(name)):
+        for check in ledger_verdicts.check_claims(cube_of(name), claims.claims_of(name)):
             entry = by[check.claim.id]
             assert (entry.verdict, entry.ratio) == (check.verdict, check.ratio)
             assert (entry.literal, entry.median) == (check.literal, check.median)
@@ -450,7 +454,7 @@ def test_without_any_cube_only_the_numbers_are_judged(found):
     notes = {entry.note for entry in made if entry.kind == "trend"}
     assert "run beam-tilted of the ledger is missing: run `thesis book`" in notes
     LedgerTable(data={"rows": [entry.row for entry in made]})
-    assert ledger.totals(made)["undefined"] == len(made) - len(read_numbers())
+    assert ledger.count_verdicts(made)["undefined"] == len(made) - len(read_numbers())
 
 
 def test_a_cube_with_fewer_modes_leaves_the_others_undefined(found):
@@ -471,13 +475,13 @@ def filed(tmp_path):
     """A study, and the file with its cube."""
     request = request_of("beam-distance")
     path = tmp_path / "beam-distance.nc"
-    storage.write(cube_of("beam-distance"), path)
+    storage.write_netcdf(cube_of("beam-distance"), path)
     return request, path
 
 
 def test_the_right_file_is_taken(filed):
     request, path = filed
-    xr.testing.assert_identical(cube_file.usable(path, request), cube_of("beam-distance"))
+    xr.testing.assert_identical(cube_file.read_usable(path, request), cube_of("beam-distance"))
 
 
 @pytest.mark.parametrize(
@@ -490,12 +494,12 @@ def test_the_right_file_is_taken(filed):
         (lambda path: path.write_bytes(path.read_bytes()[:-1000]), "is not readable"),
         (lambda path: (path.unlink(), path.mkdir()), "is not readable"),
         (lambda path: xr.Dataset({"a": 1}).to_netcdf(path), "is not readable"),
-        (lambda path: storage.write(cube_of("beam-aperture"), path), "is of beam-aperture"),
-        (lambda path: storage.write(cube_of("beam-distance").assign_attrs(
+        (lambda path: storage.write_netcdf(cube_of("beam-aperture"), path), "is of beam-aperture"),
+        (lambda path: storage.write_netcdf(cube_of("beam-distance").assign_attrs(
             library_sha256="0" * 64), path), "is outdated, the library has changed since"),
-        (lambda path: storage.write(cube_of("beam-distance").drop_attrs(deep=False), path),
+        (lambda path: storage.write_netcdf(cube_of("beam-distance").drop_attrs(deep=False), path),
          "is not readable"),
-        (lambda path: storage.write(with_provenance(cube_of("beam-distance"),
+        (lambda path: storage.write_netcdf(with_provenance(cube_of("beam-distance"),
             request_of("beam-distance", seed=1), 0.0), path),
          "was run with other parameters"),
     ],
@@ -503,14 +507,14 @@ def test_the_right_file_is_taken(filed):
 def test_any_other_file_is_refused_in_one_line(filed, damage, words):
     request, path = filed
     damage(path)
-    reason = cube_file.usable(path, request)
+    reason = cube_file.read_usable(path, request)
     assert reason == f"cube beam-distance.nc {words}: run `thesis book`"
 
 
 def test_a_file_of_other_parameters_is_refused(filed):
     _, path = filed
     for values in ({"trials": TRIALS + 1}, {"seed": 1}, {"focal_length_mm": 25}):
-        reason = cube_file.usable(path, request_of("beam-distance", **values))
+        reason = cube_file.read_usable(path, request_of("beam-distance", **values))
         assert reason == ("cube beam-distance.nc was run with other parameters: run `thesis book`")
 
 
@@ -518,8 +522,8 @@ def test_a_cube_of_before_the_digest_is_outdated(filed):
     request, path = filed
     cube = cube_of("beam-distance").copy()
     del cube.attrs["library_sha256"]
-    storage.write(cube, path)
-    assert "is outdated" in cube_file.usable(path, request)
+    storage.write_netcdf(cube, path)
+    assert "is outdated" in cube_file.read_usable(path, request)
 
 
 # -- The report --
@@ -541,7 +545,7 @@ def test_the_report_counts_each_chapter_and_all_that_count(found):
     for chapter in ledger.THESIS_CHAPTERS:
         assert f"\nchapter {chapter}\n" in f"\n{text}"
     (last,) = re.findall("in all, .*: (.*)", text)
-    counted = ledger.totals(found, counted=True)
+    counted = ledger.count_verdicts(found, counted=True)
     assert last == ", ".join(f"{n} {verdict}" for verdict, n in counted.items())
     lines = re.findall(r"^ +(\d+) (figures|trends|numbers) +(.*)$", text, re.M)
     assert sum(int(number) for number, _, _ in lines) == len(found)
@@ -611,7 +615,7 @@ def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
               for one in read()}  # fmt: skip
     known = claims.read_reasons()
     assert set(known) <= stated
-    items = {item["id"] for item in assumptions()}
+    items = {item["id"] for item in list_assumptions()}
     for one in known.values():
         document, _, anchor = one.page.partition("#")
         text = (project_root() / "book" / f"{document}.md").read_text(encoding="utf-8")
@@ -635,12 +639,12 @@ def other_readings():
 @pytest.fixture(scope="module")
 def cube(found, other_readings):
     made = ledger.as_cube(found, other_readings)
-    return with_provenance(made, validate("claims", {}), 0.0)
+    return with_provenance(made, validate_request("claims", {}), 0.0)
 
 
 def test_entries_come_back_from_their_cube(found, cube, tmp_path):
-    storage.write(cube, tmp_path / "claims.nc")
-    for made in (cube, cube_file.read(tmp_path / "claims.nc")):
+    storage.write_netcdf(cube, tmp_path / "claims.nc")
+    for made in (cube, cube_file.read_cube(tmp_path / "claims.nc")):
         back = ledger.from_cube(made)
         assert [entry.record for entry in back] == [entry.record for entry in found]
         for one, other in zip(back, found, strict=True):
@@ -660,7 +664,7 @@ def test_cube_has_the_readings(cube, other_readings):
 
 
 def test_summary_of_the_ledger_is_its_verdicts(found, cube):
-    table = cubes.summary(cube)
+    table = cubes.summarise_errors(cube)
     assert table["claim"].tolist() == [entry.id for entry in found]
     assert table["verdict"].tolist() == [entry.verdict for entry in found]
 
@@ -670,4 +674,4 @@ def test_commands_of_the_readings_are_accepted(reading):
     name, values = typed(readings.format_command(reading))
     assert name == "ch3"
     expected = camera_study("beam-arrays", readings.reading_parameters(reading, "beam-arrays"))
-    assert validate("beam-arrays", values).digest == expected.digest
+    assert validate_request("beam-arrays", values).digest == expected.digest

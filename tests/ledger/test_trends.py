@@ -20,7 +20,7 @@ from thesis_lib.ledger.trends import (
     ONE_RUN_FLAT,
     TREND_TESTS,
     Finding,
-    judge,
+    judge_trend,
 )
 
 TRENDS = claims.read_trends()
@@ -202,8 +202,8 @@ def test_what_one_run_shows_of_a_flat_error_is_what_the_thesis_calls_flat():
         ([8, 21], "flat 8 18", 0),
         ([8, 8], "flat 10 18", 0),
     ):
-        assert judge(trend(words), scene({"a": expected})) == Finding(0, single)
-    assert judge(trend("no_trend"), scene({"a": [4, 3, 2.5]})) == Finding(0, 1)
+        assert judge_trend(trend(words), scene({"a": expected})) == Finding(0, single)
+    assert judge_trend(trend("no_trend"), scene({"a": [4, 3, 2.5]})) == Finding(0, 1)
 
 
 def values_of(by):
@@ -212,7 +212,7 @@ def values_of(by):
 
 @pytest.mark.parametrize(("test", "by", "holds", "more"), CLEAR + EDGES)
 def test_what_the_words_mean(test, by, holds, more):
-    found = judge(trend(test, **more), scene(by, values=values_of(by)))
+    found = judge_trend(trend(test, **more), scene(by, values=values_of(by)))
     assert found == Finding(float(holds), float(holds))
 
 
@@ -220,7 +220,7 @@ def test_what_the_words_mean(test, by, holds, more):
 def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
     """Single runs scatter by 5 %, means over 100 of them by 0.5 %."""
     made = scene(by, trials=100, noise=0.05, seed=1, values=values_of(by))
-    found = judge(trend(test, **more), made)
+    found = judge_trend(trend(test, **more), made)
     assert found.confidence > 0.99 if holds else found.confidence < 0.01
 
 
@@ -245,7 +245,7 @@ def two_settings(count, trials, shift=0.0, seed=0):
         errors = 10 + rng.standard_normal((2, trials))
         errors[0] += shift * sqrt(2 / trials)
         errors[1] *= 1 - MIN_MATERIAL_FALL
-        found.append(judge(trend("falls"), [series(errors)]).confidence)
+        found.append(judge_trend(trend("falls"), [series(errors)]).confidence)
     return np.array(found)
 
 
@@ -270,7 +270,9 @@ def test_confidence_grows_with_the_evidence_as_it_must(shift):
 def test_confidence_hardly_depends_on_the_seed_of_the_resamples():
     errors = 10 + np.random.default_rng(7).standard_normal((2, 50))
     errors[1] *= 1 - MIN_MATERIAL_FALL
-    found = [judge(trend("falls"), [series(errors)], seed=seed).confidence for seed in range(8)]
+    found = [
+        judge_trend(trend("falls"), [series(errors)], seed=seed).confidence for seed in range(8)
+    ]
     p = np.mean(found)
     assert 0 < np.std(found) < 3 * sqrt(p * (1 - p) / RESAMPLE_COUNT)
 
@@ -278,10 +280,10 @@ def test_confidence_hardly_depends_on_the_seed_of_the_resamples():
 def test_resamples_are_the_same_in_every_setting_and_case():
     """What is lower in each trial by a hair is lower in expectation, whatever the scatter."""
     scatter = 10 * np.random.default_rng(2).gamma(2, size=(1, 30))
-    found = judge(trend("falls"), [series(np.vstack([scatter, scatter * 0.899]))])
+    found = judge_trend(trend("falls"), [series(np.vstack([scatter, scatter * 0.899]))])
     assert found == Finding(1, 1)
     cases = [series(0.999 * scatter), series(scatter, case="b")]
-    assert judge(trend("below_case b first"), cases) == Finding(1, 1)
+    assert judge_trend(trend("below_case b first"), cases) == Finding(1, 1)
 
 
 def test_trials_are_paired_as_far_as_both_sources_have_them():
@@ -292,27 +294,27 @@ def test_trials_are_paired_as_far_as_both_sources_have_them():
     shorter[0, 15:] *= 0.999
     scatter[0, 20:] = 1e6
     cases = [series(scatter), series(shorter, case="b")]
-    found = judge(trend("below_case b first"), cases)
+    found = judge_trend(trend("below_case b first"), cases)
     assert found == Finding(0, 0.75)
-    assert judge(trend("below_case b first"), cases[::-1]) == found
+    assert judge_trend(trend("below_case b first"), cases[::-1]) == found
 
 
 def test_what_has_no_trials_of_its_own_does_not_shorten_the_others():
     """Failures of tracking are counted once for all trials."""
     errors = np.array([[2.0] * 9 + [1], [1.0] * 9 + [2]])
     once = series([[3], [1]], quantity="tracking_failures")
-    assert judge(trend("falls"), [series(errors), once]).single == 0.9
+    assert judge_trend(trend("falls"), [series(errors), once]).single == 0.9
     both = trend("falls", quantities=(MEAN, "tracking_failures"))
-    assert judge(both, [series(errors), once]).single == 0.9
+    assert judge_trend(both, [series(errors), once]).single == 0.9
     alone = trend("falls", quantities=("tracking_failures",))
-    assert judge(alone, [series(errors), once]) == Finding(1, 1)
-    assert judge(alone, [once]) == Finding(1, 1)
-    assert judge(alone, [once, series([[1], [2]], mode=2)]) == Finding(1, 1)
+    assert judge_trend(alone, [series(errors), once]) == Finding(1, 1)
+    assert judge_trend(alone, [once]) == Finding(1, 1)
+    assert judge_trend(alone, [once, series([[1], [2]], mode=2)]) == Finding(1, 1)
 
 
 def test_single_is_the_share_of_trials():
     errors = np.array([[3.0] * 10, [2.0] * 7 + [4.1] * 3])
-    found = judge(trend("falls"), [series(errors)])
+    found = judge_trend(trend("falls"), [series(errors)])
     assert found.single == 0.7
     # the mean of the second is 2 + 0.21 k, k of a binomial distribution with p = 0.3, and 2.7 falls
     chance = sum(c * 0.3**k * 0.7 ** (10 - k) for k, c in enumerate([1, 10, 45, 120]))
@@ -347,7 +349,7 @@ def test_verdict(confidence, single, verdict):
     ],
 )
 def test_effect_is_the_least_change(test, by, more, effect):
-    found = judge(trend(test, **more), scene(by)).effect
+    found = judge_trend(trend(test, **more), scene(by)).effect
     np.testing.assert_allclose(found, effect, rtol=1e-12)
 
 
@@ -362,7 +364,7 @@ def test_effect_is_the_least_change(test, by, more, effect):
     ],
 )
 def test_no_material_change_is_said_if_no_error_changes_by_more_than_a_tenth(by, verdict):
-    assert judge(trend("falls", **BOTH), scene(by, trials=9)).verdict == verdict
+    assert judge_trend(trend("falls", **BOTH), scene(by, trials=9)).verdict == verdict
 
 
 # -- One effect for all, and trends that are not monotonic --
@@ -378,7 +380,7 @@ def test_two_opposite_statements_never_both_agree(one, scale):
     for _ in range(40):
         expected = np.exp(scale * rng.standard_normal((4, 1)))
         made = [series(expected * np.exp(0.05 * rng.standard_normal((4, 20))))]
-        assert [judge(trend(test), made).verdict for test in one] != ["agrees", "agrees"]
+        assert [judge_trend(trend(test), made).verdict for test in one] != ["agrees", "agrees"]
 
 
 def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_draws_is_not_sure():
@@ -386,7 +388,7 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
     means, widths = [2.80, 2.16, 2.41], [640, 1280, 1920]
     for test, errors in (("falls", means), ("rises", means[::-1])):
         values = widths if test == "falls" else widths[::-1]
-        found = judge(trend(test), [series(np.c_[errors, errors], values=values)])
+        found = judge_trend(trend(test), [series(np.c_[errors, errors], values=values)])
         assert (found.verdict, round(min(found.effect, 1 / found.effect), 2)) == ("agrees", 0.86)
         step = (
             "2.16 at 1280 but 2.41 at 1920" if test == "falls" else "2.41 at 1920 but 2.16 at 1280"
@@ -395,7 +397,7 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
     scatter = np.random.default_rng(0).standard_normal((3, 19))  # of 19 recordings, paired
     scatter -= scatter.mean(axis=1, keepdims=True)
     made = [series(np.array(means)[:, None] + 0.35 * scatter, values=widths)]
-    found = judge(trend("falls"), made)
+    found = judge_trend(trend("falls"), made)
     assert 0.5 < found.confidence < 0.95  # any fall at all: 99 %
     assert (found.verdict, found.step_back) == ("within scatter", "2.16 at 1280 but 2.41 at 1920")
 
@@ -413,7 +415,7 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
     ],
 )
 def test_the_largest_step_against_a_trend_is_told(test, expected, step):
-    assert judge(trend(test), scene({"a": expected})).step_back == step
+    assert judge_trend(trend(test), scene({"a": expected})).step_back == step
 
 
 def test_the_step_back_is_said_beside_the_verdict_in_the_ledger():
@@ -444,16 +446,16 @@ def noisy(by, values=None):
 def test_only_bounds_depend_on_the_size_of_the_errors(test, by, more):
     made = noisy(by, values_of(by))
     larger = [Series(s.quantity, s.case, s.mode, s.values, 1024 * s.errors) for s in made]
-    assert judge(trend(test, **more), larger) == judge(trend(test, **more), made)
+    assert judge_trend(trend(test, **more), larger) == judge_trend(trend(test, **more), made)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_falling_backwards_is_rising(seed):
     errors = np.random.default_rng(seed).gamma(8, size=(4, 9))
-    found = judge(trend("falls"), [series(errors)])
-    assert judge(trend("rises"), [series(errors[::-1])]) == found
+    found = judge_trend(trend("falls"), [series(errors)])
+    assert judge_trend(trend("rises"), [series(errors[::-1])]) == found
     for test in ("flat", "no_trend"):
-        one, other = (judge(trend(test), [series(e)]) for e in (errors, errors[::-1]))
+        one, other = (judge_trend(trend(test), [series(e)]) for e in (errors, errors[::-1]))
         assert one == other
 
 
@@ -461,12 +463,12 @@ def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
     for seed in range(5):
         made = [series(np.random.default_rng(seed).gamma(2, size=(5, 40)))]
         falls, rises, none = (
-            judge(trend(test), made).single for test in ("falls", "rises", "no_trend")
+            judge_trend(trend(test), made).single for test in ("falls", "rises", "no_trend")
         )
         assert falls + rises <= 1
         assert none >= 1 - falls - rises - 1e-12
         steadily, not_steadily = (
-            judge(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
+            judge_trend(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
         )
         assert steadily <= falls
         assert steadily + not_steadily <= 1
@@ -482,7 +484,7 @@ def test_what_a_trend_does_not_speak_of_changes_nothing(test, by, more):
         series([[1] * 11, [5] * 11], case="elsewhere"),
         series([[NAN] * 11, [1] * 11], quantity="power_error", mode=2),
     ]
-    assert judge(trend(test, **more), others + made) == judge(trend(test, **more), made)
+    assert judge_trend(trend(test, **more), others + made) == judge_trend(trend(test, **more), made)
 
 
 @pytest.mark.parametrize("gaps", [slice(None), slice(0, 1)])
@@ -492,12 +494,12 @@ def test_series_without_a_reference_are_left_out(gaps):
     both = trend("falls", **PLANES)
     for test in ("falls", "flat", "no_trend", "below 4", "same_pattern", "highest_last"):
         one = trend(test, **PLANES)
-        alone = judge(one, [series(good, XZ)])
-        assert judge(one, [series(good, XZ), series(bad, YZ)]) == alone
-    assert judge(both, [series(bad, XZ), series(bad, YZ)]) is None
+        alone = judge_trend(one, [series(good, XZ)])
+        assert judge_trend(one, [series(good, XZ), series(bad, YZ)]) == alone
+    assert judge_trend(both, [series(bad, XZ), series(bad, YZ)]) is None
     pair = trend("like_case b", **PLANES)
     cases = [series(good, XZ, "a"), series(good, XZ, "b"), series(bad, YZ, "a")]
-    assert judge(pair, [*cases, series(good, YZ, "b")]) == Finding(1, 1)
+    assert judge_trend(pair, [*cases, series(good, YZ, "b")]) == Finding(1, 1)
 
 
 @pytest.mark.parametrize(
@@ -517,18 +519,18 @@ def test_series_without_a_reference_are_left_out(gaps):
     ],
 )
 def test_nothing_is_found_where_there_is_nothing_to_compare(one, by):
-    assert judge(one, scene(by)) is None
+    assert judge_trend(one, scene(by)) is None
 
 
 def test_a_run_without_random_trials_finds_nothing():
-    assert judge(trend("falls"), [series(np.empty((3, 0)))]) is None
-    assert judge(trend("falls"), [series([[2], [1]])]) == Finding(1, 1)
+    assert judge_trend(trend("falls"), [series(np.empty((3, 0)))]) is None
+    assert judge_trend(trend("falls"), [series([[2], [1]])]) == Finding(1, 1)
 
 
 def test_no_case_means_all_cases():
     made = scene({"a": [2, 1], "b": [1, 2]})
-    assert judge(trend("falls", cases=()), made) == Finding(0, 0)
-    assert judge(trend("falls", cases=()), made[:1]) == Finding(1, 1)
+    assert judge_trend(trend("falls", cases=()), made) == Finding(0, 0)
+    assert judge_trend(trend("falls", cases=()), made[:1]) == Finding(1, 1)
 
 
 # -- The file --
@@ -564,7 +566,7 @@ def test_every_trend_can_be_judged(one):
     assert set(one.cases) <= {s.case for s in found}
     for quantity in one.quantities:
         assert any(s.quantity == quantity and s.mode in one.modes for s in found)
-    finding = judge(one, found)
+    finding = judge_trend(one, found)
     assert 0 <= finding.confidence <= 1
     assert 0 <= finding.single <= 1
 

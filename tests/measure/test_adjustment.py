@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.bundle_adjustment import (
-    adjust,
-    align,
-    alignment,
+    adjust_bundle,
+    align_cameras,
     camera_deviations,
-    moved,
+    fit_alignment,
+    transform_adjustment,
 )
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.uncertainty import jackknife
-from thesis_lib.measure.calibration.zhang import CalibrationError, zhang
+from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
+from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera
 from thesis_lib.vision import lens
 
 SIGMA = 0.01
@@ -49,7 +49,7 @@ def test_derivatives_agree_with_differences(conforms):
     R, t = default_poses()
     network = reprojection.Network(tuple(rig()), R, t)
     for c in range(4):
-        _, J = reprojection.images(network, network.cameras[c], POINTS)
+        _, J = reprojection.board_images(network, network.cameras[c], POINTS)
         for k, h in enumerate([1e-5] * 12 + [1e-2] * 4 + [1e-4] * 4):
             step = np.zeros(network.unknowns)
             if k < 6:
@@ -58,8 +58,8 @@ def test_derivatives_agree_with_differences(conforms):
                 step[6 * 4 + k - 6 : 6 * 16 : 6] = h  # the same unknown of every board
             else:
                 step[6 * 16 + 8 * c + k - 12] = h
-            sides = [reprojection.stepped(network, s * step) for s in (1, -1)]
-            plus, minus = (reprojection.images(n, n.cameras[c], POINTS)[0] for n in sides)
+            sides = [reprojection.step_network(network, s * step) for s in (1, -1)]
+            plus, minus = (reprojection.board_images(n, n.cameras[c], POINTS)[0] for n in sides)
             difference = (plus - minus) / (2 * h)
             conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
 
@@ -72,7 +72,7 @@ def test_gauge_directions_leave_all_images_alone(conforms):
         uv, np.ones((4, 12), bool), POINTS, network
     )
     scale = np.sqrt(np.diag(normal))
-    G = reprojection.gauge(network)
+    G = reprojection.gauge_directions(network)
     relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
     conforms.invariance(relative.max(), below=1e-12)
     conforms.invariance(np.abs(residuals).max(), below=1e-10)
@@ -80,8 +80,8 @@ def test_gauge_directions_leave_all_images_alone(conforms):
 
 @pytest.mark.parametrize("absent", [[], [(0, 0), (1, 0), (2, 5), (3, 7), (1, 7), (0, 11)]])
 def test_exact_images_give_back_the_rig(conforms, absent):
-    result = adjust(without(observations(), absent), POINTS, rough())
-    _, centres, rotations = align(result.cameras, rig())
+    result = adjust_bundle(without(observations(), absent), POINTS, rough())
+    _, centres, rotations = align_cameras(result.cameras, rig())
     conforms.closed_form(np.abs(centres).max(), below=1e-9)
     conforms.closed_form(np.abs(rotations).max(), below=1e-9)
     conforms.closed_form(np.abs(lens_errors(result.cameras)).max(), below=1e-6)
@@ -91,24 +91,26 @@ def test_exact_images_give_back_the_rig(conforms, absent):
 
 
 def test_the_world_is_the_first_shots_board(conforms):
-    result = adjust(observations(SIGMA), POINTS, rig())
+    result = adjust_bundle(observations(SIGMA), POINTS, rig())
     conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
     conforms.closed_form(result.translations[0], 0, atol=1e-12)
-    other = moved(result, *reprojection.to_board(result, 3))
+    other = transform_adjustment(result, *reprojection.to_board(result, 3))
     conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
     conforms.closed_form(other.translations[3], 0, atol=1e-12)
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
     there = other.rotations[5] @ POINTS + other.translations[5][:, None]
     for a, b in zip(result.cameras, other.cameras, strict=True):
-        conforms.invariance(lens.project(a, world), lens.project(b, there), atol=1e-8)
+        conforms.invariance(lens.project_points(a, world), lens.project_points(b, there), atol=1e-8)
 
 
 def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
     shots = as_found(observations(SIGMA, 7), seed=7)
-    single = [zhang(s, BOARD, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
-    unified, _ = unify(single, shots, BOARD, two_sided=True)
-    result = adjust(unified, POINTS, [s.camera() for s in single])
-    _, centres, rotations = align(result.cameras, rig())
+    single = [
+        calibrate_camera(s, BOARD, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)
+    ]
+    unified, _ = unify_corners(single, shots, BOARD, two_sided=True)
+    result = adjust_bundle(unified, POINTS, [s.camera() for s in single])
+    _, centres, rotations = align_cameras(result.cameras, rig())
     conforms.sampled(np.linalg.norm(centres, axis=1).max(), below=0.2e-3)
     conforms.sampled(np.abs(rotations).max(), below=1e-4)
     conforms.sampled(np.abs(lens_errors(result.cameras)[:, :2]).max(), below=3e-4 * 1275)
@@ -126,15 +128,17 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
 
     back = np.array([[0.0], [0.0], [-thick.thickness]])
     for c, s in np.argwhere(seen_from_behind(uv)):
-        uv[c, s] = lens.project(rig()[c], R[s] @ (POINTS + back) + t[s][:, None])
+        uv[c, s] = lens.project_points(rig()[c], R[s] @ (POINTS + back) + t[s][:, None])
     assert 0 < np.mean(seen_from_behind(uv)) < 1
     shots = as_found(uv, seed=2)
-    single = [zhang(s, thick, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)]
-    unified, _ = unify(single, shots, thick, two_sided=True)
+    single = [
+        calibrate_camera(s, thick, SIZE, name=c.name) for c, s in zip(rig(), shots, strict=True)
+    ]
+    unified, _ = unify_corners(single, shots, thick, two_sided=True)
     off = []
     for board in (thick, BOARD):
-        result = adjust(unified, board.shown(unified), [s.camera() for s in single])
-        off.append(np.linalg.norm(align(result.cameras, rig())[1], axis=1).max())
+        result = adjust_bundle(unified, board.shown(unified), [s.camera() for s in single])
+        off.append(np.linalg.norm(align_cameras(result.cameras, rig())[1], axis=1).max())
     conforms.closed_form(off[0], below=1e-6)
     assert off[1] > 1e-3  # and without its thickness they are where they are not
 
@@ -144,9 +148,9 @@ def test_deviations_predict_the_scatter(conforms, free):
     absent = [(0, 2), (1, 2), (2, 8), (3, 9), (3, 10)]
     lenses, lens_sd, places, place_sd, turns, turn_sd, sigmas = [], [], [], [], [], [], []
     for seed in range(24):
-        result = adjust(without(observations(SIGMA, seed), absent), POINTS, rig(), *free)
-        result = moved(result, *alignment(result.cameras, rig()))
-        _, centres, rotations = align(result.cameras, rig())
+        result = adjust_bundle(without(observations(SIGMA, seed), absent), POINTS, rig(), *free)
+        result = transform_adjustment(result, *fit_alignment(result.cameras, rig()))
+        _, centres, rotations = align_cameras(result.cameras, rig())
         sd_centres, sd_rotations = camera_deviations(result)
         lenses.append(lens_errors(result.cameras))
         lens_sd.append(result.deviations[:, :4])
@@ -167,12 +171,12 @@ def test_deviations_predict_the_scatter(conforms, free):
 
 def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(conforms):
     R, t = default_poses()
-    truth = reprojection.transformed(
+    truth = reprojection.transform_network(
         reprojection.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]
     ).cameras
     ratios, sizes = [], []
     for seed in range(24):
-        result = adjust(observations(SIGMA, seed), POINTS, rig())
+        result = adjust_bundle(observations(SIGMA, seed), POINTS, rig())
         deviations, _ = camera_deviations(result, shot=0)
         errors = [p.centre - q.centre for p, q in zip(result.cameras, truth, strict=True)]
         ratios.append(np.array(errors) / deviations)
@@ -182,9 +186,9 @@ def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(con
 
 
 def test_deviations_do_not_depend_on_the_frame(conforms):
-    result = adjust(observations(SIGMA), POINTS, rig())
+    result = adjust_bundle(observations(SIGMA), POINTS, rig())
     R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
-    before, after = (camera_deviations(r) for r in (result, moved(result, R, t)))
+    before, after = (camera_deviations(r) for r in (result, transform_adjustment(result, R, t)))
     conforms.invariance(after[1], before[1], rtol=1e-5)
     totals = [np.linalg.norm(d[0], axis=1) for d in (before, after)]
     conforms.invariance(totals[0], totals[1], rtol=1e-5)
@@ -192,30 +196,30 @@ def test_deviations_do_not_depend_on_the_frame(conforms):
 
 def test_the_order_of_cameras_and_shots_does_not_matter(conforms):
     uv = without(observations(SIGMA, 4), [(0, 0), (2, 3), (3, 3)])
-    straight = adjust(uv, POINTS, rig())
+    straight = adjust_bundle(uv, POINTS, rig())
     by_camera, by_shot = [2, 0, 3, 1], np.random.default_rng(0).permutation(12)
-    mixed = adjust(uv[by_camera][:, by_shot], POINTS, [rig()[i] for i in by_camera])
+    mixed = adjust_bundle(uv[by_camera][:, by_shot], POINTS, [rig()[i] for i in by_camera])
     back = [mixed.cameras[by_camera.index(i)] for i in range(4)]
-    _, centres, rotations = align(back, straight.cameras)
+    _, centres, rotations = align_cameras(back, straight.cameras)
     conforms.invariance(np.abs(centres).max(), below=1e-9)
     conforms.invariance(np.abs(rotations).max(), below=1e-9)
     conforms.invariance(mixed.rms, straight.rms, rtol=1e-9)
 
 
 def test_what_is_fixed_stays():
-    result = adjust(observations(SIGMA), POINTS, rig(), intrinsics=False, distortion=False)
+    result = adjust_bundle(observations(SIGMA), POINTS, rig(), intrinsics=False, distortion=False)
     for camera, truth in zip(result.cameras, rig(), strict=True):
         np.testing.assert_array_equal(camera.K, truth.K)
         np.testing.assert_array_equal(camera.distortion, truth.distortion)
     np.testing.assert_array_equal(result.deviations, 0)
-    partly = adjust(observations(SIGMA), POINTS, rig(), distortion=False)
+    partly = adjust_bundle(observations(SIGMA), POINTS, rig(), distortion=False)
     np.testing.assert_array_equal(partly.deviations[:, 4:], 0)
     assert (partly.deviations[:, :4] > 0).all()
 
 
 def test_residuals_are_absent_where_views_are(conforms):
     absent = [(1, 2), (3, 3)]
-    result = adjust(without(observations(SIGMA), absent), POINTS, rig())
+    result = adjust_bundle(without(observations(SIGMA), absent), POINTS, rig())
     gone = np.isnan(result.residuals).all(axis=(2, 3))
     assert sorted(map(tuple, np.argwhere(gone).tolist())) == absent
     conforms.closed_form(np.sqrt(np.nanmean(result.residuals**2)), result.rms, rtol=1e-6)
@@ -224,13 +228,13 @@ def test_residuals_are_absent_where_views_are(conforms):
 def test_boards_that_are_cut_off_count_with_the_corners_that_are_seen(conforms):
     uv = observations(SIGMA, 3)
     few = np.arange(POINTS.shape[1]) % 8 < 5
-    whole = adjust(uv[..., few], POINTS[:, few], rough())
-    part = adjust(np.where(few, uv, np.nan), POINTS, rough())
+    whole = adjust_bundle(uv[..., few], POINTS[:, few], rough())
+    part = adjust_bundle(np.where(few, uv, np.nan), POINTS, rough())
     conforms.invariance(lens_errors(part.cameras), lens_errors(whole.cameras), atol=1e-6)
     conforms.invariance(part.deviations, whole.deviations, rtol=1e-6)
     conforms.invariance([part.rms, part.sigma], [whole.rms, whole.sigma], rtol=1e-9)
     kept, all_ = (
-        jackknife(shots, points, one)
+        jackknife_cameras(shots, points, one)
         for shots, points, one in [(np.where(few, uv, np.nan), POINTS, part),
                                    (uv[..., few], POINTS[:, few], whole)]
     )  # fmt: skip
@@ -241,15 +245,15 @@ def test_each_picture_may_show_other_corners(conforms):
     uv = observations(SIGMA, 4)
     hidden = np.random.default_rng(5).random((*uv.shape[:2], 1, uv.shape[3])) < 0.4
     cut = np.where(hidden, np.nan, uv)
-    result = adjust(cut, POINTS, rough())
+    result = adjust_bundle(cut, POINTS, rough())
     np.testing.assert_array_equal(np.isnan(result.residuals), np.isnan(cut))
     conforms.sampled(result.sigma, SIGMA, rtol=0.03)  # 7 100 coordinates: 4 σ
-    _, centres, turns = align(result.cameras, rig())
+    _, centres, turns = align_cameras(result.cameras, rig())
     deviations = camera_deviations(result)
     conforms.sampled(np.abs(centres / deviations[0]).max(), below=4.5)
     conforms.sampled(np.abs(turns / deviations[1]).max(), below=4.5)
     shots = [list(row) for row in cut]
-    single = [zhang(row, BOARD, SIZE) for row in shots]
+    single = [calibrate_camera(row, BOARD, SIZE) for row in shots]
     pulls = [(one.K - c.K)[[0, 1, 0, 1], [0, 1, 2, 2]] / one.deviations
              for one, c in zip(single, rig(), strict=True)]  # fmt: skip
     conforms.sampled(np.abs(pulls).max(), below=4.5)
@@ -257,7 +261,7 @@ def test_each_picture_may_show_other_corners(conforms):
 
 def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
     uv = observations(SIGMA, 2)
-    ours = adjust(uv, POINTS, rig())
+    ours = adjust_bundle(uv, POINTS, rig())
     objects = [POINTS.T.astype(np.float32)] * 12
     images = [[(v - lens.HALF_PIXEL).T.astype(np.float32) for v in views] for views in uv]
     rms, Ks, _, Rs, ts = cv2.calibrateMultiview(
@@ -280,11 +284,11 @@ def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
 
 def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
     uv = observations(SIGMA)
-    adjust(uv, POINTS, rough())
+    adjust_bundle(uv, POINTS, rough())
     times = []
     for _ in range(3):
         begin = time.process_time()  # which a busy machine does not stretch
-        adjust(uv, POINTS, rough())
+        adjust_bundle(uv, POINTS, rough())
         times.append(time.process_time() - begin)
     assert min(times) < 0.2
 
@@ -292,31 +296,31 @@ def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
 def test_a_camera_without_shots_is_named():
     uv = without(observations(), [(2, s) for s in range(12)])
     with pytest.raises(CalibrationError, match=r"^C: no shot shows the board$"):
-        adjust(uv, POINTS, rig())
+        adjust_bundle(uv, POINTS, rig())
 
 
 def test_a_shot_without_cameras_is_named():
     uv = without(observations(), [(c, 7) for c in range(4)])
     with pytest.raises(CalibrationError, match=r"^shot 7: no camera sees the board$"):
-        adjust(uv, POINTS, rig())
+        adjust_bundle(uv, POINTS, rig())
 
 
 def test_a_camera_apart_from_the_others_is_named():
     uv = without(observations(), [(3, s) for s in range(8)])
     uv[:3, 8:] = np.nan
     with pytest.raises(CalibrationError, match=r"^D: shares no shots, directly or not, with"):
-        adjust(uv, POINTS, rig())
+        adjust_bundle(uv, POINTS, rig())
 
 
 def test_shapes_that_do_not_match_are_refused():
     with pytest.raises(ValueError, match=r"^observations: given shape \(4, 12, 2, 63\), needs"):
-        adjust(observations()[..., 1:], POINTS, rig())
+        adjust_bundle(observations()[..., 1:], POINTS, rig())
 
 
 def test_pictures_that_do_not_determine_the_lens_are_refused():
     uv = observations(SIGMA)[:1, :1]
     with pytest.raises(CalibrationError, match=r"^adjustment: "):
-        adjust(exact_images(rig()[:1], *facing(rig()[0])) + 0 * uv, POINTS, rig()[:1])
+        adjust_bundle(exact_images(rig()[:1], *facing(rig()[0])) + 0 * uv, POINTS, rig()[:1])
 
 
 def facing(camera):
@@ -327,11 +331,11 @@ def facing(camera):
 
 def test_alignment_undoes_any_rigid_motion(conforms):
     R, t = Rotation.from_rotvec([0.2, 2.0, -0.7]).as_matrix(), np.array([1.0, -3.0, 0.2])
-    away = reprojection.transformed(
+    away = reprojection.transform_network(
         reprojection.Network(tuple(rig()), *default_poses()), R, t
     ).cameras
     for count in (1, 2, 4):  # the axes alone fix what few centres leave open
-        cameras, centres, rotations = align(away[:count], rig()[:count])
+        cameras, centres, rotations = align_cameras(away[:count], rig()[:count])
         conforms.invariance(np.abs(centres).max(), below=1e-12)
         conforms.invariance(np.abs(rotations).max(), below=1e-12)
         for a, b in zip(cameras, rig(), strict=False):

@@ -7,9 +7,13 @@ import pytest
 from command import thesis
 from scenes.sounds import claps, click, later, music, write_film
 
-from thesis_lib.measure.recordings.audio import opened_audio, read_audio
+from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.synchronisation.alone import decimals, format_seconds, synchronised
+from thesis_lib.measure.synchronisation.alone import (
+    format_seconds,
+    significant_decimals,
+    synchronise_videos,
+)
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 LOW = 8000
@@ -32,7 +36,7 @@ def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
     conforms.closed_form(rate, LOW / (1 + pace), rtol=2e-7)
     conforms.closed_form(start, 0.0, atol=2e-4 + 0.13 * abs(pace))  # priming of 0.128 s
     assert abs(len(samples) - len(LONG)) < 2048
-    with opened_audio(path) as audio:
+    with open_audio(path) as audio:
         assert f"{rate:.2f} samples a second by its time stamps, 8000 stated" in audio.source
 
 
@@ -100,7 +104,7 @@ def test_the_track_and_channel_that_hold_the_sound_are_used(
     conforms, tmp_path, tracks, layout, words
 ):
     path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout=layout)
-    with opened_audio(path) as audio:
+    with open_audio(path) as audio:
         assert words in audio.source
         assert words or not audio.source
         samples = np.concatenate(list(audio.blocks))
@@ -114,10 +118,10 @@ def test_channels_are_counted_through_all_tracks(tmp_path):
     path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout="stereo")
     largest = []
     for channel in (1, 2, 3, 4):
-        with opened_audio(path, channel) as audio:
+        with open_audio(path, channel) as audio:
             largest.append(round(float(np.abs(np.concatenate(list(audio.blocks))).max()), 2))
     assert largest == [0.0, 0.9, 0.0, 0.45]
-    with pytest.raises(MediaError, match="given channel 5, allowed: 1 to 4"), opened_audio(path, 5):
+    with pytest.raises(MediaError, match="given channel 5, allowed: 1 to 4"), open_audio(path, 5):
         pass
 
 
@@ -137,7 +141,7 @@ def test_sounds_of_any_rate_and_file_are_put_on_one_clock(conforms, tmp_path, sc
     one = sound_file(tmp_path / "one.mkv", later(sound, 0.3, 9, seed=1))
     heard = later(sound, 1.5345, 8, fast=2e-5, to_rate=rate, seed=2)
     other = sound_file(tmp_path / f"other.{ending}", -heard, rate)
-    (found,), _ = synchronised([one, other])
+    (found,), _ = synchronise_videos([one, other])
     conforms.sampled(found.delay, 1.2345, atol=3e-5)
     conforms.sampled(found.fast, 2e-5, atol=4e-6)
     assert 1e-7 < found.delay_deviation < 2e-5
@@ -151,7 +155,7 @@ def test_a_pace_of_500_ppm_is_found_whichever_clock_is_right(conforms, tmp_path,
     fast = 0.0 if true == "samples" else -5e-4
     other = write_film(tmp_path / "other.mp4", [later(sound, 1.5345, 9, fast=fast, seed=2)], 16000,
                        stamps=lambda pts: pts * 1.0005)  # fmt: skip
-    (found,), _ = synchronised([one, other])
+    (found,), _ = synchronise_videos([one, other])
     conforms.sampled(found.delay, 1.2345, atol=1e-4)
     conforms.sampled(found.fast, 5e-4 if true == "samples" else 0.0, atol=1e-5)
 
@@ -178,7 +182,7 @@ def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
         for k, sound in zip("ab", UNLIKE[name], strict=True)
     ]
     with pytest.raises(SynchronisationError, match="no sound in it matches that of a"):
-        synchronised(paths)
+        synchronise_videos(paths)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +191,7 @@ def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
 )
 def test_uncertainties_have_two_digits(std, text, digits):
     assert format_seconds(std) == text
-    assert decimals(std) == digits
+    assert significant_decimals(std) == digits
 
 
 def test_the_command_takes_sounds_and_says_what_it_used(tmp_path):

@@ -10,12 +10,12 @@ from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.grids import BoardNotFound
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.zhang import CalibrationError, central, zhang
+from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera, central_corners
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.report.warnings import check_board
-from thesis_lib.measure.steps import calibrated as calibrated_step
+from thesis_lib.measure.steps import calibrate_rig as calibrated_step
 from thesis_lib.vision import lens
 
 SIGMA = 0.01
@@ -23,7 +23,8 @@ SIGMA = 0.01
 
 def calibrated(shots, **options):
     return [
-        zhang(s, BOARD, SIZE, name=c.name, **options) for c, s in zip(rig(), shots, strict=True)
+        calibrate_camera(s, BOARD, SIZE, name=c.name, **options)
+        for c, s in zip(rig(), shots, strict=True)
     ]
 
 
@@ -60,7 +61,7 @@ def test_zhang_recovers_each_camera_within_its_deviations(conforms):
 
 def test_board_poses_are_those_of_the_camera(conforms):
     camera, (R, t) = rig()[0], default_poses()
-    result = zhang(observations()[0], BOARD, SIZE)
+    result = calibrate_camera(observations()[0], BOARD, SIZE)
     for shot in range(len(R)):
         expected = camera.R_camera_world @ R[shot]
         conforms.closed_form(result.rotations[shot], expected, atol=1e-5)
@@ -72,16 +73,16 @@ def test_absent_shots_are_left_out_and_stay_in_their_place(conforms):
     shots = list(observations(SIGMA)[0])
     some = [uv if i % 3 else None for i, uv in enumerate(shots)]
     nan = [uv if i % 3 else np.full_like(uv, np.nan) for i, uv in enumerate(shots)]
-    result = zhang(some, BOARD, SIZE)
+    result = calibrate_camera(some, BOARD, SIZE)
     assert [R is None for R in result.rotations] == [uv is None for uv in some]
     # OpenCV adds in the order in which its threads end: equal up to rounding.
-    conforms.invariance(result.K, zhang(nan, BOARD, SIZE).K, rtol=1e-8)
+    conforms.invariance(result.K, calibrate_camera(nan, BOARD, SIZE).K, rtol=1e-8)
 
 
 def test_too_few_shots_are_refused_with_the_cameras_name():
     shots = [*observations()[0][:2], None, None]
     with pytest.raises(CalibrationError, match=r"^B: 2 of 4 shots show the board, needs 3$"):
-        zhang(shots, BOARD, SIZE, name="B")
+        calibrate_camera(shots, BOARD, SIZE, name="B")
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.3])
@@ -89,23 +90,23 @@ def test_parallel_boards_are_refused(sigma):
     uv = exact_images(rig()[:1], *poses_about(2, 40))[0]  # turned about their normal only
     uv += np.random.default_rng(0).normal(0, 1, uv.shape) * sigma
     with pytest.raises(CalibrationError, match=r"^A: the boards are parallel to within \d\.\d°"):
-        zhang(uv, BOARD, SIZE, name="A")
+        calibrate_camera(uv, BOARD, SIZE, name="A")
 
 
 def test_tilted_boards_about_one_axis_are_not_refused(conforms):
     uv = exact_images(rig()[:1], *poses_about(0, 30))[0]
-    conforms.closed_form(zhang(uv, BOARD, SIZE).K[0, 0], rig()[0].K[0, 0], rtol=1e-3)
+    conforms.closed_form(calibrate_camera(uv, BOARD, SIZE).K[0, 0], rig()[0].K[0, 0], rtol=1e-3)
 
 
 def test_the_literal_way_uses_six_by_eight_central_corners():
-    part = central(BOARD)
+    part = central_corners(BOARD)
     x, y = BOARD.corners[:2, part]
     assert len(part) == 48
     assert len(np.unique(x)) == 6
     assert len(np.unique(y)) == 8
     np.testing.assert_allclose([x.mean(), y.mean()], 0, atol=1e-12)
     with pytest.raises(CalibrationError, match=r"^board: given 4 by 4 corners"):
-        central(Board(columns=5, rows=5))
+        central_corners(Board(columns=5, rows=5))
 
 
 def same_up_to_symmetry(unified, exact):
@@ -124,13 +125,13 @@ def test_symmetric_origins_are_brought_together(seed):
     exact = observations()
     shots = as_found(observations(SIGMA, seed), seed=seed)
     assert not same_up_to_symmetry(np.array(shots), exact)
-    unified, _ = unify(calibrated(shots), shots, BOARD, two_sided=True)
+    unified, _ = unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
     assert same_up_to_symmetry(unified, exact)
 
 
 def test_one_sided_boards_turn_but_do_not_flip():
     shots = as_found(observations(SIGMA))[:2]  # both before the front
-    unified, _ = unify(calibrated(as_found(observations(SIGMA)))[:2], shots, BOARD)
+    unified, _ = unify_corners(calibrated(as_found(observations(SIGMA)))[:2], shots, BOARD)
     assert same_up_to_symmetry(unified, observations()[:2])
 
 
@@ -139,7 +140,7 @@ def test_absent_views_stay_absent_and_do_not_disturb():
     absent = [(0, 0), (1, 4), (2, 4), (3, 7), (0, 7), (0, 11)]
     for c, s in absent:
         shots[c][s] = None
-    unified, _ = unify(calibrated(shots), shots, BOARD, two_sided=True)
+    unified, _ = unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
     gone = np.argwhere(np.isnan(unified).all(axis=(2, 3)))
     assert sorted(map(tuple, gone.tolist())) == sorted(absent)
     assert same_up_to_symmetry(unified, observations())
@@ -154,9 +155,9 @@ def test_a_pose_between_whose_pictures_a_camera_moved_is_left_out(moved):
     shots = as_found(uv)
     if len(moved) > 4:
         with pytest.raises(CalibrationError, match=r"^5 of 12 poses are up to [23]\d\.\d mm off"):
-            unify(calibrated(shots), shots, BOARD, two_sided=True)
+            unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
         return
-    unified, off = unify(calibrated(shots), shots, BOARD, two_sided=True)
+    unified, off = unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
     assert list(off) == moved
     assert 0.02 < off[5] < 0.04
     assert np.isnan(unified[:, 5]).all()
@@ -173,7 +174,7 @@ def test_boards_that_do_not_move_do_not_tell_their_symmetries_apart():
         for f in found
     ]  # fmt: skip
     with pytest.raises(CalibrationError, match=r"do not tell the board's symmetries apart$"):
-        unify(same, still, BOARD, two_sided=True)
+        unify_corners(same, still, BOARD, two_sided=True)
 
 
 def test_cameras_without_common_shots_are_named():
@@ -182,7 +183,7 @@ def test_cameras_without_common_shots_are_named():
     for c in range(3):
         shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]
     with pytest.raises(CalibrationError, match=r"^D: shares 1 shots with A, needs 2"):
-        unify(calibrated(shots), shots, BOARD, two_sided=True)
+        unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
 
 
 def test_default_poses_are_seen_by_all_cameras(conforms):
@@ -254,7 +255,7 @@ def test_lenses_do_not_suffer_from_a_board_that_moves_between_the_cameras(
     assert of_note(data) == ["board-moved"]
     off = data["K"].values[:, [0, 1], [0, 1]] - [c.K[[0, 1], [0, 1]] for c in rig()]
     conforms.sampled(np.abs(off).max(), below=1)  # px; 11 if adjusted together
-    exact = uncertainty.exact(data, manifest.board.board, tmp_path)
+    exact = uncertainty.jackknife_calibration(data, manifest.board.board, tmp_path)
     conforms.sampled(np.abs(off[:, 0] / exact["focal_deviation"].values).max(), below=4)
 
 

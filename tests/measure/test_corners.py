@@ -12,7 +12,7 @@ from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import resized
+from thesis_lib.vision.lens import resize_camera
 
 HALF_SIZE = (960, 540)
 MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
@@ -21,7 +21,7 @@ MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
 @pytest.fixture(scope="module")
 def scenes():
     """Clean pictures and exact corners: views from 8 to 65 degrees off the board's normal."""
-    cameras = [resized(camera, HALF_SIZE) for camera in rig()]
+    cameras = [resize_camera(camera, HALF_SIZE) for camera in rig()]
     R, t = default_poses()
     exact = exact_images(cameras, R, t)
     chosen = [(0, 0), (1, 3), (2, 5), (3, 9), (0, 4), (2, 11)]
@@ -71,7 +71,7 @@ def test_darker_and_softer_pictures_give_the_same_corners(conforms, scenes):
 
 def test_oblong_boards_are_found(conforms):
     board = Board(columns=6, rows=5)
-    camera, (R, t) = resized(rig()[0], HALF_SIZE), default_poses()
+    camera, (R, t) = resize_camera(rig()[0], HALF_SIZE), default_poses()
     found = find_corners(photograph(picture(camera, R[1], t[1], board), 0), board)
     exact = exact_images([camera], R[1:2], t[1:2], board.corners)[0, 0]
     turned = exact.reshape(2, 4, 5)[:, ::-1, ::-1].reshape(2, -1)
@@ -85,7 +85,7 @@ def test_a_picture_without_a_board_is_refused(grey):
 
 
 def test_a_board_partly_outside_is_refused_or_right(conforms):
-    camera, (R, _) = resized(rig()[0], HALF_SIZE), default_poses()
+    camera, (R, _) = resize_camera(rig()[0], HALF_SIZE), default_poses()
     refused = 0
     for x in (0.16, 0.2, 0.24, 0.28, 0.32):
         shift = np.array([x, 0, 0])
@@ -129,7 +129,7 @@ def test_opencvs_dictionaries_begin_with_the_same_marks(bits):
 @pytest.fixture(scope="module")
 def marked():
     """A clean picture of such a board, nearly as large as it is, and its exact corners."""
-    camera, (R, t) = resized(rig()[1], HALF_SIZE), default_poses()
+    camera, (R, t) = resize_camera(rig()[1], HALF_SIZE), default_poses()
     exact = exact_images([camera], R[3:4], t[3:4], MARKED.corners)[0, 0]
     return picture(camera, R[3], t[3], MARKED), exact
 
@@ -172,7 +172,7 @@ def test_corners_beside_a_covered_mark_are_not_seen(conforms, marked):
 
 
 def test_small_marks_seen_from_aside_leave_corners_exact(conforms):
-    camera, (R, t) = resized(rig()[0], (640, 360)), default_poses()  # tiles of 35 × 21 px
+    camera, (R, t) = resize_camera(rig()[0], (640, 360)), default_poses()  # tiles of 35 × 21 px
     exact = exact_images([camera], R[4:5], t[4:5], MARKED.corners)[0, 0]
     found = find_corners(photograph(picture(camera, R[4], t[4], MARKED, samples=64), 0), MARKED)
     seen = np.isfinite(found[0])
@@ -181,7 +181,7 @@ def test_small_marks_seen_from_aside_leave_corners_exact(conforms):
 
 
 def test_boards_that_begin_with_a_light_tile_are_read_too(conforms, marked):
-    camera, (R, t) = resized(rig()[1], HALF_SIZE), default_poses()
+    camera, (R, t) = resize_camera(rig()[1], HALF_SIZE), default_poses()
     found = find_corners(photograph(picture(camera, R[3], t[3], MARKED, legacy=True)), MARKED)
     conforms.closed_form(rms(found - marked[1]), below=0.005)
 

@@ -20,18 +20,18 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files, mesh, sep005, uff
-from thesis_lib.measure.exchange.history import motion
-from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.exchange.history import time_histories
+from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.viewer import view_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vision.lens import project
+from thesis_lib.vision.lens import project_points
 from thesis_lib.web.html import render_html
 
-BEAM, FREQUENCY = setups.beam(), 4.25
+BEAM, FREQUENCY = setups.thesis_beam(), 4.25
 RIG = default_rig(BEAM, [(15, 30), (-10, 30), (170, 25)], components=(Component(),))
 POINTS = RIG.markers.centres
 SHAPE = 0.003 * (POINTS[0] / BEAM.length) ** 2
@@ -50,7 +50,7 @@ def seen(camera, times, frequency):
     """Images (frames, 2, markers) of an exposure about times (frames, markers)."""
     loss = np.sinc(frequency * EXPOSURE)
     world = on_surface(BEAM.extent, POINTS[:, None], loss * SHAPE * height(times, frequency))
-    return project(camera, world).swapaxes(0, 1)
+    return project_points(camera, world).swapaxes(0, 1)
 
 
 def recordings(folder, frequency=FREQUENCY, noise=0.0):
@@ -86,7 +86,7 @@ def fitted(tracks, frequency=FREQUENCY):
             "force": ("part", [0.0, 0.0]),
         }
     )
-    data = result(given.model_copy(update={"excitation": driven}), sound, tracks)
+    data = shape_result(given.model_copy(update={"excitation": driven}), sound, tracks)
     return data.assign(steady=sound["steady"]).assign_attrs(title="a beam", source="a test")
 
 
@@ -96,8 +96,8 @@ def measured(tmp_path_factory):
     folder = tmp_path_factory.mktemp("exchange")
     tracks = recordings(folder)
     data = fitted(tracks)
-    moved = motion(data, tracks, REST)
-    files.write(folder, data, moved, tracks)
+    moved = time_histories(data, tracks, REST)
+    files.write_formats(folder, data, moved, tracks)
     return folder, data, moved
 
 
@@ -132,7 +132,7 @@ def test_the_motion_is_the_true_one_on_the_first_cameras_clock(conforms, measure
 def test_standard_errors_of_the_motion_are_its_scatter(conforms, tmp_path):
     tracks = recordings(tmp_path, noise=0.1)
     data = fitted(tracks)
-    moved = motion(data, tracks, REST)
+    moved = time_histories(data, tracks, REST)
     steady = moved.sel(time=slice(BEGIN, 2.4))
     true = 1e3 * SHAPE * height(steady["time"].values)[:, None]
     off = steady["displacement"].sel(axis="z").values - true
@@ -144,7 +144,7 @@ def test_standard_errors_of_the_motion_are_its_scatter(conforms, tmp_path):
 
 def test_motion_faster_than_the_frames_is_told_where_it_is_fitted_only(conforms, tmp_path):
     tracks = recordings(tmp_path, frequency=26.3)
-    moved = motion(fitted(tracks, 26.3), tracks, REST)
+    moved = time_histories(fitted(tracks, 26.3), tracks, REST)
     times, z = moved["time"].values, moved["displacement"].sel(axis="z").values
     steady = (times >= BEGIN) & (times < 2.4)
     true = 1e3 * SHAPE * height(times, 26.3)[:, None]
@@ -159,7 +159,7 @@ def test_a_bumped_camera_is_a_step_in_its_residuals(tmp_path):
     bumped = np.load(tracks[2].path)
     bumped[150:] += 2.5
     np.save(tracks[2].path, bumped)
-    moved = motion(fitted(tracks), tracks, REST)
+    moved = time_histories(fitted(tracks), tracks, REST)
     when = DELAYS[2] + 150 / RATES[2]
     before = moved["residual"].sel(time=slice(0, when - 0.1)).max()
     after = moved["residual"].sel(time=slice(when + 0.1, None)).min()
@@ -196,7 +196,7 @@ def test_universal_files(conforms, measured):
     lines = [one for one in sets if one["type"] == 82]
     assert all(one["n_nodes"] <= 125 for one in lines)
     drawn = [(int(a), int(b)) for one in lines for a, b in pairwise([*one["nodes"]]) if a and b]
-    assert sorted(drawn) == sorted(map(tuple, mesh.edges(data["x"], data["y"]) + 1))
+    assert sorted(drawn) == sorted(map(tuple, mesh.marker_edges(data["x"], data["y"]) + 1))
     z = moved["displacement"].sel(axis="z").values
     for one in (one for one in sets if one["type"] == 58):
         conforms.closed_form(one["x"], moved["time"], atol=1e-5)
@@ -231,7 +231,7 @@ def test_paraview(conforms, measured):
         conforms.closed_form(grid.point_data["deflection"], turned, atol=1e-9)
         (cells,) = grid.cells
         assert cells.type == "quad"
-        np.testing.assert_array_equal(cells.data, mesh.faces(data["x"], data["y"]))
+        np.testing.assert_array_equal(cells.data, mesh.marker_faces(data["x"], data["y"]))
 
 
 def test_matlab(conforms, measured):
@@ -271,7 +271,7 @@ def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conform
         assert node.getNode("name").string() == one["name"] == station.camera.name
         size = [int(node.getNode(f"image_{side}").real()) for side in ("width", "height")]
         assert size == one["size"] == list(station.camera.size)
-        true = project(station.camera, calibrated)
+        true = project_points(station.camera, calibrated)
         of_yaml = [node.getNode(name).mat() for name in (
             "rvec", "tvec", "camera_matrix", "distortion_coefficients")]  # fmt: skip
         of_toml = [np.array(one[name]) for name in (
@@ -287,28 +287,28 @@ def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conform
 def test_a_grid_has_rectangles_whatever_its_order():
     x, y = (part.ravel() for part in np.meshgrid([0.0, 0.1, 0.3], [0.0, 0.2]))
     order = np.random.default_rng(0).permutation(6)
-    faces = mesh.faces(x[order], y[order])
+    faces = mesh.marker_faces(x[order], y[order])
     assert faces.shape == (2, 4)
     for face in faces:
         u, v = x[order][face], y[order][face]
         area = 0.5 * np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v)
         assert area == pytest.approx(np.ptp(u) * np.ptp(v))  # one sense of rotation
-    assert len(mesh.edges(x[order], y[order])) == 7
+    assert len(mesh.marker_edges(x[order], y[order])) == 7
 
 
 def test_scattered_markers_have_triangles_but_none_across_a_gap():
     rng = np.random.default_rng(1)
     left, right = rng.uniform(0, 1, (2, 40)), rng.uniform(0, 1, (2, 40)) + [[4.0], [0.0]]
     points = np.column_stack([left, right])
-    faces = mesh.faces(*points)
+    faces = mesh.marker_faces(*points)
     assert faces.shape[1] == 3
     sides = (faces < 40).sum(axis=1)
     assert set(sides) == {0, 3}
 
 
 def test_markers_on_one_line_are_joined_along_it():
-    assert mesh.faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
-    assert mesh.edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
+    assert mesh.marker_faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
+    assert mesh.marker_edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
 
 
 # Moving pictures.
@@ -368,7 +368,7 @@ def test_the_report_s_shape_moves_with_two_standard_errors(conforms, measured, c
     page.wait_for_selector(".tl-dot")
     dots = page.locator(".tl-dot")
     assert dots.count() == known
-    assert page.locator(".tl-face").count() == len(mesh.faces(data["x"], data["y"]))
+    assert page.locator(".tl-face").count() == len(mesh.marker_faces(data["x"], data["y"]))
 
     def heights():
         return np.array(dots.evaluate_all("nodes => nodes.map(node => +node.getAttribute('cy'))"))

@@ -8,8 +8,12 @@ import warnings
 import numpy as np
 import pytest
 
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, assess, describe
-from thesis_lib.measure.feasibility.prediction import alias, noise_errors, rounding_errors
+from thesis_lib.measure.feasibility.assess import (
+    CENTRE_NOISE_PX,
+    assess_manifest,
+    describe_assessment,
+)
+from thesis_lib.measure.feasibility.prediction import alias_frequency, noise_errors, rounding_errors
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -53,8 +57,8 @@ def manifest(values):
 def assessed(values):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assessment = assess(manifest(values))
-        lines = describe(assessment)
+        assessment = assess_manifest(manifest(values))
+        lines = describe_assessment(assessment)
     assert all("\n" not in line for line in lines)
     return assessment
 
@@ -262,7 +266,7 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
 )
 def test_frames_show_the_alias(conforms, f, rate, seen):
-    conforms.closed_form(alias(f, rate), seen, rtol=1e-6)
+    conforms.closed_form(alias_frequency(f, rate), seen, rtol=1e-6)
     t = np.arange(50) / rate
     conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
 
@@ -274,7 +278,7 @@ def test_a_good_manifest_has_none():
     assessment = assessed(rig())
     assert assessment.warnings == ()
     assert assessment.unknown == ()
-    assert not any("warning" in line for line in describe(assessment))
+    assert not any("warning" in line for line in describe_assessment(assessment))
 
 
 ONE = {
@@ -314,7 +318,7 @@ def test_one_change_brings_its_warning(code):
     if field.startswith("cameras__"):
         i = field.split("__")[1]
         assert any(one.where.startswith(f"cameras[{i}].") for one in found)
-    assert any(line.endswith(f"[{code}]") for line in joined(describe(assessed(values))))
+    assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessed(values))))
 
 
 def joined(lines):
@@ -436,7 +440,7 @@ def test_every_warning_has_a_threshold_and_every_threshold_a_test():
 def test_what_is_missing_is_said(places, line):
     assessment = assessed(change(rig(), **places))
     assert line in assessment.unknown
-    assert f"not checked: {line}" in joined(describe(assessment))
+    assert f"not checked: {line}" in joined(describe_assessment(assessment))
     assert assessment.warnings == ()
 
 
@@ -466,7 +470,7 @@ def test_sixteen_cameras_are_told_in_few_lines():
     values = change(values, excitation__frequency_hz=40.0)
     assessment = assessed(values)
     assert len([one for one in assessment.warnings if one.code == "undersampled"]) == 16
-    lines = describe(assessment)
+    lines = describe_assessment(assessment)
     assert sum("[undersampled]" in line for line in joined(lines)) == 1
     assert any("cameras[0].frame_rate_hz and 15 more" in line for line in lines)
     assert max(map(len, lines)) <= 100
@@ -562,6 +566,6 @@ def test_no_valid_manifest_breaks_it():
             for name, index in re.findall(r"(\w+)(?:\[(\d+)\])?", one.where):
                 inside = getattr(inside, name)
                 inside = inside[int(index)] if index else inside
-        for line in joined(describe(assessment)):
+        for line in joined(describe_assessment(assessment)):
             assert not line.startswith("warning") or line.endswith("]")
     assert found >= set(CHECK_LIMITS) - {"weak-markers"}

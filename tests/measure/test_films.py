@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from av.stream import Disposition
 
-from thesis_lib.measure.recordings.encode import pack
+from thesis_lib.measure.recordings.encode import pack_frames
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
     describe_reading,
     frame_clock,
-    probe,
+    probe_media,
 )
 
 WIDTH, HEIGHT, COUNT, RATE = 64, 48, 30, 30
@@ -82,7 +82,7 @@ def test_frames_are_turned_and_mirrored_as_they_are_to_be_shown(tmp_path, plain,
     wanted = [turned(frame) for frame in read_frames(plain, stop=4)]
     found = list(read_frames(path, stop=4))
     np.testing.assert_array_equal(found, wanted)
-    assert probe(path).size == wanted[0].shape[::-1]
+    assert probe_media(path).size == wanted[0].shape[::-1]
 
 
 @pytest.mark.parametrize("marked", [True, False])
@@ -103,7 +103,7 @@ def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
                     packet.stream = track
                     file.mux(packet)
     assert len(places(path)) == COUNT
-    assert probe(path).frame_rate == RATE
+    assert probe_media(path).frame_rate == RATE
     assert "number 2" in describe_reading(path)[0]
 
 
@@ -154,13 +154,13 @@ def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
             if packet.size:
                 packet.stream = track
                 file.mux(packet)
-    assert (probe(path).frame_rate, probe(path).captured_hz) == (RATE, 240)
+    assert (probe_media(path).frame_rate, probe_media(path).captured_hz) == (RATE, 240)
     xml = b'<VideoFrame videoCodec="AVC" captureFps="119.88p" formatFps="29.97p"/>'
     (tmp_path / "sony.mp4").write_bytes(
         plain.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml
     )
-    assert probe(tmp_path / "sony.mp4").captured_hz == 119.88
-    assert probe(plain).captured_hz is None
+    assert probe_media(tmp_path / "sony.mp4").captured_hz == 119.88
+    assert probe_media(plain).captured_hz is None
 
 
 SOURCES = {  # name, codec, whether packets are copied
@@ -177,18 +177,18 @@ def test_a_film_is_given_its_true_rate(tmp_path, name, how):
     codec, copied = how
     source, target = film(tmp_path / name, codec=codec), tmp_path / "true.mov"
     before = source.read_bytes()
-    assert pack(source, target, 240) == (COUNT, (WIDTH, HEIGHT))
+    assert pack_frames(source, target, 240) == (COUNT, (WIDTH, HEIGHT))
     assert source.read_bytes() == before
     clock = frame_clock(target)
     np.testing.assert_allclose(clock, np.arange(COUNT) / 240, atol=1e-9)
-    assert probe(target).codec == (probe(source).codec if copied else "h264")
+    assert probe_media(target).codec == (probe_media(source).codec if copied else "h264")
     rows = [frame[4:20].mean(axis=0) for frame in read_frames(target, clock=clock)]
     found = [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
     assert found == [2 * k % (WIDTH - 8) for k in range(COUNT)]
     with pytest.raises(MediaError, match="the source itself"):
-        pack(target, target, 240)
+        pack_frames(target, target, 240)
     with pytest.raises(MediaError, match="give --rate-hz"):
-        pack(source, target)
+        pack_frames(source, target)
 
 
 @pytest.mark.parametrize("codec", ["libx264", "ffv1"])
@@ -204,9 +204,9 @@ def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path, codec):
         file.mux(stream.encode(None))
     if codec == "ffv1":
         with pytest.raises(MediaError, match="captured_hz: 20"):
-            pack(source, tmp_path / "fast.mov", 20)
+            pack_frames(source, tmp_path / "fast.mov", 20)
         return
-    pack(source, tmp_path / "fast.mov", 20)
+    pack_frames(source, tmp_path / "fast.mov", 20)
     clock = frame_clock(tmp_path / "fast.mov")
     np.testing.assert_allclose(clock, times / times[-1] * 9 / 20, atol=2e-5)
 
@@ -218,7 +218,7 @@ def test_pictures_of_twelve_bits_are_packed_in_full(tmp_path):
         levels = image(k, (10, 20, 15) if k < 2 else (40, 220, 150)).astype(np.uint16) << 4
         cv2.imwrite(str(folder / f"{k}.tif"), levels)
     (folder / "._0.tif").write_bytes(b"macOS")
-    pack(folder, tmp_path / "deep.mov", 30, said.append)
+    pack_frames(folder, tmp_path / "deep.mov", 30, said.append)
     frames = list(read_frames(tmp_path / "deep.mov"))
     assert (frames[0].max(), frames[4].min(), frames[4].max()) == (20, 40, 220)
     assert len(frames) == 5

@@ -24,15 +24,15 @@ from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.measure.calibration.bundle_adjustment import (
     Adjustment,
-    adjust,
-    align,
+    adjust_bundle,
+    align_cameras,
     camera_deviations,
 )
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.rig import adjusted
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.uncertainty import jackknife
-from thesis_lib.measure.calibration.zhang import Calibration, zhang
+from thesis_lib.measure.calibration.rig import adjust_cameras
+from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
+from thesis_lib.measure.calibration.zhang import Calibration, calibrate_camera
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -81,11 +81,11 @@ def pair() -> Pair:
     ]  # fmt: skip
     shots = [[find_corners(picture, TILES) for picture in row] for row in pictures]
     single = [
-        zhang(row, TILES, SIZE, True, side)
+        calibrate_camera(row, TILES, SIZE, True, side)
         for row, side in zip(shots, ("left", "right"), strict=True)
     ]
-    corners, _ = unify(single, shots, TILES)
-    full = adjust(corners, TILES.corners, [one.camera() for one in single])
+    corners, _ = unify_corners(single, shots, TILES)
+    full = adjust_bundle(corners, TILES.corners, [one.camera() for one in single])
     opencv = []
     for row in pictures:
         found = [cv2.findChessboardCorners(picture, TILES.shape)[1] for picture in row]
@@ -153,9 +153,9 @@ def test_calibration_of_photographs_agrees_with_that_by_opencvs_own_corners(conf
 
 def stated_over_refitted(corners, cameras):
     """Deviations by the linearised jackknife, and the adjustment's, over those by the full one."""
-    full = adjust(corners, TILES.corners, cameras)
+    full = adjust_bundle(corners, TILES.corners, cameras)
     known = refitted(corners, TILES.corners, full)
-    stated = jackknife(corners, TILES.corners, full)
+    stated = jackknife_cameras(corners, TILES.corners, full)
     return of_covariance(stated) / known, deviations_of(full) / known
 
 
@@ -179,9 +179,9 @@ def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair, shot
     for _ in range(60):
         mixed = draw.permutation(len(photographs.SHOTS))
         halves = [pair.corners[:, mixed[:shots]], pair.corners[:, mixed[shots : 2 * shots]]]
-        full = [adjust(half, TILES.corners, cameras) for half in halves]
+        full = [adjust_bundle(half, TILES.corners, cameras) for half in halves]
         stated = [
-            deviations_of(jackknife(half, TILES.corners, one))
+            deviations_of(jackknife_cameras(half, TILES.corners, one))
             for half, one in zip(halves, full, strict=True)
         ]
         pulls.append(differences(full[0].cameras, full[1].cameras) / np.hypot(*stated))
@@ -237,7 +237,7 @@ def measured(
     found = {}
     for name, take in takes.items():
         manifest = SCENE.manifest(take)
-        corners, lost, _, full = adjusted(manifest, take.folder)
+        corners, lost, _, full = adjust_cameras(manifest, take.folder)
         data = chain.measure_recordings(manifest, take.folder, tmp_path_factory.mktemp("steps"))
         found[name] = Measured(manifest, corners, lost, full, data)
     return found
@@ -281,7 +281,7 @@ def test_calibration_is_right_to_its_standard_deviations(conforms, measured, tak
     pulls = (lenses - true) / full.deviations
     conforms.sampled(np.abs(pulls).max(), below=4.5)
     conforms.sampled(rms(pulls), above=0.5, below=1.6)  # 24 that partly go together
-    _, centres, turns = align(full.cameras, truth())
+    _, centres, turns = align_cameras(full.cameras, truth())
     centre_deviations, turn_deviations = camera_deviations(full)
     conforms.sampled(rms(centres / centre_deviations), below=2.2)
     conforms.sampled(rms(turns / turn_deviations), below=2.2)

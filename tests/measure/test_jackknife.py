@@ -9,8 +9,8 @@ from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration.bundle_adjustment import adjust, moved
-from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife
+from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle, transform_adjustment
+from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife_cameras
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself
@@ -38,8 +38,8 @@ def calibrated(kind, shots, seed):
     places = places[pick] + rng.normal(0, 0.004, (shots, 3))
     uv = exact_images(rig(), turns @ rotations[pick], places)
     uv = uv + off(kind, uv.shape, rng)
-    full = adjust(uv, POINTS, rig())
-    stated = deviations_of(jackknife(uv, POINTS, full))
+    full = adjust_bundle(uv, POINTS, rig())
+    stated = deviations_of(jackknife_cameras(uv, POINTS, full))
     return differences(full.cameras, rig()), stated, deviations_of(full)
 
 
@@ -69,8 +69,8 @@ def test_a_bend_that_all_images_share_widens_the_deviations(conforms):
         points = POINTS + np.outer([0, 0, bend], bow - bow.mean())
         uv = exact_images(rig(), *default_poses(), points)
         uv += np.random.default_rng(2).normal(0, ROUGH, uv.shape)
-        full = adjust(uv, POINTS, rig())
-        stated[k] = jackknife(uv, POINTS, full).deviations[:, 0]
+        full = adjust_bundle(uv, POINTS, rig())
+        stated[k] = jackknife_cameras(uv, POINTS, full).deviations[:, 0]
         errors[k] = [p.K[0, 0] - q.K[0, 0] for p, q in zip(full.cameras, rig(), strict=True)]
     conforms.sampled(stated[1] / stated[0], 2, rtol=0.1)
     conforms.sampled(np.max(np.abs(errors) / stated), below=4)
@@ -81,19 +81,21 @@ def test_it_is_the_full_jackknife_without_a_refit(conforms, cameras):
     uv = observations()[cameras]
     uv = uv + off("bent, tails", uv.shape, np.random.default_rng(3))
     uv[0, 4] = np.nan if len(cameras) > 1 else uv[0, 4]
-    full = adjust(uv, POINTS, [rig()[k] for k in cameras])
-    stated = of_covariance(jackknife(uv, POINTS, full))
+    full = adjust_bundle(uv, POINTS, [rig()[k] for k in cameras])
+    stated = of_covariance(jackknife_cameras(uv, POINTS, full))
     conforms.independent(stated / refitted(uv, POINTS, full), 1, atol=0.1)
 
 
 def test_frame_and_order_do_not_matter(conforms):
     uv = observations(0.02, 1)
-    full = adjust(uv, POINTS, rig())
+    full = adjust_bundle(uv, POINTS, rig())
     R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
-    own, other = (jackknife(uv, POINTS, one) for one in (full, moved(full, R, t)))
+    own, other = (
+        jackknife_cameras(uv, POINTS, one) for one in (full, transform_adjustment(full, R, t))
+    )
     conforms.invariance(other.deviations, own.deviations, rtol=1e-6)
     mixed = np.random.default_rng(0).permutation(12)
-    back = jackknife(uv[:, mixed], POINTS, adjust(uv[:, mixed], POINTS, rig()))
+    back = jackknife_cameras(uv[:, mixed], POINTS, adjust_bundle(uv[:, mixed], POINTS, rig()))
     conforms.invariance(back.deviations, own.deviations, rtol=1e-5)
 
 
@@ -101,7 +103,7 @@ def test_what_is_held_fixed_has_no_deviation():
     uv = observations(0.02)
     for shots in (3, 12):
         some = uv[:, :shots]
-        held = jackknife(some, POINTS, adjust(some, POINTS, rig(), False, False))
+        held = jackknife_cameras(some, POINTS, adjust_bundle(some, POINTS, rig(), False, False))
         np.testing.assert_array_equal(held.deviations, 0)
         assert (np.diag(held.covariance)[:24] > 0).all()
         assert held.covariance.shape == (56, 56)
@@ -111,8 +113,8 @@ def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
     """A camera that a single shot ties to the others: without it there is no answer."""
     uv = observations(0.02)
     uv[3, 1:] = np.nan
-    full = adjust(uv, POINTS, rig(), intrinsics=False, distortion=False)
-    stated = jackknife(uv, POINTS, full)
+    full = adjust_bundle(uv, POINTS, rig(), intrinsics=False, distortion=False)
+    stated = jackknife_cameras(uv, POINTS, full)
     factor = np.diag(stated.covariance)[:24] / np.diag(full.covariance)[:24]
     conforms.invariance(factor, factor[0], rtol=1e-9)
     conforms.sampled(factor[0], above=1 - 1e-9, below=3)
@@ -121,13 +123,13 @@ def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
 def test_few_shots_are_never_stated_narrower_than_by_the_adjustment(conforms):
     for shots in range(2, MIN_JACKKNIFE_IMAGES):
         uv = observations(0.02)[:, :shots]
-        full = adjust(uv, POINTS, rig())
-        ratio = deviations_of(jackknife(uv, POINTS, full)) / deviations_of(full)
+        full = adjust_bundle(uv, POINTS, rig())
+        ratio = deviations_of(jackknife_cameras(uv, POINTS, full)) / deviations_of(full)
         conforms.invariance(ratio, ratio[0], rtol=1e-6)
         conforms.invariance(ratio.min(), above=1 - 1e-9)
 
 
 def test_exact_corners_leave_nothing(conforms):
     uv = observations()
-    stated = jackknife(uv, POINTS, adjust(uv, POINTS, rig()))
+    stated = jackknife_cameras(uv, POINTS, adjust_bundle(uv, POINTS, rig()))
     conforms.closed_form(np.abs(stated.deviations).max(), below=1e-6)

@@ -9,14 +9,14 @@ import pytest
 from thesis_lib.facts import setups
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
-from thesis_lib.measure.recordings.audio import opened_audio, read_audio
+from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.validation import check_excitation
 from thesis_lib.measure.synchronisation import audio as hearing
-from thesis_lib.measure.synchronisation.listen import listen
+from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 RATE = 48000
@@ -43,7 +43,7 @@ def folder_of(folder, sounds, rate=RATE, **excitation):
 
 def refusal(manifest, folder, kind=SynchronisationError):
     with pytest.raises(kind) as error:
-        listen(manifest, folder)
+        estimate_delays(manifest, folder)
     assert "\n" not in str(error.value)
     return str(error.value)
 
@@ -52,7 +52,9 @@ def refusal(manifest, folder, kind=SynchronisationError):
 def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
     t = np.arange(4 * rate) / rate
     starts = np.array([0.1, 0.0, 0.2371])
-    found = listen(folder_of(tmp_path, [force(t + start) for start in starts], rate), tmp_path)
+    found = estimate_delays(
+        folder_of(tmp_path, [force(t + start) for start in starts], rate), tmp_path
+    )
     delays = found.synchronisation.delays
     conforms.closed_form(delays, starts - starts[0], atol=1e-4 / 60)
     turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])  # on A's clock
@@ -65,9 +67,9 @@ def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
 @pytest.mark.parametrize("noise_db", [0, 20, 120])
 def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
     directions = [(10, 22), (100, 22), (190, 22)]
-    rig = laboratory.default_rig(setups.beam(), directions, audio_noise_db=noise_db, seed=5)
+    rig = laboratory.default_rig(setups.thesis_beam(), directions, audio_noise_db=noise_db, seed=5)
     sounds = [laboratory_film.render_sound(rig, index) for index in range(3)]
-    found = listen(folder_of(tmp_path, sounds), tmp_path)
+    found = estimate_delays(folder_of(tmp_path, sounds), tmp_path)
     starts = np.array([station.start for station in rig.stations])
     error = 60 * np.abs(found.synchronisation.delays - (starts - starts[0])).max()
     conforms.sampled(error, below=0.04 * 10 ** (-noise_db / 20) + 1e-3)
@@ -77,11 +79,11 @@ def test_long_recordings_take_little_memory_and_time(tmp_path):
     t = np.arange(60 * RATE) / RATE
     manifest = folder_of(tmp_path, [force(t + start) for start in (0, 0.1, 0.2, 0.05)])
     began = time.process_time()  # which a busy machine does not stretch
-    listen(manifest, tmp_path)
+    estimate_delays(manifest, tmp_path)
     assert time.process_time() - began < 6  # of all cores together
     tracemalloc.start()
     try:
-        listen(manifest, tmp_path)
+        estimate_delays(manifest, tmp_path)
         assert tracemalloc.get_traced_memory()[1] < 150e6
     finally:
         tracemalloc.stop()
@@ -119,7 +121,7 @@ def test_cameras_of_unlike_sample_rates_are_put_on_one_clock(conforms, tmp_path,
     manifest = folder_of(tmp_path, sounds)
     for name, sound, rate in zip("AB", sounds, rates, strict=True):
         write_video(tmp_path / f"{name}.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound, rate)
-    found = listen(manifest, tmp_path)
+    found = estimate_delays(manifest, tmp_path)
     conforms.closed_form(found.synchronisation.delays[1], 0.1371, atol=1e-4 / 60)
     turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])
     conforms.closed_form(abs(found.force / turned - 1), below=5e-4)
@@ -152,7 +154,7 @@ def faint(sounds, level=0.01, seed=0):
 @pytest.mark.parametrize("given", [4.25, None])
 def test_the_frequency_is_measured_whether_it_is_given_or_not(conforms, tmp_path, given):
     sounds = faint([force(T + start) for start in (0.1, 0.0, 0.2)])
-    found = listen(folder_of(tmp_path, sounds, frequency_hz=given), tmp_path)
+    found = estimate_delays(folder_of(tmp_path, sounds, frequency_hz=given), tmp_path)
     off = found.found_frequency - FREQUENCY
     assert 1e-6 < found.frequency_deviation < 1e-3
     conforms.sampled(abs(off), below=3.5 * found.frequency_deviation)
@@ -226,7 +228,7 @@ def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, line):
 def test_a_declared_fast_tone_is_heard(conforms, tmp_path):
     sounds = [force(16.6 * (T + start)) for start in (0, 0.05)]  # 70.55 Hz
     manifest = folder_of(tmp_path, sounds, frequency_hz=16.6 * FREQUENCY, undersampled=True)
-    found = listen(manifest, tmp_path)
+    found = estimate_delays(manifest, tmp_path)
     conforms.closed_form(found.synchronisation.delays, [0, 0.05], atol=1e-3 / 60)
     conforms.closed_form(abs(found.force / FORCE - 1), below=1e-3)
 
@@ -244,12 +246,12 @@ def test_the_given_steady_part_is_used(conforms, tmp_path, given):
     t = np.arange(6 * RATE) / RATE
     sounds = [stepped(t), stepped(t + 0.1)]
     manifest = folder_of(tmp_path, sounds, steady_s=(3.2, 5.8), frequency_hz=given)
-    found = listen(manifest, tmp_path)
+    found = estimate_delays(manifest, tmp_path)
     assert found.steady == (3.2, 5.8)
     middle = np.exp(2j * np.pi * 4.5 * (found.frequency - FREQUENCY))
     conforms.closed_form(abs(found.force * middle / (FORCE / 2) - 1), below=1e-3)
     conforms.closed_form(found.synchronisation.delays, [0, 0.1], atol=1e-4 / 60)
-    sought = listen(folder_of(tmp_path, sounds), tmp_path)
+    sought = estimate_delays(folder_of(tmp_path, sounds), tmp_path)
     assert sought.steady[1] < 3
     conforms.closed_form(abs(sought.force / FORCE - 1), below=1e-3)
 
@@ -304,7 +306,7 @@ def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
         sound="room",
         frequency_hz=frequency,
     )
-    found = listen(manifest, tmp_path)
+    found = estimate_delays(manifest, tmp_path)
     conforms.closed_form(found.synchronisation.delays, starts - starts[0], atol=0.005 / 60)
     assert found.force is None
     assert found.frequency == frequency
@@ -314,7 +316,7 @@ def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
     conforms.closed_form(found.steady, (1.27, 3.9), atol=1e-4)
     part = manifest.model_copy(update={"excitation": manifest.excitation.model_copy(
         update={"steady_s": (1.4, 3.5)})})  # fmt: skip
-    assert listen(part, tmp_path).steady == (1.4, 3.5)
+    assert estimate_delays(part, tmp_path).steady == (1.4, 3.5)
 
 
 def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
@@ -325,7 +327,7 @@ def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
     for x in sounds:
         x[5000:5200] += click
         x[-9000:-8800] += click
-    found = listen(folder_of(tmp_path, sounds, sound="room"), tmp_path)
+    found = estimate_delays(folder_of(tmp_path, sounds, sound="room"), tmp_path)
     conforms.closed_form(found.synchronisation.delays, starts, atol=0.005 / 60)
 
 
@@ -359,9 +361,9 @@ def low(sound, seconds, starts, rate=8000):
 def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch):
     sounds = low(late, 70, (0.0, 2.3, 1.1))
     manifest = folder_of(tmp_path, sounds, 8000, rest_s=49)
-    whole = listen(manifest, tmp_path)
+    whole = estimate_delays(manifest, tmp_path)
     monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 16 s at 4 kHz
-    found = listen(manifest, tmp_path)
+    found = estimate_delays(manifest, tmp_path)
     for one in (whole, found):
         assert not one.synchronisation.ambiguous
         conforms.closed_form(one.synchronisation.delays, [0, 2.3, 1.1], atol=1e-3 / 60)
@@ -372,7 +374,7 @@ def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch)
 def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
     monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 8 s at 8 kHz
     sounds = low(clapping((21.0, 22.2)), 30, (0.0, 3.3))
-    found = listen(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
+    found = estimate_delays(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
     conforms.closed_form(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
 
 
@@ -385,7 +387,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, options):
         manifest = folder_of(tmp_path, low(sound, seconds, (0, 0.2)), 8000, **options)
         tracemalloc.start()
         try:
-            listen(manifest, tmp_path)
+            estimate_delays(manifest, tmp_path)
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
@@ -398,7 +400,7 @@ def test_what_is_held_is_the_whole_or_what_follows_the_rest(length, skip):
     x = np.arange(length, dtype=float)
     for size in (1, 7, 64, 1000):
         blocks = [x[k : k + size] for k in range(0, length, size)]
-        kept, begin = hearing.held(iter(blocks), skip, 100)
+        kept, begin = hearing.hold_signal(iter(blocks), skip, 100)
         assert begin == (skip if length > 100 else 0)
         np.testing.assert_array_equal(kept, x[begin : begin + 100])
 
@@ -410,18 +412,18 @@ def test_parts_and_spans_of_blocks_are_those_of_the_whole(size):
     np.testing.assert_array_equal(np.concatenate(list(hearing.part_of(blocks, 13, 57))), x[13:57])
     ends = np.concatenate(list(hearing.without_ends(blocks, 9)))
     np.testing.assert_array_equal(ends, x[9:-9])
-    both = list(hearing.spans([blocks, [x[:45]]], 40))
+    both = list(hearing.joint_spans([blocks, [x[:45]]], 40))
     assert [[len(one) for one in span] for span in both] == [[40, 40], [40, 25]]
     for k, span in enumerate(both):
         np.testing.assert_array_equal(span[0], x[20 * k : 20 * k + 40])
-    alone = list(hearing.spans([[x[:15]], blocks], 40))
+    alone = list(hearing.joint_spans([[x[:15]], blocks], 40))
     assert [[len(one) for one in span] for span in alone] == [[15, 40]]
 
 
 def test_a_track_is_read_in_blocks_that_do_not_grow(tmp_path):
     sound = force(np.arange(9 * RATE) / RATE)
     write_video(tmp_path / "A.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound)
-    with opened_audio(tmp_path / "A.mkv") as audio:
+    with open_audio(tmp_path / "A.mkv") as audio:
         blocks = list(audio.blocks)
         assert (audio.rate, audio.start) == (RATE, 0.0)
     assert len(blocks) == 5

@@ -90,9 +90,9 @@ def test_what_is_written_is_read(recordings):
 
 def test_the_default_structure_is_the_thesis_s_beam():
     structure = Structure()
-    assert model_of(structure) == setups.beam()
+    assert model_of(structure) == setups.thesis_beam()
     points = structure.marker_points.reshape(2, 3, 25)
-    np.testing.assert_allclose(points[:, 1], setups.beam().markers)
+    np.testing.assert_allclose(points[:, 1], setups.thesis_beam().markers)
     np.testing.assert_allclose(points[1, :, 0], [0.005, 0.015, 0.025])
     np.testing.assert_allclose(structure.hole, [0.024, 0.010])
 

@@ -47,8 +47,8 @@ from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.outputs import CACHE_TAG, RECORD_NAME, put_files
 from thesis_lib.studies import storage
 from thesis_lib.vibration.structure import deflection_shape
-from thesis_lib.vision.lens import project
-from thesis_lib.vision.simulation import assurance
+from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.simulation import assurance_criterion
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
@@ -135,7 +135,7 @@ def test_the_deflection_is_the_rendered_one(conforms, data, rig):
     true = part.amplitude * part.shape(rig.motion.structure, rig.markers.centres)
     found = data["deflection"].values
     conforms.closed_form(np.sqrt(np.mean((found - true) ** 2)), below=0.005 * np.abs(true).max())
-    conforms.closed_form(assurance(found, true), above=0.9999)
+    conforms.closed_form(assurance_criterion(found, true), above=0.9999)
     conforms.closed_form(
         np.sqrt(np.mean(data["quadrature"] ** 2)), below=0.003 * np.abs(true).max()
     )
@@ -171,8 +171,8 @@ def test_the_cameras_are_where_they_were(conforms, data, rig):
 
 def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(measured):
     """But for last digits, which another processor has otherwise."""
-    now = sample.measured(measured / "manifest.yaml", measured / "measured" / ".steps")
-    data = sample.sample()
+    now = sample.measure_recording(measured / "manifest.yaml", measured / "measured" / ".steps")
+    data = sample.read_sample()
     assert set(now.variables) == set(data.variables)
     error = data["standard_error"].values
     far = np.abs(now["deflection"].values - data["deflection"].values) / error
@@ -421,7 +421,7 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
     assert "<h2>Sound</h2>" in page
     assert "rigid wall (a baffle)" in page
     assert {"heard-1.wav", "radiated.csv"} <= {p.name for p in (folder / "measured").iterdir()}
-    beam, omega = setups.beam(), 2 * np.pi * 4.25
+    beam, omega = setups.thesis_beam(), 2 * np.pi * 4.25
     x = (np.arange(4000) + 0.5) / 4000 * beam.length
     mean = abs(np.mean(deflection_shape(beam, 1, np.stack([x, 0 * x]), EXAMPLE_AMPLITUDE_M)))
     strength = omega * mean * beam.length * beam.width  # m³/s
@@ -468,7 +468,7 @@ def with_tracks_of(measured, patch):
         shutil.copy(measured / "measured" / ".steps" / path.name, path)
         return []
 
-    patch.setattr(steps_module, "record", take)
+    patch.setattr(steps_module, "record_track", take)
 
 
 def swapped(values):
@@ -803,8 +803,8 @@ def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
     lift = np.sin(2 * np.pi * 4.25 * np.arange(count) / rate) * (np.arange(count) >= rate)
     noise, recordings = 0.02 * np.random.default_rng(1).standard_normal((count, 2, grid.count)), []
     for station in rig.stations[:2]:
-        rest = project(station.camera, grid.world)
-        up = project(station.camera, grid.world + shape * np.array([[0], [0], [1]])) - rest
+        rest = project_points(station.camera, grid.world)
+        up = project_points(station.camera, grid.world + shape * np.array([[0], [0], [1]])) - rest
         path = tmp_path / f"{station.camera.name}.npy"
         np.save(path, rest + up * lift[:, None, None] + noise)
         recordings.append(Recording(station.camera, rate, 0.0, 1e-6, 0.0, path))
@@ -813,7 +813,7 @@ def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
                         "force": ("part", [1.0, 0.0]), "of_force": 1,
                         "steady": ("end", [1.0, count / rate - 0.1])})  # fmt: skip
     tracemalloc.start()
-    data = result.result(manifest, sound, recordings)
+    data = result.shape_result(manifest, sound, recordings)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     found = np.abs(data["deflection"].values)

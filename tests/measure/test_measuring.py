@@ -11,16 +11,16 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import render_frames
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import uff
-from thesis_lib.measure.fitting.frequency import FrequencyError, advance, look_for
+from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
-from thesis_lib.measure.fitting.models import candidates, scaled
+from thesis_lib.measure.fitting.models import candidate_modes, scale_model
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Structure
 from thesis_lib.measure.tracking import tracks as recording_module
-from thesis_lib.measure.tracking.tracks import Recording, record
-from thesis_lib.studies.cache import kept, key_of
+from thesis_lib.measure.tracking.tracks import Recording, record_track
+from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.vision.lens import Camera
-from thesis_lib.vision.simulation import assurance
+from thesis_lib.vision.simulation import assurance_criterion
 
 IDEAL = Camera("A", np.diag([800.0, 800.0, 1.0]), np.zeros(5), np.eye(3), np.zeros(3), (640, 360))
 
@@ -85,7 +85,7 @@ def test_a_recording_too_short_for_a_frequency_is_told(tmp_path):
 @pytest.mark.parametrize("frequency", [4.25, 110.8])  # the second is folded to 9.2 Hz
 def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequency):
     recordings = tracks(tmp_path, frequency, seconds=10.0)
-    found = advance(recordings, 0.2, 10.0, frequency + 0.02, 1)
+    found = phase_advance(recordings, 0.2, 10.0, frequency + 0.02, 1)
     conforms.sampled(found.frequency, frequency, atol=5 * found.deviation)
     # Cramér and Rao for the frequency of tones of amplitude A in noise σ, summed over the tones.
     power = 2 * sum((5 * np.linspace(0.2, 1, 16)) ** 2)
@@ -95,7 +95,7 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
 
 
 def test_growth_is_seen(conforms, tmp_path):
-    found = advance(tracks(tmp_path, 4.25, seconds=10.0, growth=0.2), 0.2, 10.0, 4.25, 1)
+    found = phase_advance(tracks(tmp_path, 4.25, seconds=10.0, growth=0.2), 0.2, 10.0, 4.25, 1)
     conforms.closed_form(found.growth, 0.2 * 9.8 / 10, rtol=0.05)
 
 
@@ -105,20 +105,22 @@ def test_growth_is_seen(conforms, tmp_path):
 @pytest.mark.parametrize("kind", ["beam", "plate"])
 def test_a_mode_is_most_similar_to_itself(conforms, kind):
     structure = Structure(kind=kind)
-    modes = candidates(structure)
+    modes = candidate_modes(structure)
     for mode in modes:
-        values = [assurance(-3e-3 * mode.shape, other.shape) for other in modes]
+        values = [assurance_criterion(-3e-3 * mode.shape, other.shape) for other in modes]
         assert modes[int(np.argmax(values))].name == mode.name
-        conforms.invariance(scaled(-3e-3 * mode.shape, mode.shape), -3e-3 * mode.shape, rtol=1e-7)
+        conforms.invariance(
+            scale_model(-3e-3 * mode.shape, mode.shape), -3e-3 * mode.shape, rtol=1e-7
+        )
 
 
 def test_one_row_on_the_axis_sees_no_torsion():
     structure = Structure(markers={"rows": 1})
-    assert all(mode.name.startswith("bending") for mode in candidates(structure))
+    assert all(mode.name.startswith("bending") for mode in candidate_modes(structure))
 
 
 def test_a_flat_structure_has_no_model():
-    assert candidates(Structure(kind="flat")) == []
+    assert candidate_modes(Structure(kind="flat")) == []
 
 
 # Universal file.
@@ -140,7 +142,7 @@ def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
         },
         attrs={"title": "a beam"},
     )
-    uff.write(tmp_path / "shapes.uff", data)
+    uff.write_uff(tmp_path / "shapes.uff", data)
     file = pyuff.UFF(str(tmp_path / "shapes.uff"))
     assert list(file.get_set_types()) == [151, 164, 15, 82, 55] + 5 * [58]
     header, units, nodes, lines, shape, *responses = file.read_sets()
@@ -173,15 +175,15 @@ def test_a_step_is_computed_once_for_its_key(tmp_path):
     file = tmp_path / "video"
     file.write_text("1")
     first = key_of({"b": 2}, [file])
-    assert float(kept(tmp_path / "step.nc", compute, first)["a"]) == 1
-    kept(tmp_path / "step.nc", compute, first)
+    assert float(load_or_compute(tmp_path / "step.nc", compute, first)["a"]) == 1
+    load_or_compute(tmp_path / "step.nc", compute, first)
     assert len(calls) == 1
     file.write_text("12")  # another recording
     second = key_of({"b": 2}, [file])
     assert second != first != key_of({"b": 3}, [file])
-    kept(tmp_path / "step.nc", compute, second)
+    load_or_compute(tmp_path / "step.nc", compute, second)
     (tmp_path / "step.nc").write_bytes(b"damaged")
-    assert float(kept(tmp_path / "step.nc", compute, second)["a"]) == 1
+    assert float(load_or_compute(tmp_path / "step.nc", compute, second)["a"]) == 1
     assert len(calls) == 3
 
 
@@ -192,7 +194,7 @@ class StopError(Exception):
 @pytest.mark.slow
 @pytest.mark.parametrize("shares", [(), (0.5, 1)])
 def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
-    rig = default_rig(setups.beam(), [(10, 30), (-10, 30)], size=(960, 540))
+    rig = default_rig(setups.thesis_beam(), [(10, 30), (-10, 30)], size=(960, 540))
     rig = replace(rig, duration=0.5, motion=replace(rig.motion, start=0.3, ramp=0.2))
     station = rig.stations[0]
     media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
@@ -203,7 +205,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     def run(name, key="k", tick=lambda done: None):
         camera, markers, path = station.camera, rig.markers, tmp_path / name
         notes.append(
-            record(files, tmp_path, clock, camera, markers, 0.445, path, key, tick, shares)
+            record_track(files, tmp_path, clock, camera, markers, 0.445, path, key, tick, shares)
         )
         return np.load(path)
 

@@ -19,7 +19,7 @@ from thesis_lib.measure.recordings.media_info import (
     MediaError,
     frame_clock,
     frame_times,
-    probe,
+    probe_media,
 )
 
 RATE = 48000
@@ -81,7 +81,7 @@ def test_a_name_is_never_an_address(video, tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     Path(name).parent.mkdir(exist_ok=True)
     Path(name).write_bytes(video.read_bytes())
-    assert probe(Path(name)) == probe(video)
+    assert probe_media(Path(name)) == probe_media(video)
 
 
 @pytest.mark.parametrize("prefix", ["concat:", "subfile,,start,0,end,0,,:", "data:video/x,"])
@@ -91,7 +91,7 @@ def test_no_other_file_is_read_through_a_name(video, tmp_path, monkeypatch, pref
     given.parent.mkdir(parents=True)
     given.write_text("not a video")
     with pytest.raises(MediaError, match="not a"):
-        probe(given)
+        probe_media(given)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_what_names_other_files_is_no_recording(video, tmp_path, name, text):
         new.mux(track.encode(None))
     (tmp_path / name).write_text(text)
     with pytest.raises(MediaError):
-        probe(tmp_path / name)
+        probe_media(tmp_path / name)
 
 
 def cut(path, to, share):
@@ -192,7 +192,7 @@ def test_the_same_recording_is_the_same_file(tmp_path, codec):
 
 
 def test_a_file_says_what_it_holds(video):
-    info = probe(video)
+    info = probe_media(video)
     assert (info.size, info.frame_rate, info.frames, info.codec) == (SIZE, 60, 30, "ffv1")
     assert (info.sample_rate, info.channels, info.has_audio) == (RATE, 1, True)
     assert info.duration == pytest.approx(0.5)
@@ -201,8 +201,8 @@ def test_a_file_says_what_it_holds(video):
 @pytest.mark.parametrize("seconds", [0.2, 0.5, 1.7])
 def test_a_file_says_when_its_sound_ends(conforms, tmp_path, seconds):
     write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
-    conforms.closed_form(probe(tmp_path / "A.mkv").sound_end, seconds, atol=2e-3)
-    conforms.closed_form(probe(tmp_path / "A.mkv").duration, 0.5, atol=2e-3)
+    conforms.closed_form(probe_media(tmp_path / "A.mkv").sound_end, seconds, atol=2e-3)
+    conforms.closed_form(probe_media(tmp_path / "A.mkv").duration, 0.5, atol=2e-3)
 
 
 @pytest.mark.parametrize(("name", "codec"), [("A.mkv", "pcm_s16le"), ("A.mp4", "aac")])
@@ -210,18 +210,20 @@ def test_sound_that_starts_late_ends_late(tmp_path, name, codec):
     samples = np.stack([sound(), sound()])
     path = foreign(tmp_path / name, "yuv420p", True, blurred(), codec="libx264",
                    audio=(codec, RATE, samples, 4800))  # fmt: skip
-    assert probe(path).sound_end == pytest.approx(0.6, abs=0.05)
+    assert probe_media(path).sound_end == pytest.approx(0.6, abs=0.05)
 
 
 def test_without_sound_it_never_ends(tmp_path):
-    assert probe(foreign(tmp_path / "A.mkv", "gray", False, noise())).sound_end is None
+    assert probe_media(foreign(tmp_path / "A.mkv", "gray", False, noise())).sound_end is None
 
 
 @pytest.mark.parametrize("rate", [24, 25, 30000 / 1001, 50, 60000 / 1001, 60, 119.88, 240])
 def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
     write_video(tmp_path / "A.mkv", noise(), rate, sound())
-    conforms.closed_form(probe(tmp_path / "A.mkv").frame_rate, rate, rtol=1e-6)
-    assert probe(tmp_path / "A.mkv").frames == len(list(read_frames(tmp_path / "A.mkv"))) == 30
+    conforms.closed_form(probe_media(tmp_path / "A.mkv").frame_rate, rate, rtol=1e-6)
+    assert (
+        probe_media(tmp_path / "A.mkv").frames == len(list(read_frames(tmp_path / "A.mkv"))) == 30
+    )
     np.testing.assert_allclose(frame_clock(tmp_path / "A.mkv"), np.arange(30) / rate, rtol=2e-5)
 
 
@@ -300,7 +302,7 @@ def refused(call, *words):
 
 
 def everything(path):
-    return lambda: (probe(path), list(read_frames(path)), read_audio(path))
+    return lambda: (probe_media(path), list(read_frames(path)), read_audio(path))
 
 
 @pytest.mark.parametrize(
@@ -361,7 +363,7 @@ def test_a_clock_that_is_even_but_for_rounding_is_even(video):
 
 def test_no_audio_track_is_said(tmp_path):
     path = foreign(tmp_path / "A.mkv", "gray", False, noise())
-    assert not probe(path).has_audio
+    assert not probe_media(path).has_audio
     refused(lambda: read_audio(path), "A.mkv", "no audio track")
 
 
@@ -372,7 +374,7 @@ def test_no_video_track_is_said(tmp_path):
         block.sample_rate = RATE
         file.mux(track.encode(block))
         file.mux(track.encode(None))
-    refused(lambda: probe(tmp_path / "A.mkv"), "A.mkv", "no video track")
+    refused(lambda: probe_media(tmp_path / "A.mkv"), "A.mkv", "no video track")
     refused(lambda: list(read_frames(tmp_path / "A.mkv")), "A.mkv", "no video track")
 
 

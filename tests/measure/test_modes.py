@@ -11,7 +11,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.sources import AIR
-from thesis_lib.measure.calibration.reprojection import Network, stepped
+from thesis_lib.measure.calibration.reprojection import Network, step_network
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import (
@@ -19,19 +19,19 @@ from thesis_lib.measure.modes.identify import (
     ModalError,
     _disagreeing,
     _scale,
-    assurance,
-    identify,
+    identify_modes,
+    modal_assurance,
 )
 from thesis_lib.measure.modes.poles import (
     Poles,
     block_of,
-    columns,
-    fitted,
+    fit_known,
+    fit_poles,
     left_of,
-    scatter,
-    seen_fit,
+    pole_columns,
+    residual_scatter,
 )
-from thesis_lib.measure.modes.result import result
+from thesis_lib.measure.modes.result import modes_result
 from thesis_lib.measure.pipeline import measure_modes
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest_model import Radiation
@@ -45,14 +45,14 @@ BAND = (2.0, 130.0)
 
 def similar(measured, true):
     """MAC of complex shapes."""
-    return [float(assurance([m, t])[0, 1]) for m, t in zip(measured, true, strict=True)]
+    return [float(modal_assurance([m, t])[0, 1]) for m, t in zip(measured, true, strict=True)]
 
 
 @pytest.fixture(scope="module")
 def decay():
     """Three modes of the beam, by four cameras with unlike rates and rolling shutters."""
     truth = beam_modes()
-    return truth, identify(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))
+    return truth, identify_modes(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))
 
 
 def test_modes_of_unlike_rates_and_rolling_shutters(decay):
@@ -69,7 +69,7 @@ def test_errors_are_what_draws_scatter_by():
     truth = beam_modes()
     off, shapes = [], []
     for seed in range(6):
-        own = identify(tracks(RIG, truth, seconds=2, seed=seed), REST, Asked(BAND, 3))
+        own = identify_modes(tracks(RIG, truth, seconds=2, seed=seed), REST, Asked(BAND, 3))
         off += [(own.frequency - truth.frequency) / own.frequency_deviation]
         off += [(own.damping - truth.damping) / own.damping_deviation]
         free = own.shape - truth.shape_at(own.zero)
@@ -90,7 +90,7 @@ def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     for k in range(0, len(wrong), 10):
         wrong[k][:, here], wrong[k][:, there] = first.uv[k][:, there], first.uv[k][:, here]
         rows[k][here], rows[k][there] = first.rows[k][there], first.rows[k][here]
-    found = identify([replace(first, uv=wrong, rows=rows), *others], REST, Asked(BAND, 3))
+    found = identify_modes([replace(first, uv=wrong, rows=rows), *others], REST, Asked(BAND, 3))
     np.testing.assert_allclose(found.left_out, [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(found.damping, truth.damping, rtol=0.05)
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
@@ -102,7 +102,7 @@ def test_a_marker_whose_frames_tell_no_mode_is_none():
     known = block.known.copy()
     known[:380, 1] = False
     rates = np.array([[2000.0, 60.0], [2010.0, 63.0]])
-    _, spread = seen_fit(columns(block.times, rates), replace(block, known=known))
+    _, spread = fit_known(pole_columns(block.times, rates), replace(block, known=known))
     assert np.isinf(spread[1]).all()
 
 
@@ -137,7 +137,7 @@ def standardised(truth, draws, share, fastest=False):
     for seed in range(draws):
         if seed % 10 == 0:  # cameras start at other times
             clean = tracks(own, truth, 4.0, UNLIKE, noise=0.0, seed=seed)
-        one = identify(with_losses(clean, seed, share, fastest), still, asked)
+        one = identify_modes(with_losses(clean, seed, share, fastest), still, asked)
         true = truth.shape_at(one.zero)
         power = np.nansum(np.abs(true) ** 2, axis=1)
         scale = np.nansum((one.shape - true) * true.conj(), axis=1) / power
@@ -202,12 +202,12 @@ def test_the_noise_of_few_frames_is_told_in_full():
     """Of twelve frames, three coefficients of each track have taken a quarter of the noise."""
     rng, t = np.random.default_rng(0), np.arange(12) / 12
     start = np.array([[1.0, 20.0]])
-    values = columns(t, start) @ rng.standard_normal((3, 800)) + rng.standard_normal((12, 800))
+    values = pole_columns(t, start) @ rng.standard_normal((3, 800)) + rng.standard_normal((12, 800))
     values[rng.random(values.shape) < 0.1] = np.nan
     block = block_of(t, values, np.ones(800))
-    assert fitted([block], start, damped=True).noise == pytest.approx(1, abs=0.02)
-    B = columns(t, start)
-    told = scatter(block, B, seen_fit(B, block)[0])
+    assert fit_poles([block], start, damped=True).noise == pytest.approx(1, abs=0.02)
+    B = pole_columns(t, start)
+    told = residual_scatter(block, B, fit_known(B, block)[0])
     assert rms(told) == pytest.approx(1, abs=0.02)
     assert not left_of(block, start)[~block.known].any()
 
@@ -217,17 +217,21 @@ def test_two_clocks_that_differ_tell_a_frequency_to_half_their_difference():
     rng, t, start = np.random.default_rng(0), np.arange(240) / 60, np.array([[0.7, 70.0]])
     ones = np.ones(9)
     blocks = [
-        block_of(t, columns(t * clock, start)[:, 1:2] + 0.01 * rng.standard_normal((240, 9)), ones)
+        block_of(
+            t, pole_columns(t * clock, start)[:, 1:2] + 0.01 * rng.standard_normal((240, 9)), ones
+        )
         for clock in (1 + 1e-3, 1 - 1e-3)
     ]
-    found = _disagreeing(fitted(blocks, start, damped=True), np.ones(1), [])
+    found = _disagreeing(fit_poles(blocks, start, damped=True), np.ones(1), [])
     np.testing.assert_allclose(np.sqrt(found.covariance[1, 1]), 1e-3 * 70, rtol=0.05)
 
 
 def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping():
     """e^{−αt} fitted to e^{−(α + δ)t}, ∞ long: its size is off by δ / 2α, and ζ by δ / α."""
     own = rig(3)
-    found = identify(tracks(own, decaying(0.05), 4.0, UNLIKE), rest(own), Asked((2.0, 30.0), 1))
+    found = identify_modes(
+        tracks(own, decaying(0.05), 4.0, UNLIKE), rest(own), Asked((2.0, 30.0), 1)
+    )
     expected = found.damping_deviation / (2 * found.damping)
     np.testing.assert_allclose(found.scale_deviation, expected, rtol=0.06)
 
@@ -246,7 +250,7 @@ def test_the_scale_is_less_certain_where_the_first_centres_are_missing():
 def test_starts_that_are_off_are_found_beyond_a_period():
     truth = beam_modes()
     late = (0.0, 0.012, -0.003, 0.0)
-    found = identify(tracks(RIG, truth, off=late), REST, Asked(BAND, 3))
+    found = identify_modes(tracks(RIG, truth, off=late), REST, Asked(BAND, 3))
     np.testing.assert_allclose(-found.lag, late, atol=1e-4)
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
 
@@ -254,7 +258,7 @@ def test_starts_that_are_off_are_found_beyond_a_period():
 def test_cameras_out_of_step_tell_an_alias():
     """110.8 Hz shows at 9.2 Hz in all of them."""
     truth = beam_modes()
-    found = identify(tracks(RIG, truth, rates=(60.0,) * 4), REST, Asked(BAND, 3))
+    found = identify_modes(tracks(RIG, truth, rates=(60.0,) * 4), REST, Asked(BAND, 3))
     np.testing.assert_allclose(found.frequency, truth.frequency, rtol=1e-3)
     hertz, turned = np.array(found.aliases[2]).T
     assert hertz[0] == pytest.approx(truth.frequency[2], rel=1e-3)
@@ -270,7 +274,7 @@ def test_steady_tones_at_unlike_clocks():
     truth = Truth(np.array([7.3, 43.1]), np.zeros(2), mixed)
     seen = tracks(RIG, truth, seconds=12)
     fast = [replace(seen[0]), replace(seen[1], times=seen[1].times * (1 + 4e-5)), *seen[2:]]
-    found = identify(fast, REST, Asked((2.0, 60.0), damped=False))
+    found = identify_modes(fast, REST, Asked((2.0, 60.0), damped=False))
     np.testing.assert_allclose(found.frequency, truth.frequency, rtol=1e-5)
     assert np.all(found.damping == 0)
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.9999
@@ -279,7 +283,7 @@ def test_steady_tones_at_unlike_clocks():
 
 def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
     truth, _ = decay
-    found = identify(tracks(RIG, truth, seconds=3), REST, Asked(BAND))
+    found = identify_modes(tracks(RIG, truth, seconds=3), REST, Asked(BAND))
     assert len(found.frequency) == 3
     assert found.after.peak[1] < 6 < 100 < found.before.peak[1]
 
@@ -287,7 +291,7 @@ def test_modes_that_are_not_asked_for_by_number_stand_out(decay):
 def test_curvature_of_images_is_no_mode():
     """A large motion alone: its double frequency, which rows and perspective add, is left out."""
     truth = beam_modes(damping=(0.005,), amplitude=(6e-3,))
-    found = identify(tracks(RIG, truth, noise=0.005), REST, Asked((2.0, 30.0), 1))
+    found = identify_modes(tracks(RIG, truth, noise=0.005), REST, Asked((2.0, 30.0), 1))
     assert found.after.peak[1] < 6
     assert found.noise == pytest.approx(0.005, rel=0.05)
 
@@ -295,25 +299,25 @@ def test_curvature_of_images_is_no_mode():
 def test_nothing_but_noise_is_refused():
     still = beam_modes(amplitude=(0, 0, 0))
     with pytest.raises(ModalError, match=r"no mode from 2 to 130 Hz stands out.*tap or drive"):
-        identify(tracks(RIG, still, seconds=2), REST, Asked(BAND, 2))
+        identify_modes(tracks(RIG, still, seconds=2), REST, Asked(BAND, 2))
 
 
 def test_a_given_tone_that_is_not_there_is_refused():
     seen = tracks(RIG, beam_modes(damping=(0.0,), amplitude=(2e-3,)), seconds=2)
     with pytest.raises(ModalError, match=r"no tone near 17 Hz stands out.*strongest line"):
-        identify(seen, REST, Asked(BAND, damped=False, given=(17.0,)))
+        identify_modes(seen, REST, Asked(BAND, damped=False, given=(17.0,)))
 
 
 def test_tones_closer_than_the_record_resolves_are_refused():
     seen = tracks(RIG, beam_modes(), seconds=2)
     with pytest.raises(ModalError, match=r"0.1 Hz apart, and 1.\d+ s .* film 10 s or more"):
-        identify(seen, REST, Asked(BAND, given=(10.0, 10.1)))
+        identify_modes(seen, REST, Asked(BAND, given=(10.0, 10.1)))
 
 
 def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
     form = beam_modes(damping=(0.0, 0.0), amplitude=(1e-3, 1e-3)).shape
     pair = Truth(np.array([20.0, 20.3]), np.zeros(2), form)
-    found = identify(tracks(RIG, pair, seconds=2), REST, Asked(BAND, 1, damped=False))
+    found = identify_modes(tracks(RIG, pair, seconds=2), REST, Asked(BAND, 1, damped=False))
     assert found.beside[0] > 30
 
 
@@ -322,7 +326,7 @@ def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
     """The further mode is found when it is tried, and what that changes counts as error."""
     one = beam_modes(damping=(0.0,), amplitude=(1e-3,)).shape[0]
     alone, pair = (
-        identify(
+        identify_modes(
             tracks(RIG, Truth(np.array([20.0, 20 + apart])[:n], np.zeros(n), form), seconds=3),
             REST,
             Asked(BAND, 1, damped=False),
@@ -337,13 +341,16 @@ def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
 def test_too_few_markers_and_frames_are_refused():
     seen = tracks(RIG, beam_modes(), seconds=2)
     with pytest.raises(ModalError, match="8 modes need 36: ask for fewer modes, or film longer"):
-        identify([replace(t, times=t.times[:20], uv=t.uv[:20], rows=t.rows[:20]) for t in seen],
-                 REST, Asked(BAND))  # fmt: skip
+        identify_modes(
+            [replace(t, times=t.times[:20], uv=t.uv[:20], rows=t.rows[:20]) for t in seen],
+            REST,
+            Asked(BAND),
+        )
     blind = [replace(track, uv=track.uv.copy()) for track in seen]
     for track in blind[1:]:
         track.uv[:, :, 2:] = np.nan
     with pytest.raises(ModalError, match=r"2 markers are seen by two cameras .* needs 3: add"):
-        identify(blind, REST, Asked(BAND))
+        identify_modes(blind, REST, Asked(BAND))
 
 
 @pytest.mark.parametrize(
@@ -407,9 +414,9 @@ def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
     rng, ratios, without = np.random.default_rng(4), [], []
     for _ in range(8):
         step = np.sqrt(np.diag(covariance)) * rng.standard_normal(len(covariance))
-        cameras = stepped(network, step).cameras
+        cameras = step_network(network, step).cameras
         wrong = [replace(own, camera=c) for own, c in zip(recordings, cameras, strict=True)]
-        data = result(manifest, sound, wrong, covariance)
+        data = modes_result(manifest, sound, wrong, covariance)
         found = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
         true = truth.shape_at(float(data["zero"]) - 0.5)  # the first half second is rest
         turned = data["deflection"].values + 1j * data["quadrature"].values

@@ -11,7 +11,7 @@ from command import thesis
 
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
-from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.animation import write_mp4
@@ -240,7 +240,7 @@ def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):
             named[camera.name], [flat * np.sin(azimuth), flat * np.cos(azimuth)], rtol=1e-9
         )
     shown = draw_prediction(manifest)["errors"].axes[0].collections[0].get_array()
-    assert np.sqrt(np.mean(shown**2)) == pytest.approx(assess(manifest).rig.fit[0])
+    assert np.sqrt(np.mean(shown**2)) == pytest.approx(assess_manifest(manifest).rig.fit[0])
 
 
 def test_a_drawing_without_places_is_refused(folder):

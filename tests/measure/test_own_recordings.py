@@ -11,17 +11,17 @@ from scenes import own
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.fitting.frequency import FrequencyError
-from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.measure.report.warnings import check_shape
-from thesis_lib.measure.steps import calibrated
+from thesis_lib.measure.steps import calibrate_rig
 from thesis_lib.vibration.motion import Component
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
-BEAM, PLATE = setups.beam(), setups.plate()
+BEAM, PLATE = setups.thesis_beam(), setups.thesis_plate()
 
 
 def scattered(n, apart, rng):
@@ -116,7 +116,7 @@ def test_a_steady_vibration_needs_no_sound(conforms, silent):
     rig, manifest = silent
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)  # letters that the figures' font lacks
-        report = measure(manifest, manifest.parent / "out", lambda line: None)
+        report = measure_recordings(manifest, manifest.parent / "out", lambda line: None)
     data = xr.load_dataset(manifest.parent / "out" / "measured.nc")
     conforms.sampled(compare(conforms, data, rig, 0.01), below=3)
     assert abs(float(data["lag"][1])) > 0.01
@@ -126,7 +126,7 @@ def test_a_steady_vibration_needs_no_sound(conforms, silent):
 
 def test_a_pose_that_no_camera_can_use_is_left_out(silent):
     _, manifest = silent
-    calibration = calibrated(read_manifest(manifest), manifest.parent, manifest.parent / "steps")
+    calibration = calibrate_rig(read_manifest(manifest), manifest.parent, manifest.parent / "steps")
     told = calibration.attrs["notes"].splitlines()
     assert "pose 3 (02.png, 02.png): no camera sees the board; it is left out" in told
     assert sum("off the rig of the others; it is left out" in line for line in told) == 2
@@ -141,7 +141,7 @@ def test_a_frequency_that_explains_nothing_is_refused_with_the_right_one(silent)
     wrong = values.excitation.model_copy(update={"frequency_hz": 9.0})
     write_manifest(values.model_copy(update={"excitation": wrong}), path.parent / "wrong.yaml")
     with pytest.raises(FrequencyError) as error:
-        measure(path.parent / "wrong.yaml", path.parent / "out", lambda line: None)
+        measure_recordings(path.parent / "wrong.yaml", path.parent / "out", lambda line: None)
     assert "excitation.frequency_hz: given 9, which explains" in str(error.value)
     near = re.search(r"most of it is near ([\d.]+) Hz", str(error.value))
     assert abs(float(near[1]) - 6.3) < 0.25  # of 1 s

@@ -22,14 +22,14 @@ from thesis_lib.measure.radiation import (
     without_wall,
 )
 from thesis_lib.measure.radiation.of_measurement import sound_of
-from thesis_lib.measure.radiation.radiated import complex_of, octaves
+from thesis_lib.measure.radiation.radiated import complex_of, group_octaves
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.build import build_sound, summarise_sound
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
-PLATE = setups.plate((9, 6))
-OMEGA = resonance(PLATE, 1)
+PLATE = setups.thesis_plate((9, 6))
+OMEGA = resonance_frequency(PLATE, 1)
 TRUE = deflection_shape(PLATE, 1, PLATE.markers, 1e-3) * np.exp(0.7j)
 SURFACE = Surface.of(
     np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 1600,
@@ -107,18 +107,20 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
         own = between.by_model(PLATE, PLATE.markers, radius, places)
     else:
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
-        held = between.along(corners, [0, 1, 2, 3], 0.07)
+        held = between.edge_places(corners, [0, 1, 2, 3], 0.07)
         own = between.by_spline(PLATE.markers, held, places)
 
     power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
     rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
 
     def heard(shape):
-        known = estimates.circular(shape, np.full(len(shape), NOISE**2), COMMON * shape[None])
+        known = estimates.circular_estimate(
+            shape, np.full(len(shape), NOISE**2), COMMON * shape[None]
+        )
         return {
-            "power": estimates.quadratic(power, known),
-            "efficiency": estimates.ratio(power, plain, known),
-            "pressure": estimates.magnitude(rows, known),
+            "power": estimates.estimate_quadratic_form(power, known),
+            "efficiency": estimates.estimate_ratio(power, plain, known),
+            "pressure": estimates.estimate_magnitude(rows, known),
         }
 
     draw, n = np.random.default_rng(8), len(TRUE)
@@ -287,7 +289,7 @@ def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     free = between.by_spline(markers, np.empty((2, 0)), SURFACE.places)
     x, y = SURFACE.places
     conforms.closed_form(free.moving @ plane, 1 + 2 * x - y, rtol=1e-9)
-    held = between.along(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
+    held = between.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
     conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
     still = between.by_spline(markers, held, held).moving @ plane
     conforms.closed_form(still, 0 * still, atol=1e-9)
@@ -296,17 +298,17 @@ def test_a_spline_holds_planes_and_edges_at_rest(conforms):
 def test_close_rows_do_not_make_markers_close_along_them():
     x, y = np.meshgrid(0.046 * np.arange(13), [0.008, 0.0225])
     rows = np.stack([x.ravel(), y.ravel()])
-    assert between.spacing(rows) == pytest.approx(0.046)
-    assert between.spacing(rows[::-1]) == pytest.approx(0.046)
-    assert between.spacing(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
-    assert between.spacing(PLATE.markers) == pytest.approx(0.668 / 9)
+    assert between.largest_gap(rows) == pytest.approx(0.046)
+    assert between.largest_gap(rows[::-1]) == pytest.approx(0.046)
+    assert between.largest_gap(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
+    assert between.largest_gap(PLATE.markers) == pytest.approx(0.668 / 9)
 
 
 def test_octaves_have_the_edges_of_the_standard():
     """Base ten: 1 kHz reaches from 10^2.85 to 10^3.15 Hz; what is in no band is in the total."""
     edges = 10 ** np.array([2.85, 3.15])
     inside, outside = edges * [1.0001, 0.9999], edges * [0.9999, 1.0001]
-    found = {name: own.tolist() for name, own in octaves([*inside, *outside, 5.0]).items()}
+    found = {name: own.tolist() for name, own in group_octaves([*inside, *outside, 5.0]).items()}
     assert found == {"all": [0, 1, 2, 3, 4], "500": [2], "1000": [0, 1], "2000": [3]}
 
 
@@ -415,7 +417,10 @@ def test_a_mode_that_does_not_seem_to_die_away_has_no_energy():
     assert np.isfinite(made["energy"].values).tolist() == [True, False]
     assert np.isfinite(made["power"].values).all()
     assert "unknown J in all" in summarise_sound(made)[1]
-    assert np.abs(files.heard(made, 0)).max() < 2 * np.abs(complex_of(made, "pressure")).sum()
+    assert (
+        np.abs(files.audible_pressure(made, 0)).max()
+        < 2 * np.abs(complex_of(made, "pressure")).sum()
+    )
 
 
 def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
@@ -430,7 +435,7 @@ def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
     page = build_sound(decaying, manifest()).page
     for said in ("energy in J", "<td>all</td>", "By octave", lines[-1]):
         assert said in page
-    files.write(tmp_path, decaying)
+    files.write_sound(tmp_path, decaying)
     rows = (tmp_path / "radiated.csv").read_text().splitlines()
     assert sum("band_power," in row for row in rows) == 3
     assert sum(",energy," in row for row in rows) == 2
@@ -441,14 +446,14 @@ def test_a_sound_file_holds_modes_as_they_die_away_in_step(decaying, conforms):
     pressure = complex_of(decaying, "pressure")[:, 1]
     poles = 1j * np.array(OMEGAS) - DECAYS
     expected = np.real(pressure @ np.exp(poles[:, None] * times))
-    found = files.heard(decaying, 1)[: len(times)]
+    found = files.audible_pressure(decaying, 1)[: len(times)]
     late = times > files.RISE_S
     conforms.closed_form(found[late], expected[late], atol=1e-9 * np.abs(expected).max())
     assert found[0] == 0
 
 
 def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
-    files.write(tmp_path, made)
+    files.write_sound(tmp_path, made)
     rate, samples = wavfile.read(tmp_path / "heard-2.wav")
     assert rate == 48000
     middle = samples[rate : 2 * rate]

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from thesis_lib.cli import cli
-from thesis_lib.measure.recordings.encode import pack
+from thesis_lib.measure.recordings.encode import pack_frames
 from thesis_lib.measure.recordings.media import read_frames, write_png
-from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe
+from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe_media
 
 FRAMES = np.random.default_rng(0).integers(0, 4096, (7, 48, 64), np.uint16)  # of twelve bits
 EIGHT = (FRAMES >> 4).astype(np.uint8)
@@ -59,11 +59,11 @@ def photron(folder, bits, depth, side, data, suffix=".cih"):
 @pytest.mark.parametrize("kind", RAW)
 def test_raw_frames_come_back_at_their_rate(tmp_path, kind, suffix):
     source, video = photron(tmp_path, *RAW[kind], suffix), tmp_path / "C1.mov"
-    assert pack(source, video) == (7, (64, 48))
+    assert pack_frames(source, video) == (7, (64, 48))
     clock = frame_clock(video)
     np.testing.assert_allclose(clock, np.arange(7) / 12500, atol=1e-9)
     np.testing.assert_array_equal(list(read_frames(video, clock=clock)), EIGHT)
-    assert not probe(video).has_audio
+    assert not probe_media(video).has_audio
 
 
 def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
@@ -74,7 +74,7 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
     assert said.output == f"{tmp_path / 'left.mov'}: 7 frames of 62 × 46 px\n"
     video = tmp_path / "left.mov"
     np.testing.assert_array_equal(list(read_frames(video)), EIGHT[:, :46, :62])
-    assert probe(video).frame_rate == 240
+    assert probe_media(video).frame_rate == 240
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_broken_raw_frames_are_named_in_a_line(tmp_path, break_, said):
     source = photron(tmp_path, *RAW["8 bits"])
     break_(source)
     with pytest.raises(MediaError, match=said) as refused:
-        pack(source, tmp_path / "C1.mov")
+        pack_frames(source, tmp_path / "C1.mov")
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "C1.mov").exists()
 
@@ -130,7 +130,7 @@ def test_a_header_of_gigabytes_is_not_read(tmp_path):
     with source.open("ab") as file:
         file.truncate(5_000_000_000)  # takes no room
     with pytest.raises(MediaError, match="larger than 1 MB"):
-        pack(source, tmp_path / "C1.mov")
+        pack_frames(source, tmp_path / "C1.mov")
 
 
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
@@ -162,7 +162,7 @@ def test_phantoms_files_are_read_as_they_are(tmp_path):
         + struct.pack(f"<{n}q", *(first + k * (8 + size) for k in range(n)))
         + b"".join(struct.pack("<II", 8, size) + frame[::-1].tobytes() for frame in EIGHT)
     )
-    assert probe(path).frame_rate == rate
+    assert probe_media(path).frame_rate == rate
     clock = frame_clock(path)
     np.testing.assert_allclose(clock, np.arange(n) / rate, atol=1e-9)
     np.testing.assert_array_equal(list(read_frames(path, clock=clock)), EIGHT)

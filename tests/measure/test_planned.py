@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from command import thesis
 
-from thesis_lib.measure.feasibility.assess import assess
+from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.feasibility.draft import FIRST_AZIMUTH_DEG, PHONE_CAMERA, draft_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest
 
@@ -45,7 +45,8 @@ def test_phones_stand_around_and_as_near_as_the_structure_fits_into_their_pictur
 
     def lost(of):
         return {
-            w.code for w in assess(draft_manifest(PLATE | {"cameras.distance_mm": of})).warnings
+            w.code
+            for w in assess_manifest(draft_manifest(PLATE | {"cameras.distance_mm": of})).warnings
         }
 
     assert "out-of-view" not in lost(distance)

@@ -9,8 +9,8 @@ import pytest
 from scenes import own
 from scenes.foreign import povray
 
-from thesis_lib.measure.calibration.bundle_adjustment import align, camera_deviations
-from thesis_lib.measure.calibration.rig import adjusted
+from thesis_lib.measure.calibration.bundle_adjustment import align_cameras, camera_deviations
+from thesis_lib.measure.calibration.rig import adjust_cameras
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.lens import Camera
 
@@ -25,7 +25,7 @@ def test_boards_with_marks_calibrate_though_they_are_cut_off(conforms, tmp_path)
     manifest = Manifest.model_validate_json(
         json.dumps(povray.photograph_boards(tmp_path, away=0.09))
     )
-    corners, _, _, full = adjusted(manifest, tmp_path)
+    corners, _, _, full = adjust_cameras(manifest, tmp_path)
     counts = np.isfinite(corners[:, :, 0]).sum(axis=2)
     assert np.sum((counts > 0) & (counts < 24)) >= 6
     truth = [
@@ -37,7 +37,7 @@ def test_boards_with_marks_calibrate_though_they_are_cut_off(conforms, tmp_path)
     lenses = [[*(c.K[[0, 1], [0, 1]] - povray.FOCAL), *(c.K[:2, 2] - np.divide(c.size, 2))]
               for c in full.cameras]  # fmt: skip
     conforms.sampled(np.abs(lenses / full.deviations[:, :4]).max(), below=4)
-    _, centres, _ = align(full.cameras, truth)
+    _, centres, _ = align_cameras(full.cameras, truth)
     conforms.sampled(np.abs(centres / camera_deviations(full)[0]).max(), below=4)
     conforms.independent(np.abs(centres).max(), below=3e-4)  # m
 

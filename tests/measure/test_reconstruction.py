@@ -9,11 +9,11 @@ from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
 from thesis_lib.measure.recordings.board import on_surface, rows_on
-from thesis_lib.vibration.motion import Motion, amplitudes
+from thesis_lib.vibration.motion import Motion, steady_amplitudes
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 POINTS = MARKERS.positions[:, : MARKERS.count]
 WORLD = MARKERS.world[:, : MARKERS.count]
@@ -247,13 +247,13 @@ AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
 @pytest.mark.parametrize("clocks", [CLOCKS, [0.0, 0.0, 0.0, 0.0]])
 def test_a_vibration_is_recovered_from_cameras_on_their_own_clocks(conforms, clocks):
     found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))
-    conforms.closed_form(found, amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
+    conforms.closed_form(found, steady_amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
 
 
 def test_two_harmonics_of_the_images_are_enough_for_a_millionth(conforms):
     # Perspective makes harmonics of the images; each is about a hundredth of the one before.
     found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=2))
-    error = np.abs(found - amplitudes(MOTION, POINTS, 4.25)).max()
+    error = np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max()
     conforms.closed_form(error, above=1e-12, below=4e-3 * 1e-5)
 
 
@@ -264,7 +264,7 @@ def test_a_clock_that_is_wrong_is_not_recovered():
     cameras = [fit_harmonics(OMEGA, t, uv, 4)
                for t, uv in zip(wrong, vibrating(times), strict=True)]  # fmt: skip
     found = harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
-    assert np.abs(found - amplitudes(MOTION, POINTS, 4.25)).max() > 1e-4
+    assert np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max() > 1e-4
 
 
 def test_markers_that_one_camera_sees_have_no_deflection():
@@ -311,7 +311,7 @@ def test_interpolation_converges_with_the_order_of_its_points(conforms, points):
     for step in (1 / 60, 1 / 120, 1 / 240):
         times, at = step * np.arange(40), step * 20.5
         values = np.sin(np.add.outer(OMEGA * times, phases))
-        found = rc.interpolate(times, values, at, points)
+        found = rc.interpolate_frames(times, values, at, points)
         errors.append(np.abs(found - np.sin(OMEGA * at + phases)).max())
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     conforms.order(rates, points, atol=0.25)
@@ -322,7 +322,7 @@ def test_six_frames_err_by_less_than_the_bound_that_is_stated(conforms, fraction
     times = np.arange(40) / 60
     at = (20 + fraction) / 60
     phases = np.linspace(0, 2 * np.pi, 24)
-    found = rc.interpolate(times, np.sin(np.add.outer(OMEGA * times, phases)), at)
+    found = rc.interpolate_frames(times, np.sin(np.add.outer(OMEGA * times, phases)), at)
     bound = (OMEGA / 60) ** 6 * 5 / 1024
     conforms.closed_form(np.abs(found - np.sin(OMEGA * at + phases)).max(), below=bound)
     conforms.closed_form(bound, 4e-5, rtol=0.25)
@@ -333,20 +333,20 @@ def test_polynomials_are_interpolated_exactly_to_the_ends(conforms, at):
     times = np.arange(40) / 60
     powers = np.arange(6)
     values = times[:, None] ** powers
-    conforms.closed_form(rc.interpolate(times, values, at), at**powers, atol=1e-12)
+    conforms.closed_form(rc.interpolate_frames(times, values, at), at**powers, atol=1e-12)
 
 
 def test_one_point_is_the_nearest_frame():
     times = 5 + np.arange(10) / 60
     for at, expected in [(5 + 2.4 / 60, 2), (5 + 2.6 / 60, 3), (4.0, 0), (9.0, 9)]:
-        assert rc.interpolate(times, np.arange(10.0), at, 1) == expected
+        assert rc.interpolate_frames(times, np.arange(10.0), at, 1) == expected
 
 
 def test_a_missing_frame_is_missing_in_what_is_interpolated():
     times, values = np.arange(40) / 60, np.ones((40, 2))
     values[12, 0] = np.nan
-    assert np.isnan(rc.interpolate(times, values, 10.5 / 60)).tolist() == [True, False]
-    assert np.isfinite(rc.interpolate(times, values, 20.5 / 60)).all()
+    assert np.isnan(rc.interpolate_frames(times, values, 10.5 / 60)).tolist() == [True, False]
+    assert np.isfinite(rc.interpolate_frames(times, values, 20.5 / 60)).all()
 
 
 def test_a_deflection_is_the_height_over_rest(conforms):

@@ -24,7 +24,7 @@ from scipy.signal import resample_poly
 from sdypy import EMA
 
 from thesis_lib.measure.measured import Recorded
-from thesis_lib.measure.modes.identify import assurance
+from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.modes.result import rest_of
 from thesis_lib.measure.pipeline import measure_motion
 from thesis_lib.measure.radiation.radiated import complex_of
@@ -35,10 +35,15 @@ from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
-from thesis_lib.measure.response.displacement import at_times, deflections, noise_of
-from thesis_lib.measure.response.force import dwell, found_sweep, recorded_force, settling
-from thesis_lib.measure.response.result import REPEATED_AFTER, responded
-from thesis_lib.measure.response.spectra import blurred, cut_of, response, segments
+from thesis_lib.measure.response.displacement import at_times, estimate_deflections, noise_of
+from thesis_lib.measure.response.force import dwell_time, find_sweep, read_force, settling_time
+from thesis_lib.measure.response.result import REPEATED_AFTER, estimate_response
+from thesis_lib.measure.response.spectra import (
+    cut_of,
+    estimate_blur,
+    receptance_of_segments,
+    segment_spectra,
+)
 from thesis_lib.measure.tracking.tracks import Recording
 
 SILENT = xr.Dataset(attrs={"synchronisation": "by no sound at all"})
@@ -68,7 +73,7 @@ class Scene:
 
     def responded(self, manifest: Manifest) -> xr.Dataset:
         """What is found."""
-        return responded(manifest, SILENT, self.recordings, self.folder)
+        return estimate_response(manifest, SILENT, self.recordings, self.folder)
 
 
 def scene(
@@ -144,8 +149,8 @@ def drawn(noise_of_force, noise_of_motion, seed, count=400):
     force = rng.standard_normal(64 * count)
     moved = 3 * force + 3 * np.sqrt(noise_of_motion) * rng.standard_normal(64 * count)
     heard = force + np.sqrt(noise_of_force) * rng.standard_normal(64 * count)
-    found = segments(np.stack([heard, moved], axis=1), cut)
-    return response(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
+    found = segment_spectra(np.stack([heard, moved], axis=1), cut)
+    return receptance_of_segments(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
 
 
 def test_noise_in_the_force_makes_h1_small_and_noise_in_the_motion_h2_large():
@@ -178,8 +183,10 @@ def test_the_noise_at_rest_is_the_error_of_one_segment():
     rng, cut = np.random.default_rng(0), cut_of(512, 64.0, None)
     force = rng.standard_normal((512, 1))
     moved = 3 * force + 0.1 * rng.standard_normal((512, 200))
-    F, X = (segments(values, cut) for values in (force, moved))
-    found = response(F[:, :, 0], X, cut, np.full(200, 0.1**2 / 32))  # power up to 32 Hz
+    F, X = (segment_spectra(values, cut) for values in (force, moved))
+    found = receptance_of_segments(
+        F[:, :, 0], X, cut, np.full(200, 0.1**2 / 32)
+    )  # power up to 32 Hz
     for estimate, told in zip(found.receptance, found.deviation, strict=True):
         off = (estimate - 3)[:, 1:-1] / told[:, 1:-1]
         assert np.sqrt(np.mean(np.abs(off) ** 2) / 2) == pytest.approx(1, abs=0.02)
@@ -206,7 +213,7 @@ def test_the_blur_of_a_resonance_is_told(narrow):
     first, power = smoothed(fine, seconds, both), smoothed(fine, seconds, np.abs(both) ** 2).real
     shown = np.array([first, power / first.conj(), np.sqrt(power) * first / np.abs(first)])
     off = (shown - true)[:, ::line]
-    told = blurred(first[::line, None])[:, :, 0]
+    told = estimate_blur(first[::line, None])[:, :, 0]
     peak = np.abs(true).max()
     near = np.abs(fine[::line] - 12) < 1
     np.testing.assert_allclose(told[:, near], off[:, near], atol=0.02 * peak)
@@ -220,9 +227,9 @@ def test_a_force_may_be_sampled_more_finely():
     fine = np.arange(8 * 1200) / 800
     tone = np.cos(2 * np.pi * 7 * fine)
     cut = cut_of(1200, 100.0, 2.0)
-    force = segments(tone[:, None], cut, 8)
-    moved = segments(2 * np.cos(2 * np.pi * 7 * (fine[::8] - 0.01))[:, None], cut)
-    found = response(force[:, :, 0], moved, cut, np.array([np.nan]))
+    force = segment_spectra(tone[:, None], cut, 8)
+    moved = segment_spectra(2 * np.cos(2 * np.pi * 7 * (fine[::8] - 0.01))[:, None], cut)
+    found = receptance_of_segments(force[:, :, 0], moved, cut, np.array([np.nan]))
     line = int(np.argmin(np.abs(found.frequency - 7)))
     gains = found.receptance[:, 0, line]
     np.testing.assert_allclose(gains, 2 * np.exp(-2j * np.pi * 7 * 0.01), rtol=1e-6)
@@ -310,8 +317,11 @@ def test_gaps_that_are_made_again_err_as_the_gaps_do(swept, tmp_path):
     """In the first resonance, where motion is far above noise."""
     rest, _ = rest_of(swept.asked("sweep"), swept.recordings)
     lossy, at = with_gaps(swept, tmp_path, 0.1).recordings, np.arange(2.0, 3.0, 1 / 120)
-    clean, found = deflections(swept.recordings, rest, at), deflections(lossy, rest, at)
-    estimated = deflections(lossy, rest, at, REPEATED_AFTER) - found
+    clean, found = (
+        estimate_deflections(swept.recordings, rest, at),
+        estimate_deflections(lossy, rest, at),
+    )
+    estimated = estimate_deflections(lossy, rest, at, REPEATED_AFTER) - found
     assert 0.75 < np.std(estimated) / np.std(found - clean) < 1.3
 
 
@@ -347,16 +357,16 @@ def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
 
 def test_a_slow_sweep_dwells_until_a_resonance_settles():
     slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
-    assert dwell(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
-    assert settling(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
+    assert dwell_time(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
+    assert settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
 
 
 def test_a_sweep_is_found_in_the_force():
-    found = found_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
+    found = find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
     assert found.from_hz == pytest.approx(20, rel=0.1)
     assert found.to_hz == pytest.approx(5, rel=0.2)
     assert found.duration_s == pytest.approx(10, rel=0.1)
-    assert found_sweep(swept_force(14, 10, 20, 5), FINE, Sweep(from_hz=21.0)).from_hz == 21
+    assert find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep(from_hz=21.0)).from_hz == 21
 
 
 def test_noise_at_rest_has_its_power():
@@ -412,20 +422,20 @@ def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp
     tone = 0.5 * np.sin(2 * np.pi * 7 * at)
     write_wav(tmp_path / "force.wav", tone, other, rate=card)
     manifest = manifest_for(tmp_path, sound_channel=2, offset_s=None)
-    found = recorded_force(manifest, tmp_path, np.zeros(2))
+    found = read_force(manifest, tmp_path, np.zeros(2))
     assert found.clock.delay == pytest.approx(late, abs=2e-5)
     assert found.clock.pace == pytest.approx(1 - fast, abs=3e-6)
     true = SCALE * 0.5 * np.sin(2 * np.pi * 7 * found.times)
     np.testing.assert_allclose(found.newtons, true, atol=2e-3 * SCALE)
     with pytest.raises(ForceError, match=r"channel 1 matches that of camera A .*sound_channel"):
-        recorded_force(manifest_for(tmp_path, offset_s=None), tmp_path, np.zeros(2))
+        read_force(manifest_for(tmp_path, offset_s=None), tmp_path, np.zeros(2))
 
 
 def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
     tone = 0.5 * np.sin(2 * np.pi * 7 * np.arange(96000) / 48000)
     write_video(tmp_path / "B.mkv", (np.zeros((16, 16), np.uint8) for _ in range(20)), 10.0, tone)
     manifest = manifest_for(tmp_path, file="B.mkv", offset_s=None)
-    assert recorded_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
+    assert read_force(manifest, tmp_path, np.array([0.0, 0.7])).clock.delay == 0.7
 
 
 def manifest_for(folder, **force):
@@ -464,7 +474,7 @@ def clipped(newtons):
 def test_a_force_that_cannot_be_used_is_refused_in_one_line(driven, tmp_path, made, how, told):
     write_wav(tmp_path / "force.wav", made(driven.truth.newtons) / SCALE)
     with pytest.raises((ForceError, MediaError), match=told) as error:
-        responded(driven.asked(**how), SILENT, driven.recordings, tmp_path)
+        estimate_response(driven.asked(**how), SILENT, driven.recordings, tmp_path)
     assert "\n" not in str(error.value)
 
 
@@ -500,7 +510,7 @@ def test_tables_that_are_none_are_refused(tmp_path, text, told):
     (tmp_path / "force.csv").write_text(text)
     manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=told):
-        recorded_force(manifest, tmp_path, np.zeros(2))
+        read_force(manifest, tmp_path, np.zeros(2))
 
 
 def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
@@ -608,7 +618,7 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
     model.pole_ind = [[len(model.pole_freq) - 1, k] for k in own]
     model.get_constants()
     shape = modes["amplitude_real"].values + 1j * modes["amplitude_imag"].values
-    assert min(assurance([a, b])[0, 1] for a, b in zip(model.A.T, shape, strict=True)) > 0.999
+    assert min(modal_assurance([a, b])[0, 1] for a, b in zip(model.A.T, shape, strict=True)) > 0.999
 
 
 @pytest.mark.slow

@@ -11,17 +11,17 @@ from scipy.signal import lfilter
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.calibration.reprojection import Network, stepped
+from thesis_lib.measure.calibration.reprojection import Network, step_network
 from thesis_lib.measure.fitting.frequency import FrequencyError
-from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision.lens import project
+from thesis_lib.vision.lens import project_points
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 PART = Component(amplitude=0.004, frequency=4.25)
 DIRECTIONS = [(15, 30), (-10, 30), (170, 25), (190, 35)]
 RATES = (60.0, 50.0, 60.0, 60.0)
@@ -56,7 +56,7 @@ def images(camera, motion, times):
     shape = motion.shapes(POINTS)[0]
     heights = motion.coordinates(times)[0] * shape
     world = on_surface(BEAM.extent, POINTS[:, None], heights)
-    return project(camera, world).swapaxes(0, 1)
+    return project_points(camera, world).swapaxes(0, 1)
 
 
 def heard(frequency=4.25, of_force=1, end=END):
@@ -85,7 +85,7 @@ def manifest(**excitation):
 
 
 def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
-    data = result(manifest(), heard(), recordings(tmp_path))
+    data = shape_result(manifest(), heard(), recordings(tmp_path))
     conforms.closed_form(data["deflection"], TRUE, atol=2e-5 * 0.004)
     conforms.closed_form(np.abs(data["quadrature"]).max(), below=1e-5 * 0.004)
     conforms.closed_form(data["phase"][8:], np.degrees(BEAM.damping - np.pi / 2), atol=0.02)
@@ -135,7 +135,7 @@ def test_standard_errors_are_what_noise_of_any_kind_scatters_by(
     true, told = heard(frequency, of_force=0, end=BEGIN + 8), manifest(frequency_hz=frequency)
     off = []
     for seed in range(3):
-        data = result(told, true, spoiled(own, seed, **how))
+        data = shape_result(told, true, spoiled(own, seed, **how))
         off.append(((data["deflection"] - TRUE) / data["standard_error"]).values[3:])
         assert not np.isnan(data["deflection"].values[3:]).any()
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.8, below=1.2)
@@ -145,7 +145,7 @@ def test_the_frequency_is_looked_for_where_centres_are_missing(conforms, tmp_pat
     """Markers that are seen in 80 % of the frames, and one of them only at first."""
     own = spoiled(recordings(tmp_path), 0, kept=0.8)
     edited(own[1], lambda t, uv: uv.__setitem__((t > 2.6, slice(None), 74), np.nan))
-    data = result(manifest(frequency_hz=None), heard(np.nan, of_force=0), own)
+    data = shape_result(manifest(frequency_hz=None), heard(np.nan, of_force=0), own)
     error = float(data["frequency_deviation"])
     conforms.sampled(float(data["frequency"]), 4.25, atol=4 * error)
     conforms.sampled(float(data["growth"]), 0, atol=0.003)
@@ -155,7 +155,9 @@ def test_the_frequency_is_looked_for_where_centres_are_missing(conforms, tmp_pat
 def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
     shapes, without = [], []
     for seed in range(40):
-        data = result(manifest(), heard(), recordings(tmp_path, noise=0.05, seed=seed, lost=0.1))
+        data = shape_result(
+            manifest(), heard(), recordings(tmp_path, noise=0.05, seed=seed, lost=0.1)
+        )
         shapes.append(data["deflection"].values)
         without.append(data["without_camera"].values - data["deflection"].values)
     predicted = np.sqrt(np.mean(data["standard_error"].values ** 2))
@@ -173,17 +175,17 @@ def summed(data):
 
 def test_a_rolling_shutter_is_made_good_by_its_readout_time(conforms, tmp_path):
     rolling = recordings(tmp_path, readout=0.012)
-    data = result(manifest(), heard(), rolling)
+    data = shape_result(manifest(), heard(), rolling)
     # The row moves with the marker by a hundredth of the picture, so that little is left.
     conforms.closed_form(data["deflection"], TRUE, atol=1e-3 * 0.004)
     conforms.closed_form(np.abs(data["quadrature"]).max(), below=2e-3 * 0.004)
-    ignored = result(manifest(), heard(), [replace(own, readout=0.0) for own in rolling])
+    ignored = shape_result(manifest(), heard(), [replace(own, readout=0.0) for own in rolling])
     assert np.abs(ignored["quadrature"]).max() > 10 * np.abs(data["quadrature"]).max()
 
 
 @pytest.mark.parametrize("given", [4.25, np.nan, 4.27])
 def test_the_frequency_is_that_of_the_tracks_where_no_force_tells_it(conforms, tmp_path, given):
-    data = result(manifest(), heard(given, of_force=0), recordings(tmp_path, noise=0.02))
+    data = shape_result(manifest(), heard(given, of_force=0), recordings(tmp_path, noise=0.02))
     error = float(data["frequency_deviation"])
     conforms.sampled(error, below=1e-3)
     conforms.sampled(float(data["frequency"]), 4.25, atol=5 * error)
@@ -198,7 +200,7 @@ def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
             return super().coordinates(t) * np.exp(-0.1 * (t - BEGIN))
 
     dying = Dying(BEAM, (PART,), 1.0, 0.4)
-    data = result(manifest(), heard(), recordings(tmp_path, noise=0.02, motion=dying))
+    data = shape_result(manifest(), heard(), recordings(tmp_path, noise=0.02, motion=dying))
     conforms.closed_form(float(data["growth"]), -0.2, atol=0.02)
     assert any("amplitude changes by -" in line for _, line in check_shape(summed(data)))
 
@@ -206,14 +208,14 @@ def test_a_vibration_that_dies_down_is_told(conforms, tmp_path):
 def test_a_camera_off_its_clock_is_told_and_mended(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     own[2] = replace(own[2], delay=own[2].delay + 0.5 / 60)
-    data = result(manifest(), heard(), own)
+    data = shape_result(manifest(), heard(), own)
     assert any("start of camera C 8.3" in line for _, line in check_shape(summed(data)))
     conforms.closed_form(data["lag"], [0, 0, -0.5 / 60, 0], atol=1e-4)
     conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=0.005 * 0.004)
 
 
 def test_two_cameras_are_enough(conforms, tmp_path):
-    data = result(manifest(), heard(), recordings(tmp_path, count=2))
+    data = shape_result(manifest(), heard(), recordings(tmp_path, count=2))
     conforms.closed_form(data["deflection"][2:], TRUE[2:], atol=2e-5 * 0.004)
     assert np.isnan(data["deflection"][:2]).all()
     assert np.isnan(data["without_camera"]).all()
@@ -224,7 +226,7 @@ def test_a_grid_that_does_not_fit_is_refused(tmp_path):
     own = recordings(tmp_path)
     own[1] = replace(own[1], camera=replace(own[1].camera, centre=own[1].camera.centre + 0.02))
     with pytest.raises(ChainError, match=r"camera . fits worst"):
-        result(manifest(), heard(), own)
+        shape_result(manifest(), heard(), own)
 
 
 # What the tracks themselves tell against a result.
@@ -249,7 +251,7 @@ def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_p
     fast = 300e-6
     true = own[1].times - own[1].delay
     own[1] = replace(own[1], stamps=true * (1 + fast))
-    data = result(manifest(), heard(end=long), own)
+    data = shape_result(manifest(), heard(end=long), own)
     found, error = float(data["pace"][1]), float(data["pace_deviation"][1])
     conforms.sampled((found - fast) / error, 0, atol=4)
     assert error < 2e-6
@@ -267,7 +269,7 @@ def test_frames_at_any_times_count_at_their_own(conforms, tmp_path):
         uv = images(one.camera, MOTION, one.delay + stamps[:, None])
         np.save(one.path, uv + 0.02 * rng.standard_normal(uv.shape))
         own[k] = replace(one, stamps=stamps)
-    data = result(manifest(), heard(), own)
+    data = shape_result(manifest(), heard(), own)
     assert "frames of camera B come unevenly" in shown(data)
     ratio = (data["deflection"] - TRUE) / data["standard_error"]
     conforms.sampled(np.sqrt(np.mean(ratio**2)), below=1.3)
@@ -280,7 +282,7 @@ def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
         uv[times > 2.7] += np.array([[2.0], [1.5]])
 
     edited(own[3], jump)
-    data = result(manifest(), heard(), own)
+    data = shape_result(manifest(), heard(), own)
     conforms.closed_form(data["jump"][3], 2.5, atol=0.1)
     conforms.closed_form(data["jump_time"][3], 2.7, atol=0.05)
     assert not data["jump"][:3].values.any()
@@ -290,14 +292,14 @@ def test_a_camera_that_is_touched_is_named_with_its_second(conforms, tmp_path):
 def test_a_wrong_frequency_is_refused_with_the_right_one(tmp_path):
     wrong = heard(of_force=0).assign(frequency=6.1)
     with pytest.raises(FrequencyError, match=r"given 6\.1, which .* 0\.\d% .* near 4\.\d+ Hz"):
-        result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
+        shape_result(manifest(frequency_hz=6.1), wrong, recordings(tmp_path, noise=0.02))
 
 
 def test_another_tone_is_told(conforms, tmp_path):
     own = recordings(tmp_path, noise=0.02)
     for one in own:
         edited(one, lambda t, uv: uv.__iadd__(1.0 * np.sin(2 * np.pi * 11 * t)[:, None, None]))
-    data = result(manifest(), heard(), own)
+    data = shape_result(manifest(), heard(), own)
     conforms.closed_form(data["other_frequency"], 11.0, atol=0.3)
     assert "another vibration, at 1" in shown(data)
 
@@ -306,7 +308,7 @@ def test_an_alias_is_named_by_the_cameras_starts(tmp_path):
     # At 60 frames a second 4.25 Hz looks like 64.25 Hz, but not to cameras that start apart.
     own = [one for one in recordings(tmp_path, noise=0.02) if one.rate == 60.0]
     false = heard(of_force=0).assign(frequency=64.25)
-    data = result(manifest(frequency_hz=64.25, undersampled=True), false, own)
+    data = shape_result(manifest(frequency_hz=64.25, undersampled=True), false, own)
     lags = dict(zip(data["alias"].values.round(2), data["alias_lag"].values, strict=True))
     assert lags[4.25] < 2 < 10 < lags[64.25]
     assert "64.25 Hz may be an alias of 4.25 Hz" in shown(data)
@@ -320,23 +322,23 @@ def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
         uv = np.array(one.centres)
         np.save(one.path, uv[:, :, mirrored])
     with pytest.raises(ChainError, match="wrong way round"):
-        result(manifest(), heard(), own)
+        shape_result(manifest(), heard(), own)
 
 
 @pytest.mark.parametrize(("zoomed", "by"), [([0, 1, 2, 3], 1.005), ([2], 1.003)])
 def test_a_zoom_since_the_board_was_filmed_is_told(tmp_path, zoomed, by):
     own = recordings(tmp_path, noise=0.02)
-    assert "zoom" not in shown(result(manifest(), heard(), own))
+    assert "zoom" not in shown(shape_result(manifest(), heard(), own))
     zoom(own, zoomed, by)
     told = "zoom or crop since the board" if len(zoomed) > 1 else "zoomed or cropped"
-    assert told in shown(result(manifest(), heard(), own))
+    assert told in shown(shape_result(manifest(), heard(), own))
 
 
 def test_a_camera_that_zoomed_too_far_is_refused_by_its_name(tmp_path):
     own = recordings(tmp_path, noise=0.02)
     zoom(own, [2], 1.02)
     with pytest.raises(ChainError, match="camera C fits worst"):
-        result(manifest(), heard(), own)
+        shape_result(manifest(), heard(), own)
 
 
 def zoom(own, cameras, by):
@@ -349,7 +351,7 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     # Two cameras, of which one sees a tenth of all motion less, as its video was compressed.
     own = recordings(tmp_path, noise=0.02, count=2)
     edited(own[1], lambda t, uv: uv.__isub__(0.1 * (uv - uv[:20].mean(axis=0))))
-    data = result(manifest(), heard(), own)
+    data = shape_result(manifest(), heard(), own)
     assert float(data["in_plane_excess"]) > 5
     assert "in the plane of the structure" in shown(data)
     off = (data["deflection"] - TRUE) / data["standard_error"]
@@ -367,10 +369,10 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
     scale, rng = np.concatenate(each), np.random.default_rng(1)
     errors = []
     for _ in range(20):
-        cameras = stepped(network, scale * rng.standard_normal(len(scale))).cameras
+        cameras = step_network(network, scale * rng.standard_normal(len(scale))).cameras
         off = [replace(one, camera=camera) for one, camera in zip(own, cameras, strict=True)]
-        errors.append(result(manifest(), heard(), off)["deflection"] - TRUE)
-    data = result(manifest(), heard(), own, np.diag(scale**2))
+        errors.append(shape_result(manifest(), heard(), off)["deflection"] - TRUE)
+    data = shape_result(manifest(), heard(), own, np.diag(scale**2))
     errors, stated = np.array(errors)[:, 6:], data["standard_error"].values[6:]
     alone = data["error_of_scatter"].values[6:]
     conforms.sampled(np.sqrt(np.mean(errors**2)), np.sqrt(np.mean(stated**2)), rtol=0.25)
@@ -379,6 +381,6 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
 
 
 def test_few_poses_of_the_board_are_told(tmp_path):
-    data = result(manifest(), heard(), recordings(tmp_path))
+    data = shape_result(manifest(), heard(), recordings(tmp_path))
     assert "Only 4 board poses" in shown(data.assign(board_poses=4))
     assert "board poses" not in shown(data.assign(board_poses=5))

@@ -17,17 +17,22 @@ from scenes.calibration import BOARD, SIZE, observations, rig
 from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
-from thesis_lib.measure.calibration.bundle_adjustment import adjust
-from thesis_lib.measure.calibration.reused import reused
-from thesis_lib.measure.calibration.uncertainty import jackknife, stated, to_keep, with_lenses
+from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
+from thesis_lib.measure.calibration.reused import reuse_calibration
+from thesis_lib.measure.calibration.uncertainty import (
+    jackknife_cameras,
+    read_deviations,
+    to_keep,
+    with_lenses,
+)
 from thesis_lib.measure.exchange import cameras as written
 from thesis_lib.measure.exchange.reading import read_cameras
-from thesis_lib.measure.pipeline import measure
+from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
-from thesis_lib.studies.schema import labelled
+from thesis_lib.studies.schema import label_values
 from thesis_lib.vibration.motion import Component
 
 CAMERAS = rig()
@@ -238,15 +243,15 @@ def test_errors_go_with_their_cameras(tmp_path):
     values = {n: [getattr(one, n) for one in whole] for n in ("K", "distortion", "size")}
     values |= {n: [getattr(one, n) for one in whole] for n in ("R_camera_world", "centre")}
     table = {n: CALIBRATION_VARIABLES[n] for n in values}
-    known = stated(xr.Dataset(labelled(values, table), names), draw @ draw.T)
-    storage.write(to_keep(known), tmp_path / "calibration.nc")
+    known = read_deviations(xr.Dataset(label_values(values, table), names), draw @ draw.T)
+    storage.write_netcdf(to_keep(known), tmp_path / "calibration.nc")
     assert_same(read_cameras(tmp_path), whole)
     files = [{"name": name, "video": f"{name}.mkv", "exposure_s": 0.001} for name in "CA"]
     (tmp_path / "manifest.yaml").write_text(
         yaml.safe_dump({"cameras": files, "calibration": "calibration.nc"}), encoding="utf-8"
     )
     manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
-    found = reused(manifest, tmp_path)
+    found = reuse_calibration(manifest, tmp_path)
     assert_same(found, [whole[2], whole[0]])
     poses, lenses = np.r_[12:18, 0:6], 24 + np.r_[16:24, 0:8]
     own = draw[np.r_[poses, lenses]]
@@ -273,8 +278,8 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
             )
             for one, d in zip(CAMERAS, off, strict=True)
         ]
-        full = adjust(uv, points, lenses, intrinsics=False, distortion=False)
-        own = jackknife(uv, points, full)
+        full = adjust_bundle(uv, points, lenses, intrinsics=False, distortion=False)
+        own = jackknife_cameras(uv, points, full)
         whole = with_lenses(uv, points, full, held, own.covariance)
         errors.append(differences(full.cameras, CAMERAS)[8 * n :])
         said.append(deviations_of(replace(own, covariance=whole))[8 * n :])
@@ -294,9 +299,9 @@ def first(tmp_path_factory):
     """A measurement with a calibration of its own, its folder and manifest."""
     folder = tmp_path_factory.mktemp("first")
     part = Component(amplitude=0.003, frequency=6.3)
-    scene = own.short_rig(setups.beam(), [(12, 30), (-150, 35)], part, steady=0.8)
+    scene = own.short_rig(setups.thesis_beam(), [(12, 30), (-150, 35)], part, steady=0.8)
     path = own.make(folder, scene, {})
-    measure(path, folder / "measured", lambda line: None)
+    measure_recordings(path, folder / "measured", lambda line: None)
     return folder
 
 
@@ -339,7 +344,7 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
         assert np.isnan(data["focal_deviation"]).all()
     assert (data["shots_used"] == 0).all() == placed
     if calibration in ("measured", {"file": "measured", "poses": "anew"}):
-        report = measure(first / "again.yaml", first / "again", lambda line: None)
+        report = measure_recordings(first / "again.yaml", first / "again", lambda line: None)
         page = report.read_text(encoding="utf-8")
         assert ("comes from the calibration that was reused" in page) == placed
 

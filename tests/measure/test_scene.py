@@ -5,9 +5,9 @@ import pytest
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.recordings.board import on_surface, rows_on
-from thesis_lib.vibration.motion import Component, Motion, amplitudes
+from thesis_lib.vibration.motion import Component, Motion, steady_amplitudes
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 L, W = BEAM.extent
 BENDING = Component("bending", 1, 4.25, 0.004, 0.3)
 SECOND = Component("bending", 2, 12.0, 0.001, 1.0)
@@ -208,23 +208,23 @@ def test_complex_amplitudes_are_the_first_harmonic_of_the_deflection(conforms, p
     w = motion.deflection(PLACES, t)
     factor = np.exp(-2j * np.pi * part.frequency * t)
     expected = 2 / n * np.tensordot(factor, w, axes=1)
-    conforms.independent(amplitudes(motion, PLACES, part.frequency), expected, atol=1e-15)
+    conforms.independent(steady_amplitudes(motion, PLACES, part.frequency), expected, atol=1e-15)
 
 
 def test_amplitudes_of_several_components_are_told_apart_by_frequency(conforms):
     motion = Motion(BEAM, (BENDING, TORSION, SECOND))
     for part in (BENDING, TORSION, SECOND):
         conforms.closed_form(
-            np.abs(amplitudes(motion, PLACES, part.frequency)),
+            np.abs(steady_amplitudes(motion, PLACES, part.frequency)),
             part.amplitude * np.abs(part.shape(BEAM, PLACES)),
             rtol=1e-7,
         )
-    np.testing.assert_array_equal(amplitudes(motion, PLACES, 5.0), 0)
+    np.testing.assert_array_equal(steady_amplitudes(motion, PLACES, 5.0), 0)
 
 
 def test_components_of_one_frequency_add_with_their_phases(conforms):
     parts = (BENDING, Component("torsion", 1, 4.25, 0.002, 0.3 + np.pi))
-    w = amplitudes(Motion(BEAM, parts), PLACES, 4.25)
+    w = steady_amplitudes(Motion(BEAM, parts), PLACES, 4.25)
     expected = 0.004 * BENDING.shape(BEAM, PLACES) - 0.002 * parts[1].shape(BEAM, PLACES)
     conforms.closed_form(np.abs(w), np.abs(expected), atol=1e-16)
 

@@ -11,9 +11,9 @@ from scipy.signal import butter, sosfilt
 
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.measure.synchronisation.alone import synchronised
+from thesis_lib.measure.synchronisation.alone import synchronise_videos
 from thesis_lib.measure.synchronisation.drift import drift_of
-from thesis_lib.measure.synchronisation.listen import listen
+from thesis_lib.measure.synchronisation.listen import estimate_delays
 
 RATE = 16000
 SECONDS = 24
@@ -52,7 +52,7 @@ def videos(tmp_path_factory):
 
 
 def test_starts_and_drifts_are_the_true_ones(conforms, videos):
-    (b, c), names = synchronised(videos)
+    (b, c), names = synchronise_videos(videos)
     assert names == ["A", "B", "C"]
     conforms.sampled(b.delay, 1.2312, atol=1e-5)
     conforms.sampled(c.delay, -0.3883, atol=1e-5)
@@ -84,7 +84,7 @@ def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, video
     excitation = {"sound": "room", "frequency_hz": 4.0}
     values = json.dumps({"cameras": cameras, "excitation": excitation})
     manifest = Manifest.model_validate_json(values)
-    found = listen(manifest, videos[0].parent).synchronisation
+    found = estimate_delays(manifest, videos[0].parent).synchronisation
     middle = np.array([0.0, 1.2312 - 30e-6 * SECONDS / 2, -0.3883 + 20e-6 * SECONDS / 2])
     conforms.sampled(found.delays, middle, atol=2e-5)
     told = " ".join(found.describe(["A", "B", "C"]))

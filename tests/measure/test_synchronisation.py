@@ -7,18 +7,26 @@ import numpy as np
 import pytest
 from scipy.signal import resample_poly
 
-from thesis_lib.measure.synchronisation.checks import checked, find_tone
-from thesis_lib.measure.synchronisation.decimation import FILTER_REACH_SAMPLES, decimate, decimated
+from thesis_lib.measure.synchronisation.checks import check_blocks, find_tone
+from thesis_lib.measure.synchronisation.decimation import (
+    FILTER_REACH_SAMPLES,
+    decimate_blocks,
+    decimate_signal,
+)
 from thesis_lib.measure.synchronisation.delays import (
+    correlation_coefficient,
     delay_deviation,
-    normalised_correlation,
     phase_delays,
 )
-from thesis_lib.measure.synchronisation.synchronise import coupling_delay, synchronise, whole_frames
+from thesis_lib.measure.synchronisation.synchronise import (
+    coupling_delay,
+    synchronise_cameras,
+    whole_frames,
+)
 from thesis_lib.measure.synchronisation.tones import (
     SynchronisationError,
     frequency_deviation,
-    strongest,
+    strongest_frequency,
     tone_frequency,
 )
 from thesis_lib.measure.synchronisation.transients import without_tone
@@ -69,7 +77,7 @@ def errors(signal, draws, frequency=None, modulo=None, **options):
     missed = []
     for seed in range(draws):
         signals, truth = recordings(signal, seed, **options)
-        found = synchronise(signals, RATE, FPS, frequency)
+        found = synchronise_cameras(signals, RATE, FPS, frequency)
         error = (found.delays - truth)[1:]
         missed.append(error if modulo is None else error - np.rint(error / modulo) * modulo)
     return FPS * np.array(missed)
@@ -82,14 +90,14 @@ def test_a_camera_that_starts_later_has_a_positive_delay_and_sees_things_earlier
     t = np.arange(RATE) / RATE
     early, late = (np.exp(-(((t + start - 0.6) / 0.002) ** 2)) for start in (0.0, 0.1))
     conforms.closed_form(np.argmax(late) / RATE, 0.5, rtol=1e-6)
-    delays = synchronise([early, late], RATE, FPS).delays
+    delays = synchronise_cameras([early, late], RATE, FPS).delays
     conforms.closed_form(delays, [0, 0.1], atol=1e-6)
 
 
 @pytest.mark.parametrize("reference", [0, 2])
 def test_delays_are_those_from_the_reference(conforms, reference):
     signals, truth = recordings(transient, 5)
-    found = synchronise(signals, RATE, FPS, FREQUENCY, reference=reference)
+    found = synchronise_cameras(signals, RATE, FPS, FREQUENCY, reference=reference)
     conforms.closed_form(found.delays, truth - truth[reference], atol=0.005 / FPS)
     assert found.delays[reference] == 0
 
@@ -98,7 +106,7 @@ def test_sound_that_starts_after_the_picture_is_accounted_for(conforms):
     signals, truth = recordings(transient, 6)
     late = np.array([0.0, 0.02, 0.0, 0.05])
     cut = [x[round(s * RATE) :] for x, s in zip(signals, late, strict=True)]
-    found = synchronise(cut, RATE, FPS, FREQUENCY, starts=late)
+    found = synchronise_cameras(cut, RATE, FPS, FREQUENCY, starts=late)
     conforms.closed_form(found.delays, truth, atol=0.005 / FPS)
 
 
@@ -129,7 +137,7 @@ def test_correlation_of_a_tone_is_within_0_02_frame_modulo_its_period(conforms):
 def test_starts_0_3_s_apart_in_either_direction_are_found(conforms):
     t = np.arange(3 * RATE) / RATE
     signals = [transient(t + start) for start in (0.3, 0.0, 0.6)]
-    delays = synchronise(signals, RATE, FPS).delays
+    delays = synchronise_cameras(signals, RATE, FPS).delays
     conforms.closed_form(delays, [0, -0.3, 0.3], atol=1e-5)
 
 
@@ -137,7 +145,7 @@ def test_starts_0_3_s_apart_in_either_direction_are_found(conforms):
 def test_whole_frames_are_within_half_a_frame(conforms, signal):
     for seed in range(8):
         signals, truth = recordings(signal, seed)
-        found = synchronise(signals, RATE, FPS, FREQUENCY)
+        found = synchronise_cameras(signals, RATE, FPS, FREQUENCY)
         conforms.closed_form(np.abs(found.frames - FPS * truth).max(), below=0.505)
 
 
@@ -158,7 +166,7 @@ def test_other_sample_rates_do_as_well(conforms, rate):
     t = np.arange(3 * rate) / rate
     signals = [transient(t + start) for start in (0.1, 0.0837)]
     for frequency in (None, FREQUENCY):
-        found = synchronise(signals, rate, FPS, frequency)
+        found = synchronise_cameras(signals, rate, FPS, frequency)
         conforms.closed_form(found.delays[1], -0.0163, atol=0.005 / FPS)
 
 
@@ -166,7 +174,7 @@ def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
     signals, truth = recordings(transient, 7)
     changed = [g * x + c for g, c, x in zip((1, 0.2, 0.01, 0.5), (0, 0.1, -0.2, 0), signals,
                                             strict=True)]  # fmt: skip
-    found = synchronise(changed, RATE, FPS)
+    found = synchronise_cameras(changed, RATE, FPS)
     conforms.invariance(found.delays, truth, atol=0.005 / FPS)
 
 
@@ -176,7 +184,7 @@ def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
 def test_correlation_is_that_of_the_overlap(conforms):
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=50), rng.normal(size=40)
-    lags, coefficients = normalised_correlation(a, b, 30)
+    lags, coefficients = correlation_coefficient(a, b, 30)
     for lag, coefficient in zip(lags, coefficients, strict=True):
         j = [k for k in range(40) if 0 <= k + lag < 50]
         expected = np.corrcoef(a[np.array(j) + lag], b[j])[0, 1]
@@ -218,7 +226,7 @@ def test_more_noise_scatters_more(conforms):
 
 def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
     for seed in range(10):
-        found = synchronise(recordings(tone, seed)[0], RATE, FPS, FREQUENCY)
+        found = synchronise_cameras(recordings(tone, seed)[0], RATE, FPS, FREQUENCY)
         assert found.ambiguous
         conforms.closed_form(found.period, PERIOD, rtol=1e-6)
         conforms.closed_form(np.abs(found.delays).max(), below=0.51 * PERIOD)
@@ -226,7 +234,7 @@ def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
 
 
 def test_the_period_in_doubt_is_found_without_a_known_frequency(conforms):
-    found = synchronise(recordings(tone, 2)[0], RATE, FPS)
+    found = synchronise_cameras(recordings(tone, 2)[0], RATE, FPS)
     assert found.ambiguous
     conforms.closed_form(found.period, PERIOD, atol=1e-3)
 
@@ -234,7 +242,7 @@ def test_the_period_in_doubt_is_found_without_a_known_frequency(conforms):
 @pytest.mark.parametrize("signal", [transient, growing, clap])
 def test_a_transient_resolves_the_ambiguity(signal):
     for seed in range(10):
-        found = synchronise(recordings(signal, seed)[0], RATE, FPS, FREQUENCY)
+        found = synchronise_cameras(recordings(signal, seed)[0], RATE, FPS, FREQUENCY)
         assert not found.ambiguous
         assert any("Not ambiguous" in line for line in found.describe())
 
@@ -246,7 +254,7 @@ def test_a_faint_transient_is_ambiguous_rather_than_wrong(conforms):
         signals, truth = recordings(
             lambda t, part=part: tone(t) + part * (transient(t) - tone(t)), seed, n=2
         )
-        found = synchronise(signals, RATE, FPS, FREQUENCY)
+        found = synchronise_cameras(signals, RATE, FPS, FREQUENCY)
         if not found.ambiguous:
             claimed += 1
             conforms.closed_form(found.delays, truth, atol=0.02 / FPS)
@@ -254,7 +262,9 @@ def test_a_faint_transient_is_ambiguous_rather_than_wrong(conforms):
 
 
 def test_the_report_says_what_sound_cannot_show(conforms):
-    text = " ".join(synchronise(recordings(transient, 0)[0], RATE, FPS, FREQUENCY).describe())
+    text = " ".join(
+        synchronise_cameras(recordings(transient, 0)[0], RATE, FPS, FREQUENCY).describe()
+    )
     for words in ("picture and its sound", "clocks", "AC-coupled", "clap",
                   "a tone of 4.25 Hz is shifted by 0.39 frame of 1/60 s"):  # fmt: skip
         assert words in text
@@ -266,9 +276,11 @@ def test_the_report_says_what_sound_cannot_show(conforms):
 def test_the_report_s_shift_is_that_of_the_frequency_and_frame_rate():
     t = np.arange(3 * RATE) / RATE
     signals = [0.5 * np.sin(2 * np.pi * 10 * (t + start)) for start in (0.0, 0.02)]
-    text = synchronise(signals, RATE, 30, 10.0).describe()[-1]
+    text = synchronise_cameras(signals, RATE, 30, 10.0).describe()[-1]
     assert "a tone of 10 Hz is shifted by 0.045 frame of 1/30 s" in text
-    quiet = replace(synchronise(signals, RATE, 30), period=None, ambiguous=False).describe()[-1]
+    quiet = replace(
+        synchronise_cameras(signals, RATE, 30), period=None, ambiguous=False
+    ).describe()[-1]
     assert "tones are shifted between corners of 2 and 3 Hz" in quiet
 
 
@@ -277,7 +289,7 @@ def test_the_report_s_shift_is_that_of_the_frequency_and_frame_rate():
 
 def refused(signals, *words, rate=RATE, frequency=None, **options):
     with pytest.raises(SynchronisationError) as error:
-        synchronise(signals, rate, FPS, frequency, **options)
+        synchronise_cameras(signals, rate, FPS, frequency, **options)
     assert "\n" not in str(error.value)
     for word in words:
         assert word in str(error.value)
@@ -306,7 +318,7 @@ def test_a_recording_of_something_else_is_named():
 def test_a_tone_that_just_fits_is_not_clipped(conforms):
     t = np.arange(3 * RATE) / RATE
     full = [np.sin(2 * np.pi * FREQUENCY * (t + start)) for start in (0, 0.05)]
-    conforms.closed_form(synchronise(full, RATE, FPS, FREQUENCY).delays[1], 0.05, atol=1e-5)
+    conforms.closed_form(synchronise_cameras(full, RATE, FPS, FREQUENCY).delays[1], 0.05, atol=1e-5)
 
 
 def test_a_sound_that_is_no_steady_tone_is_named():
@@ -329,13 +341,13 @@ def test_another_frequency_than_the_sound_s_is_named(given):
     t = np.arange(6 * RATE) / RATE
     words = f"excitation.frequency_hz: given {given}, but the sound of recording 0 has 4.25 Hz"
     refused([tone(t), tone(t)], words, frequency=given)
-    synchronise([tone(t), tone(t)], RATE, FPS, 4.27)
+    synchronise_cameras([tone(t), tone(t)], RATE, FPS, 4.27)
 
 
 def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
     t = np.arange(60 * 8000) / 8000
     refused([tone(t), tone(t)], "given 4.26, but", rate=8000, frequency=4.26)
-    synchronise([tone(t), tone(t)], 8000, FPS, 4.2505)
+    synchronise_cameras([tone(t), tone(t)], 8000, FPS, 4.2505)
 
 
 @pytest.mark.parametrize("given", [1e5, 6001.0])
@@ -354,7 +366,7 @@ def test_a_frequency_too_high_for_the_sound_is_refused_at_once(given):
 @pytest.mark.parametrize("snr_db", [0, 10])
 def test_noise_beyond_the_tone_s_band_does_not_count(conforms, snr_db):
     signals, truth = recordings(growing, 3, snr_db)
-    found = synchronise([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
+    found = synchronise_cameras([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
     conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
 
 
@@ -374,13 +386,13 @@ def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step,
     x = np.random.default_rng(step).standard_normal(length)
     whole = resample_poly(x, 1, step)[FILTER_REACH_SAMPLES:-FILTER_REACH_SAMPLES] if step > 1 else x
     for seed in range(5):
-        blocks = np.concatenate(list(decimate(divided(x, seed), step)))
+        blocks = np.concatenate(list(decimate_blocks(divided(x, seed), step)))
         conforms.invariance(blocks, whole, atol=1e-12)
-    conforms.invariance(decimated(x, 48000, 48000 / step)[0], whole, atol=1e-12)
+    conforms.invariance(decimate_signal(x, 48000, 48000 / step)[0], whole, atol=1e-12)
 
 
 def test_a_signal_shorter_than_the_low_pass_leaves_nothing():
-    assert len(decimated(np.ones(19 * 12), 48000, 4000)[0]) == 0
+    assert len(decimate_signal(np.ones(19 * 12), 48000, 4000)[0]) == 0
 
 
 @pytest.mark.parametrize(
@@ -400,10 +412,12 @@ def test_recordings_are_checked_in_blocks_as_in_one(change, words):
     x = change(np.tile([0.5, -0.5], 24000))
     for blocks in ([x], divided(x, 1), divided(x, 2)):
         if words is None:
-            np.testing.assert_array_equal(np.concatenate(list(checked(blocks, RATE, 0.5, "A"))), x)
+            np.testing.assert_array_equal(
+                np.concatenate(list(check_blocks(blocks, RATE, 0.5, "A"))), x
+            )
             continue
         with pytest.raises(SynchronisationError) as error:
-            list(checked(blocks, RATE, 0.5, "A"))
+            list(check_blocks(blocks, RATE, 0.5, "A"))
         assert words in str(error.value)
 
 
@@ -441,14 +455,14 @@ def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
 @pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
 def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
     signals, truth = long_recordings(signal, 1)
-    found = synchronise(signals, LOW, FPS, FREQUENCY)
+    found = synchronise_cameras(signals, LOW, FPS, FREQUENCY)
     assert not found.ambiguous
     conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
     conforms.closed_form(found.delays, truth, atol=0.002 / FPS)  # what we have
 
 
 def test_five_minutes_of_tone_alone_are_ambiguous(conforms):
-    found = synchronise(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY)
+    found = synchronise_cameras(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY)
     assert found.ambiguous
     conforms.closed_form(found.period, PERIOD, rtol=1e-6)
     assert any("Ambiguous by whole periods" in line for line in found.describe())
@@ -456,7 +470,7 @@ def test_five_minutes_of_tone_alone_are_ambiguous(conforms):
 
 def test_an_onset_is_found_though_the_frequency_is_only_roughly_known(conforms):
     signals, truth = long_recordings(growing, 3, seconds=60)
-    found = synchronise(signals, LOW, FPS, FREQUENCY * 1.0005)
+    found = synchronise_cameras(signals, LOW, FPS, FREQUENCY * 1.0005)
     assert not found.ambiguous
     conforms.closed_form(found.delays, truth, atol=0.01 / FPS)
 
@@ -467,7 +481,7 @@ def test_claps_of_different_recordings_leave_the_tone_ambiguous():
     for x, moment, pitch in ((a, 20.0, 700), (b, 33.0, 450)):
         since = np.maximum(t - moment, 0)
         x += 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * pitch * since)
-    assert synchronise([a, b], LOW, FPS, FREQUENCY).ambiguous
+    assert synchronise_cameras([a, b], LOW, FPS, FREQUENCY).ambiguous
 
 
 @pytest.mark.parametrize("rate", [4000, 3999.3, 272.7])
@@ -524,7 +538,7 @@ def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, col
     for seed in range(3):
         signals, truth = heard(seed, level_db, colour=colour)
         with suppress(SynchronisationError):
-            delays = synchronise(signals, RATE, FPS, sound="room").delays
+            delays = synchronise_cameras(signals, RATE, FPS, sound="room").delays
             conforms.closed_form(delays, truth, atol=0.1 / FPS)
             conforms.closed_form(delays, truth, atol=0.005 / FPS)  # what we have
             found += 1
@@ -538,7 +552,7 @@ def test_a_clap_that_is_not_heard_is_refused():
 
 def test_a_room_s_report_says_what_sound_in_air_does(conforms):
     signals, truth = heard(1, 20)
-    found = synchronise(
+    found = synchronise_cameras(
         signals, RATE, FPS, FREQUENCY, sound="room"
     )  # there is no tone, nor need be
     text = " ".join(found.describe())
@@ -562,7 +576,7 @@ def test_voices_are_enough(conforms, seed):
     voice = loud * (noise_of(rng, len(t), 1) + 3 * pulses)
     voice *= ((t > 3) & (t < 6)) / voice.std()
     signals = [0.05 * (2 * voice[s : s + n] + noise_of(rng, n, 1)) for s in starts]
-    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    delays = synchronise_cameras(signals, RATE, FPS, sound="room").delays
     conforms.closed_form(delays, (starts - starts[0]) / RATE, atol=0.005 / FPS)
 
 
@@ -574,7 +588,7 @@ def test_a_clap_is_found_through_a_louder_hum(conforms):
     signals, truth = heard(2, 20)
     t = np.arange(len(signals[0])) / RATE
     signals = [x + 0.2 * hum(t + d) for x, d in zip(signals, truth, strict=True)]
-    delays = synchronise(signals, RATE, FPS, sound="room").delays
+    delays = synchronise_cameras(signals, RATE, FPS, sound="room").delays
     conforms.closed_form(delays, truth, atol=0.005 / FPS)
 
 
@@ -599,7 +613,7 @@ def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
 def test_a_recording_that_is_mostly_digital_silence_may_hold_a_clap(conforms):
     signals, truth = heard(3, 30)
     gated = [np.where(np.abs(x) < 0.1, 0, x) for x in signals]
-    delays = synchronise(gated, RATE, FPS, sound="room").delays
+    delays = synchronise_cameras(gated, RATE, FPS, sound="room").delays
     conforms.closed_form(delays, truth, atol=0.01 / FPS)
 
 
@@ -616,15 +630,15 @@ def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
         x = 0.3 * np.sin(2 * np.pi * frequency * t + seed) + noise
         found, seconds = find_tone(x, 2000, "A", (0.0, t[-1]))
         conforms.closed_form(seconds, t[-1], atol=0.05 + 0.4 / frequency)
-        low, rate = decimated(x, 2000, 64 * frequency)
+        low, rate = decimate_signal(x, 2000, 64 * frequency)
         off.append((found - frequency) / frequency_deviation(low, rate, found))
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
 
 
 def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole(conforms):
     x = tone(np.arange(40000) / 200) + np.random.default_rng(0).standard_normal(40000)
-    conforms.closed_form(strongest(x, 200, 1, 50), FREQUENCY, atol=0.25 / 200)
-    conforms.closed_form(strongest(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)
+    conforms.closed_form(strongest_frequency(x, 200, 1, 50), FREQUENCY, atol=0.25 / 200)
+    conforms.closed_form(strongest_frequency(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)
 
 
 def test_what_is_no_steady_tone_is_not_found():

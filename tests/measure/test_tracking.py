@@ -16,22 +16,22 @@ from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tabulated
 from thesis_lib.measure.tracking import tracker as tracking
-from thesis_lib.measure.tracking.centres import refine
+from thesis_lib.measure.tracking.centres import refine_centres
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
-    apply,
+    apply_homography,
     find_view,
-    homography,
+    fit_homography,
     view_of,
 )
 from thesis_lib.measure.tracking.tabulated import Follower
-from thesis_lib.measure.tracking.tracker import Tracker, assign, sharpen
-from thesis_lib.measure.tracking.tracks import record
+from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
+from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
 FULL, HALF = (1920, 1080), (960, 540)
@@ -56,7 +56,7 @@ def followed(video, at, markers, shares=(), corners=None):
     )  # fmt: skip
     clock, out = frame_clock(video), video.with_name(f"{len(shares)}.npy")
     folder = video.parent
-    notes = record(files, folder, clock, at, markers, 0.0, out, "", lambda _: None, shares)
+    notes = record_track(files, folder, clock, at, markers, 0.0, out, "", lambda _: None, shares)
     return np.load(out), notes
 
 
@@ -81,7 +81,7 @@ def truth(at, times, motion=MOTION, markers=MARKERS):
 
 
 def found_view(at, image, markers=MARKERS):
-    return sharpen(image, find_view(image, at, markers))
+    return sharpen_view(image, find_view(image, at, markers))
 
 
 def off(found, exact):
@@ -337,7 +337,7 @@ def test_what_is_no_beam_gives_no_markers(rest, kind):
 
 def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
     at, image, view, exact = rest
-    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    hole = lens.project_points(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
     found = Tracker(view).centres(image)
     assert found.shape == (2, 75)
     assert off(found, hole[:, None]).min() > 5
@@ -355,8 +355,8 @@ def corners(at):
     """Undistorted images of the beam's corners, in the order of its frame."""
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
-    seen = lens.project(at, world * np.array([[length], [width], [1]]))
-    return lens.undistorted(at, seen)
+    seen = lens.project_points(at, world * np.array([[length], [width], [1]]))
+    return lens.undistort_pixels(at, seen)
 
 
 @pytest.mark.few(3)
@@ -370,9 +370,13 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     view = find_view(image, at, MARKERS)
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(at)).max(), below=2)
+    conforms.closed_form(
+        off(apply_homography(view.H_image_plane, plane), corners(at)).max(), below=2
+    )
     exact = truth(at, [-1.0])[0]
-    conforms.closed_form(off(Tracker(sharpen(image, view)).centres(image), exact).max(), below=0.12)
+    conforms.closed_form(
+        off(Tracker(sharpen_view(image, view)).centres(image), exact).max(), below=0.12
+    )
 
 
 @pytest.mark.few(3)
@@ -391,19 +395,23 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
         at = camera(one, elevation, k1=k1)
         assert np.isfinite(corners(at)).all()
         (image,) = filmed(at, [-1.0])
-        small = lens.resized(at, (width, width * 9 // 16))
-        view = find_view(following.reduced(image, width), small, MARKERS)
-        conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
+        small = lens.resize_camera(at, (width, width * 9 // 16))
+        view = find_view(following.reduce_frame(image, width), small, MARKERS)
+        conforms.closed_form(
+            off(apply_homography(view.H_image_plane, plane), corners(small)).max(), below=2
+        )
 
 
 def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     at = camera(-5.0, 15.0, k1=0.0)
     (image,) = filmed(at, [-1.0])
-    small = lens.resized(at, (640, 360))
+    small = lens.resize_camera(at, (640, 360))
     length, width = BEAM.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    view = find_view(following.reduced(image, 640), small, MARKERS)
-    conforms.closed_form(off(apply(view.H_image_plane, plane), corners(small)).max(), below=2)
+    view = find_view(following.reduce_frame(image, 640), small, MARKERS)
+    conforms.closed_form(
+        off(apply_homography(view.H_image_plane, plane), corners(small)).max(), below=2
+    )
 
 
 def test_a_turned_picture_gives_turned_centres(conforms, rest):
@@ -431,13 +439,13 @@ def test_without_a_hole_the_corners_have_to_be_given(conforms):
     message = one_line(find_view, image, at, markers)
     assert message.startswith("camera A: ")
     assert "corners_px" in message
-    view = sharpen(image, view_of(at, markers, corners(at)))
+    view = sharpen_view(image, view_of(at, markers, corners(at)))
     conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
 
 
 def test_a_hidden_hole_is_said(rest):
     at, image, _, _ = rest
-    hole = lens.project(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    hole = lens.project_points(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
     message = one_line(find_view, painted(image, hole, 5, 200), at, MARKERS)
     assert "the hole is not seen" in message
     assert "corners_px" in message
@@ -458,7 +466,7 @@ def test_a_bright_spot_is_no_beam():
 def test_a_beam_without_markers_is_refused(rest):
     at, image, _, _ = rest
     blank = np.where(image > 60, 200, image).astype(np.uint8)
-    message = one_line(sharpen, blank, view_of(at, MARKERS, corners(at)))
+    message = one_line(sharpen_view, blank, view_of(at, MARKERS, corners(at)))
     assert "of 76 markers" in message
 
 
@@ -474,7 +482,7 @@ def test_a_beam_without_markers_is_refused(rest):
 )
 def test_absurd_corners_are_refused(rest, given):
     at, image, _, _ = rest
-    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, np.array(given))))
+    message = one_line(lambda: sharpen_view(image, view_of(at, MARKERS, np.array(given))))
     assert message.startswith("camera A: ")
     if np.isnan(given).any():
         assert "only 2 of 4 points" in message
@@ -492,7 +500,7 @@ def test_absurd_corners_are_refused(rest, given):
 )
 def test_markers_of_another_grid_are_refused(rest, wrong, said):
     at, image, _, _ = rest
-    message = one_line(lambda: sharpen(image, view_of(at, wrong, corners(at))))
+    message = one_line(lambda: sharpen_view(image, view_of(at, wrong, corners(at))))
     assert message.startswith("camera A: ")
     assert said in message
 
@@ -504,7 +512,7 @@ def test_markers_off_their_grid_are_refused(rest):
     x, y = MARKERS.centres
     shifted = np.stack([x + 0.004 * (np.round((x - x[0]) / 0.025) % 2), y])
     (image,) = filmed(at, [-1.0], markers=replace(MARKERS, centres=shifted))
-    message = one_line(lambda: sharpen(image, view_of(at, MARKERS, corners(at))))
+    message = one_line(lambda: sharpen_view(image, view_of(at, MARKERS, corners(at))))
     assert "px off their grid; do rows, columns and spacing agree" in message
 
 
@@ -512,7 +520,7 @@ def test_markers_off_their_grid_are_refused(rest):
 def test_given_corners_need_not_be_exact(conforms, rest, noise):
     at, image, view, _ = rest
     given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
-    own = sharpen(image, view_of(at, MARKERS, given))
+    own = sharpen_view(image, view_of(at, MARKERS, given))
     conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
 
 
@@ -539,7 +547,7 @@ def test_given_corners_are_those_in_the_picture(conforms, video):
     path, at, times = video
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
-    px = lens.project(at, world * np.array([[length], [width], [1]]))
+    px = lens.project_points(at, world * np.array([[length], [width], [1]]))
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
@@ -572,10 +580,10 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
 @pytest.mark.parametrize("width", [640, 960, 1280])
 def test_reduced_frames_show_the_same_places(conforms, rest, width):
     at, image, _, exact = rest
-    small = following.reduced(image, width)
+    small = following.reduce_frame(image, width)
     assert small.shape == (width * 9 // 16, width)
-    own = lens.resized(at, (width, width * 9 // 16))
-    view = sharpen(small, find_view(small, own, MARKERS))
+    own = lens.resize_camera(at, (width, width * 9 // 16))
+    view = sharpen_view(small, find_view(small, own, MARKERS))
     error = Tracker(view).centres(small) - exact * width / 1920
     assert np.mean(np.isnan(error)) < 0.25
     conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
@@ -584,8 +592,8 @@ def test_reduced_frames_show_the_same_places(conforms, rest, width):
 
 def test_reduced_frames_are_no_larger(rest):
     _, image, _, _ = rest
-    assert following.reduced(image, 1920) is image
-    assert following.reduced(image, 4000) is image
+    assert following.reduce_frame(image, 1920) is image
+    assert following.reduce_frame(image, 4000) is image
 
 
 # The beam resampled on its plane.
@@ -647,7 +655,7 @@ def test_a_beam_too_large_for_its_markers_is_refused(rest):
 def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
     rng = np.random.default_rng(seed)
     predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
-    places, spare = assign(predicted, found, gate=10.0)
+    places, spare = assign_places(predicted, found, gate=10.0)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
     conforms.independent(np.sum((places - predicted) ** 2), best, rtol=1e-12)
@@ -657,10 +665,10 @@ def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
 def test_what_is_too_far_is_not_assigned():
     predicted = np.array([[0.0, 1, 2, 3], [0, 0, 0, 0]])
     found = np.array([[0.1, 2.9, 1.5, 9.0], [0, 0, 0, 0]])
-    places, spare = assign(predicted, found, gate=0.4)
+    places, spare = assign_places(predicted, found, gate=0.4)
     np.testing.assert_array_equal(places[0], [0.1, np.nan, np.nan, 2.9])
     assert spare == 2
-    places, spare = assign(predicted, np.zeros((2, 0)), 0.4)
+    places, spare = assign_places(predicted, np.zeros((2, 0)), 0.4)
     assert np.isnan(places).all()
     assert spare == 0
 
@@ -669,7 +677,7 @@ def test_a_lost_marker_does_not_shift_its_column(conforms):
     # Nearest in the sum without a gate would give every place to the next one's match.
     predicted = np.stack([np.arange(10.0), np.zeros(10)])
     found = np.delete(predicted, 4, axis=1) + 0.2
-    places, spare = assign(predicted, found, gate=0.45)
+    places, spare = assign_places(predicted, found, gate=0.45)
     conforms.invariance(np.delete(places, 4, axis=1), found, rtol=1e-7)
     assert np.isnan(places[:, 4]).all()
     assert spare == 0
@@ -678,17 +686,17 @@ def test_a_lost_marker_does_not_shift_its_column(conforms):
 def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     H = np.array([[800, 40, 900], [-30, 700, 500], [0.1, -0.2, 1.0]])
     plane = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 20))
-    image = apply(H, plane)
+    image = apply_homography(H, plane)
     image[:, 3] = np.nan
-    again = apply(homography(plane, image), plane)
+    again = apply_homography(fit_homography(plane, image), plane)
     conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
 
 
 def test_fewer_than_four_points_give_no_homography():
     plane = np.random.default_rng(0).uniform(0, 1, (2, 5))
     plane[0, :2] = np.nan
-    assert "only 3 of 5 points" in one_line(homography, plane, plane)
-    assert "line" in one_line(homography, np.ones((2, 6)), np.ones((2, 6)))
+    assert "only 3 of 5 points" in one_line(fit_homography, plane, plane)
+    assert "line" in one_line(fit_homography, np.ones((2, 6)), np.ones((2, 6)))
 
 
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
@@ -696,14 +704,14 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     view = view_of(at, MARKERS, corners(at))
     plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
-    conforms.independent(view.to_image(plane), lens.project(at, world), atol=1e-3)
+    conforms.independent(view.to_image(plane), lens.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
 
 
 def test_nothing_to_refine_is_nothing(rest):
     _, image, view, _ = rest
     assert isinstance(view, View)
-    found, misfit = refine(image, view, np.full((2, 76), np.nan))
+    found, misfit = refine_centres(image, view, np.full((2, 76), np.nan))
     assert np.isnan(found).all()
     assert np.isnan(misfit)
 

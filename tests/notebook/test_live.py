@@ -16,11 +16,11 @@ from jupyter_client.manager import start_new_kernel
 from conftest import PROJECT
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.tables import error_table
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, effort
-from thesis_lib.studies.request import command
+from thesis_lib.studies.request import study_command
 
 LIVE = [name for name in STUDIES if name != "claims"]
 
@@ -41,19 +41,19 @@ def shell():
 
 @pytest.mark.parametrize("name", LIVE)
 def test_controls_begin_with_the_request_and_give_it_back(name):
-    request = validate(name, {"trials": 7, "seed": 2**60})
+    request = validate_request(name, {"trials": 7, "seed": 2**60})
     made = live.controls(request)
     assert set(made.inputs) == set(STUDIES[name].model_fields) - {"cube"}
-    assert validate(name, made.values) == request
+    assert validate_request(name, made.values) == request
     assert made.message.value == ""
-    assert command(request).split(" -p ")[1] in made.command.value
+    assert study_command(request).split(" -p ")[1] in made.command.value
 
 
 @pytest.mark.parametrize("name", LIVE)
 def test_sliders_end_at_what_is_allowed(name):
     sliders = {
         key: widget
-        for key, widget in live.controls(validate(name, {})).inputs.items()
+        for key, widget in live.controls(validate_request(name, {})).inputs.items()
         if isinstance(widget, ipywidgets.FloatSlider)
     }
     schemas = STUDIES[name].model_json_schema()["properties"]
@@ -68,7 +68,7 @@ def test_sliders_end_at_what_is_allowed(name):
 
 
 def test_choices_are_offered_and_words_are_words():
-    inputs = live.controls(validate("beam-arrays", {"amplitude_mm": "force"})).inputs
+    inputs = live.controls(validate_request("beam-arrays", {"amplitude_mm": "force"})).inputs
     assert inputs["rest"].options == ("rebuilt", "known")
     assert inputs["cases"].options == ("4a", "4a'", "4b", "4c", "4d", "4e")
     assert inputs["amplitude_mm"].value == "force"
@@ -86,7 +86,7 @@ def test_choices_are_offered_and_words_are_words():
     ],
 )
 def test_a_refused_value_says_so_in_one_line_and_runs_nothing(monkeypatch, key, value, words):
-    made = live.controls(validate("beam-distance", {}))
+    made = live.controls(validate_request("beam-distance", {}))
     monkeypatch.setattr(notebook, "study", lambda *_: pytest.fail("it ran"))
     made.inputs[key].value = value
     assert made.button.disabled
@@ -100,7 +100,7 @@ def test_a_refused_value_says_so_in_one_line_and_runs_nothing(monkeypatch, key, 
 
 
 def test_a_mended_value_runs_again():
-    made = live.controls(validate("beam-distance", {"trials": 3, "modes": [1]}))
+    made = live.controls(validate_request("beam-distance", {"trials": 3, "modes": [1]}))
     made.inputs["trials"].value = -1
     assert made.button.disabled
     made.inputs["trials"].value = 4
@@ -115,11 +115,13 @@ def text_of(made):
 
 def test_a_click_gives_the_librarys_cube_and_shows_what_changed():
     kept = []
-    start = validate("beam-distance", {"trials": 4, "modes": [1]})
+    start = validate_request("beam-distance", {"trials": 4, "modes": [1]})
     made = live.controls(start, kept.append)
     made.inputs["azimuth_deg"].value = 45.0
     made.button.click()
-    expected = studies.run(validate("beam-distance", {**start.request, "azimuth_deg": 45.0}))
+    expected = studies.run(
+        validate_request("beam-distance", {**start.request, "azimuth_deg": 45.0})
+    )
     (cube,) = kept
     np.testing.assert_array_equal(cube["mean_error"], expected["mean_error"])
     assert "\n".join(comparison.difference_lines(cube)) in text_of(made)
@@ -134,7 +136,7 @@ def test_what_fails_is_told(monkeypatch):
         raise RuntimeError("out of film")
 
     monkeypatch.setattr(notebook, "study", failing)
-    made = live.controls(validate("beam-distance", {"trials": 1}))
+    made = live.controls(validate_request("beam-distance", {"trials": 1}))
     made.button.click()
     assert made.output.outputs[-1]["text"] == "RuntimeError: out of film\n"
     assert not made.button.disabled
@@ -143,8 +145,8 @@ def test_what_fails_is_told(monkeypatch):
 @pytest.mark.parametrize(("seconds", "said"), [(99, True), (9, False)])
 def test_what_takes_minutes_says_so(monkeypatch, seconds, said):
     cost = effort.Effort(seconds, 300, 1)
-    monkeypatch.setattr(effort, "read", lambda: {"design-law": cost})
-    request = validate("design-law", {})
+    monkeypatch.setattr(effort, "read_efforts", lambda: {"design-law": cost})
+    request = validate_request("design-law", {})
     title = live.stack_controls(request, live.controls(request)).children[0].value
     assert (f"Takes minutes: {cost.time}" in title) == said
 
@@ -248,7 +250,7 @@ def test_controls_in_a_kernel_rerun_by_the_library(front_end):
     front_end.press("Rerun")
     got = json.loads(front_end.run("print(result['mean_error'].values.tolist())"))
     asked = {"distances_mm": [600, 900], "elevation_deg": 40, "trials": 3}
-    expected = studies.run(validate("beam-distance", asked))["mean_error"]
+    expected = studies.run(validate_request("beam-distance", asked))["mean_error"]
     np.testing.assert_array_equal(np.array(got), expected.values)
     assert "running beam-distance" in front_end.printed()
     assert "no setting in common with published" in front_end.printed()

@@ -14,9 +14,9 @@ from nbval.plugin import get_sanitize_patterns
 
 from conftest import until_study
 from thesis_lib.figure_sets.design_law import compute as law
-from thesis_lib.figure_sets.display import promised
+from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.planner import compute as planned
-from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
 from thesis_lib.runs import postprocess
@@ -176,7 +176,14 @@ LONG = [("planner", {"counts": [3]}), *(("sound-distance", values) for values in
 def of_the_steps(asked: Study) -> xr.Dataset:
     """The cube; of the two that take minutes, what is not made in steps is left out."""
     if asked.name == "design-law":
-        empty = ("findings", "arrays", "pairs", "equal_pixels", "_cone", "summary")
+        empty = (
+            "fit_findings",
+            "fit_arrays",
+            "pair_errors",
+            "equal_pixels",
+            "_cone",
+            "summarise_law",
+        )
         with pytest.MonkeyPatch.context() as patch:
             for part in empty:
                 patch.setattr(law, part, lambda *_: {})
@@ -237,11 +244,11 @@ def test_no_cell_is_cut_from_a_page_but_the_live_one(name):
 def test_captions_come_from_the_data(name):
     document = nbformat.read(PROJECT / "notebooks" / f"{name}.ipynb", as_version=4)
     assert not any(set(cell.metadata) - {"tags"} for cell in document.cells)
-    found = [one for cell in document.cells for one in promised(STUDIES[name](), cell.source)]
+    found = [one for cell in document.cells for one in list_captions(STUDIES[name](), cell.source)]
     assert len({one.name for one in found}) == len({one.text for one in found}) == len(found) > 0
     shown = [c for c in document.cells if re.search(r"\.(figures|picture)\(", c.source)]
     for cell in shown:
-        assert list(promised(STUDIES[name](), cell.source)), cell.source
+        assert list(list_captions(STUDIES[name](), cell.source)), cell.source
         assert cell.metadata.tags == ["hide-input", "nbval-ignore-output"]
     for one in found:
         assert re.fullmatch(r"fig-[a-z0-9-]+", one.name)
@@ -251,7 +258,7 @@ def test_captions_come_from_the_data(name):
 
 
 def test_each_figure_gets_a_cell_with_its_words():
-    request = validate("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
+    request = validate_request("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
     shown = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(notebook, "display", shown.append)
@@ -280,7 +287,7 @@ def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind(monke
     shown = []
     monkeypatch.setattr(notebook, "display", shown.append)
     given = {"trials": 1, "modes": [1], "focal_length_mm": 35}
-    notebook.figures(cube_of(validate("beam-distance", given)))
+    notebook.figures(cube_of(validate_request("beam-distance", given)))
     words = "With the parameters of this run, after: Figure 3.4 of the thesis. Case 1, mode 1: "
     assert shown[0].about["caption"].startswith(words)
 

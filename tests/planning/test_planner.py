@@ -20,7 +20,7 @@ from command import thesis
 from scipy.optimize import differential_evolution
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, search, structure_file
 from thesis_lib.planning.planner import ImpossibleError, pareto, plan
 from thesis_lib.planning.positions import Body, body_of
@@ -30,7 +30,7 @@ from thesis_lib.planning.results import CAMERA_COLUMNS
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
-from thesis_lib.vision.triangulation import covariance
+from thesis_lib.vision.triangulation import point_covariance
 
 NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
 QUICK = {"counts": [2, 4], "starts": 1, "step_deg": 15, "trials": 60}
@@ -55,15 +55,15 @@ def scene_of(body, focals=(24 / 36,), peak=1e-3, **changed):
 
 
 def beam(modes=(1, 2, 3)):
-    return body_of(setups.beam(), "beam", list(modes))
+    return body_of(setups.thesis_beam(), "beam", list(modes))
 
 
 def plate(modes=(1, 2)):
-    return body_of(setups.plate((5, 4)), "plate", list(modes))
+    return body_of(setups.thesis_plate((5, 4)), "plate", list(modes))
 
 
 def best(scene, count, objective="mean", step=15.0, starts=2):
-    grid = positions.candidates(scene, np.radians(step))
+    grid = positions.candidate_positions(scene, np.radians(step))
     (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
     return layout
 
@@ -75,9 +75,9 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
 def test_variance_is_that_of_triangulation(conforms, body):
     scene = scene_of(body)
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
-    rig = positions.cameras(scene, layout, 640)
-    expected = covariance(rig.P, body.points)[2, 2]
-    found = errors.variances(errors.information(scene, layout).sum(axis=1)) / 640**2
+    rig = positions.place_cameras(scene, layout, 640)
+    expected = point_covariance(rig.P, body.points)[2, 2]
+    found = errors.normal_variances(errors.place_information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
 
 
@@ -88,14 +88,16 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms, azimuth, elevation, low, high
 ):
     scene = scene_of(plate(), peak=5e-3, tilt=np.pi)
-    layout = positions.at(np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36)
-    law = errors.averaged_by_law(scene, layout, 640)
+    layout = positions.places_at(
+        np.radians([[azimuth, elevation], [-azimuth, elevation]]), 1.0, 24 / 36
+    )
+    law = errors.average_predicted(scene, layout, 640)
     scales = np.linspace(*errors.AMPLITUDE_RANGE, 101)
     peaks = [replace(scene, peaks=tuple(scale * one for one in scene.peaks)) for scale in scales]
-    metres = [errors.predicted(one, layout, 640) / errors.percent(one) for one in peaks]
-    mean = np.sqrt(np.mean(np.square(metres), axis=(0, 2))) * errors.percent(scene)[:, 0]
+    metres = [errors.predict_errors(one, layout, 640) / errors.percent_factor(one) for one in peaks]
+    mean = np.sqrt(np.mean(np.square(metres), axis=(0, 2))) * errors.percent_factor(scene)[:, 0]
     conforms.independent(law, mean.max(), rtol=0.02)
-    noise = errors.averaged(scene) / 640 * np.sqrt(errors.layout_cost(scene, layout, "mean"))
+    noise = errors.average_error(scene) / 640 * np.sqrt(errors.layout_cost(scene, layout, "mean"))
     conforms.sampled(law / noise, above=low, below=high)
 
 
@@ -114,7 +116,7 @@ def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(con
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7]])
     for i, row in enumerate(layout):
         own = hemisphere_cameras(row[2], row[:1], row[1:2], 320 * row[3], (320, 180))
-        conforms.independent(positions.cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
+        conforms.independent(positions.place_cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
 
 
 def test_law_along_a_normal_is_that_of_z_in_a_turned_world(conforms):
@@ -149,20 +151,30 @@ def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     scene = scene_of(plate(), separation=0.3)
-    grid = positions.candidates(scene, np.radians(40))
+    grid = positions.candidate_positions(scene, np.radians(40))
     rng = np.random.default_rng(count)
     grid = grid[rng.choice(len(grid), 14, replace=False)]
-    known, near = errors.information(scene, grid), errors.too_near(scene, grid)
+    known, near = errors.place_information(scene, grid), errors.too_near(scene, grid)
     sets = [c for c in itertools.combinations(range(14), count)
             if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
-    costs = [errors.cost(errors.variances(known[:, list(c)].sum(axis=1)), objective)
-             for c in sets]  # fmt: skip
+    costs = [
+        errors.information_cost(errors.normal_variances(known[:, list(c)].sum(axis=1)), objective)
+        for c in sets
+    ]
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
     found = []
     for start in starts:
-        layout, _ = errors.exchange(known, near, start, objective)
-        found.append((float(errors.cost(errors.variances(known[:, layout].sum(axis=1)),
-                                         objective)), sorted(layout)))  # fmt: skip
+        layout, _ = errors.exchange_cameras(known, near, start, objective)
+        found.append(
+            (
+                float(
+                    errors.information_cost(
+                        errors.normal_variances(known[:, layout].sum(axis=1)), objective
+                    )
+                ),
+                sorted(layout),
+            )
+        )
     conforms.independent(min(found)[0], min(costs), rtol=1e-9)
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
@@ -176,7 +188,7 @@ def test_nothing_better_is_found_by_another_global_search(conforms, objective):
 
     def value(x):
         layout = np.column_stack([x.reshape(2, 3), [24 / 36] * 2])
-        return errors.layout_cost(scene, layout, objective) if errors.allowed(scene, layout) \
+        return errors.layout_cost(scene, layout, objective) if errors.is_allowed(scene, layout) \
             else 10 * found  # fmt: skip
 
     bounds = [(-np.pi, np.pi), np.radians((5, 90)), (0.5, 1.5)] * 2
@@ -187,18 +199,20 @@ def test_nothing_better_is_found_by_another_global_search(conforms, objective):
 @pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 def test_no_set_of_places_is_below_the_bound(conforms, objective):
     scene = scene_of(plate())
-    grid = positions.candidates(scene, np.radians(40))
-    known = errors.information(scene, grid)
+    grid = positions.candidate_positions(scene, np.radians(40))
+    known = errors.place_information(scene, grid)
     rng = np.random.default_rng(0)
     for weights in (np.full(20, 1 / 20), rng.dirichlet(np.ones(20))):
         bound = errors.lower_bound(known, 3, weights)
         for _ in range(300):
             three = rng.integers(0, len(grid), 3)  # places may be shared
-            variance = errors.variances(known[:, three].sum(axis=1))
+            variance = errors.normal_variances(known[:, three].sum(axis=1))
             conforms.closed_form(bound, below=weights @ variance * (1 + 1e-9))
-            conforms.closed_form(bound, below=errors.cost(variance, "worst") * (1 + 1e-9))
+            conforms.closed_form(
+                bound, below=errors.information_cost(variance, "worst") * (1 + 1e-9)
+            )
     scene = scene_of(point_body(), elevations=(np.radians(20), np.pi / 2))
-    known = errors.information(scene, positions.candidates(scene, np.radians(10)))
+    known = errors.place_information(scene, positions.candidate_positions(scene, np.radians(10)))
     closed = 1.0 / ((24 / 36) ** 2 * 4 * np.cos(np.radians(20)) ** 2)
     conforms.closed_form(errors.lower_bound(known, 4, np.ones(1)), closed, rtol=1e-3)
 
@@ -213,7 +227,7 @@ def test_a_mirrored_room_has_mirrored_plans_of_equal_value(conforms):
     cost = errors.layout_cost(west, one, "mean")
     conforms.invariance(errors.layout_cost(east, other, "mean"), cost, rtol=1e-3)
     mirrored = one * [-1, 1, 1, 1]
-    assert errors.allowed(east, mirrored)
+    assert errors.is_allowed(east, mirrored)
     conforms.invariance(errors.layout_cost(east, mirrored, "mean"), cost, rtol=1e-9)
 
 
@@ -228,8 +242,8 @@ def test_errors_in_percent_do_not_depend_on_the_size_of_the_world(conforms):
     one, other = best(small, 3), best(grown, 3)
     conforms.invariance(other, one * [1, 1, 10, 1], rtol=1e-4, atol=1e-4)
     conforms.invariance(
-        errors.predicted(grown, one * [1, 1, 10, 1], 320),
-        errors.predicted(small, one, 320),
+        errors.predict_errors(grown, one * [1, 1, 10, 1], 320),
+        errors.predict_errors(small, one, 320),
         rtol=1e-6,
     )
 
@@ -312,7 +326,7 @@ def test_every_limit_costs_something_or_nothing_but_never_helps():
 @pytest.mark.slow
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
-    grid = positions.candidates(scene, np.radians(20))
+    grid = positions.candidate_positions(scene, np.radians(20))
     for objective in errors.PLAN_OBJECTIVES:
         layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
         costs = [errors.layout_cost(scene, one, objective) for one in layouts]
@@ -389,7 +403,9 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     import shlex
 
     values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
-    cube = studies.run(validate("beam-arrays", {k: json.loads(v) for k, v in values.items()}))
+    cube = studies.run(
+        validate_request("beam-arrays", {k: json.loads(v) for k, v in values.items()})
+    )
     conforms.sampled(cube["predicted_error"].values[-1], best_.predicted, rtol=2e-2)
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
 
@@ -511,7 +527,7 @@ def test_cameras_that_see_parts_of_a_curved_structure_are_predicted_and_simulate
     })  # fmt: skip
     made = plan(request, body)
     one, found = made.options[0], made.verified[0]
-    seen = positions.visible(one.scene, one.layout)
+    seen = positions.visible_markers(one.scene, one.layout)
     assert not seen.all()
     assert np.all(seen.sum(axis=0) >= 2)
     conforms.sampled(found.simulated, one.predicted, rtol=0.06)
@@ -581,7 +597,7 @@ def test_what_else_a_file_holds_is_left_alone(tmp_path):
 
 def test_a_plate_of_another_size_is_planned_as_its_likeness():
     """Twice as large, twice as far and moving twice as far, everything looks the same."""
-    thesis_s = setups.plate()
+    thesis_s = setups.thesis_plate()
     sides = [1000 * side for side in (thesis_s.length, thesis_s.width, thesis_s.thickness)]
     asked = {"body": "plate", "counts": [3], "resolutions_px": [[640, 360]], "step_deg": 20.0}
     asked |= {"starts": 0, "trials": 20, "target_percent": None}

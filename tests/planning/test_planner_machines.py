@@ -15,7 +15,7 @@ from cpus import CPUS
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner import tables as planner_tables
 from thesis_lib.figure_sets.planner.compute import run
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, search
 from thesis_lib.planning.planner import plan
 from thesis_lib.planning.positions import Body, body_of
@@ -28,7 +28,7 @@ FREE = positions.Rules((0.7, 1.5), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.
 
 
 def plate(points=(5, 4), modes=(1, 2)):
-    return body_of(setups.plate(points), "plate", list(modes))
+    return body_of(setups.thesis_plate(points), "plate", list(modes))
 
 
 def square():
@@ -52,7 +52,7 @@ def scene_of(body, **changed):
 
 
 SCENES = {
-    "beam": scene_of(body_of(setups.beam(), "beam", [1, 2]), distances=(0.5, 0.5)),
+    "beam": scene_of(body_of(setups.thesis_beam(), "beam", [1, 2]), distances=(0.5, 0.5)),
     "plate": scene_of(plate()),
     "square": scene_of(square()),
     "one marker": scene_of(Body(
@@ -91,17 +91,17 @@ def digits(monkeypatch):
 
             return call
 
-        monkeypatch.setattr(errors, "jacobian", noisy(JACOBIAN))
+        monkeypatch.setattr(errors, "image_jacobian", noisy(JACOBIAN))
         monkeypatch.setattr(positions, "hemisphere_rotations", noisy(ROTATIONS))
 
     return change
 
 
-JACOBIAN, ROTATIONS = errors.jacobian, positions.hemisphere_rotations
+JACOBIAN, ROTATIONS = errors.image_jacobian, positions.hemisphere_rotations
 
 
 def layouts(scene, objective="mean", counts=(2, 5)):
-    grid = positions.candidates(scene, np.radians(20))
+    grid = positions.candidate_positions(scene, np.radians(20))
     *some, most = search.best_layouts(scene, grid, counts, objective, 1, 0)
     assert most is not None
     return [one for one in (*some, most) if one is not None]
@@ -148,10 +148,10 @@ def test_of_equal_layouts_the_one_of_least_rank_is_taken(name):
     for one in found(name):
         assert np.array_equal(one, positions.by_rule(one))
         least = errors.layout_cost(scene, one, "mean")
-        for image in search.images(scene, one):
+        for image in search.layout_images(scene, one):
             value = errors.layout_cost(scene, image, "mean")
-            if errors.allowed(scene, image) and abs(value / least - 1) < 1e-9:
-                assert positions.rank(one) <= positions.rank(image)
+            if errors.is_allowed(scene, image) and abs(value / least - 1) < 1e-9:
+                assert positions.rank_layout(one) <= positions.rank_layout(image)
 
 
 @pytest.mark.few(1)
@@ -169,7 +169,7 @@ def test_markers_in_another_order_have_the_same_layouts(name):
 def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
     scene = SCENES[name] if name in SCENES else scene_of(plate(), **ODD[name])
     rules = scene.rules
-    grid = positions.candidates(scene, np.radians(15))
+    grid = positions.candidate_positions(scene, np.radians(15))
     for some in (grid, *(found(name) if name in SCENES else layouts(scene))):
         for column, per_unit, limits in (
             (np.degrees(some[:, 0]), 10, np.degrees(rules.azimuths)),
@@ -177,7 +177,7 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
             (some[:, 2], 1000, rules.distances),
         ):
             assert np.all(steps_off(column, per_unit, limits) < 1e-6)
-        assert np.all(positions.permitted(scene, some))
+        assert np.all(positions.are_permitted(scene, some))
         low, high = rules.azimuths
         assert np.all((some[:, 0] >= low) & (some[:, 0] <= high))
 
@@ -187,11 +187,11 @@ def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
 def test_a_region_that_forbids_the_rounded_place_is_respected(conforms, seed):
     """Spheres about where cameras would stand, with edges at no whole step."""
     first = found("plate")[0]
-    where = positions.centres(SCENES["plate"], first)
+    where = positions.camera_centres(SCENES["plate"], first)
     radius = np.random.default_rng(seed).uniform(0.0002, 0.05, len(where))
     scene = scene_of(plate(), spheres=np.column_stack([where, radius]))
     for one in layouts(scene):
-        gap = np.linalg.norm(positions.centres(scene, one)[:, None] - where, axis=2) - radius
+        gap = np.linalg.norm(positions.camera_centres(scene, one)[:, None] - where, axis=2) - radius
         conforms.closed_form(gap, above=-1e-9)
 
 
@@ -219,8 +219,8 @@ def test_what_is_forgotten_is_found_again(monkeypatch, name):
 def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     scene, rng = SCENES[name], np.random.default_rng(0)
     grid = np.column_stack([rng.uniform(-np.pi, np.pi, 500), rng.uniform(0.1, 1.5, 500)])
-    some = positions.at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
-    rig = positions.cameras(scene, some)
+    some = positions.places_at(grid, rng.uniform(0.4, 1.5, 500), scene.focals[0])
+    rig = positions.place_cameras(scene, some)
     ends = scene.body.extremes(scene.peaks)
     u, v = np.moveaxis(project(rig.P, ends), 1, 0)
     inside = np.all((u >= 0) & (u <= 1) & (v >= 0) & (v <= scene.aspect), axis=1)
@@ -228,7 +228,7 @@ def test_markers_are_visible_whose_images_are_in_the_picture_and_read(name):
     across = np.linalg.norm(np.cross(sight, scene.body.normals[None], axis=1), axis=1)
     tilt = np.arctan2(across, np.sum(sight * scene.body.normals, axis=1))
     expected = inside & (tilt <= scene.rules.tilt)
-    assert np.array_equal(positions.visible(scene, some), expected)
+    assert np.array_equal(positions.visible_markers(scene, some), expected)
     assert 0 < expected.mean() < 1
 
 
@@ -253,10 +253,21 @@ def test_the_worst_of_equal_markers_is_the_first_whatever_the_last_digit():
 
 @pytest.fixture(scope="module")
 def cube():
-    return run(validate("planner", {"counts": [2, 4], "resolutions_px": [[320, 180]], "starts": 0,
-                                    "step_deg": 30, "trials": 20})).assign_attrs(
+    return run(
+        validate_request(
+            "planner",
+            {
+                "counts": [2, 4],
+                "resolutions_px": [[320, 180]],
+                "starts": 0,
+                "step_deg": 30,
+                "trials": 20,
+            },
+        )
+    ).assign_attrs(
         parameters='{"target_percent": 5.0, "tilt_deg": 75.0, "resolutions_px": [[320, 180]], '
-                   '"counts": [2, 4]}')  # fmt: skip
+        '"counts": [2, 4]}'
+    )
 
 
 @pytest.mark.few(1)

@@ -9,8 +9,8 @@ import xarray as xr
 from command import thesis
 from scipy.stats import qmc
 
-from thesis_lib.acoustics.planes import pistons
-from thesis_lib.acoustics.radiation import radiation_matrix, rayleigh
+from thesis_lib.acoustics.planes import plate_pistons
+from thesis_lib.acoustics.radiation import radiation_matrix, rayleigh_pressure
 from thesis_lib.facts import setups
 from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.planner import plan
@@ -19,7 +19,7 @@ from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulate
 
-PLATE = setups.plate()
+PLATE = setups.thesis_plate()
 ASKED = {
     "body": "plate",
     "amplitude_mm": 10,
@@ -46,7 +46,7 @@ def made(request_):
 
 def drawn(scene, layout, scale=1.0):
     """Deflection errors (modes, draws, markers) in m from whole pixels, without any law."""
-    P, body = positions.cameras(scene, layout, 320).P, scene.body
+    P, body = positions.place_cameras(scene, layout, 320).P, scene.body
     shift = qmc.Sobol(2 * len(P), rng=0).random_base2(9) - 0.5
     shift = np.moveaxis(shift.reshape(-1, len(P), 2), 0, 2)[..., None]
 
@@ -65,7 +65,10 @@ def fields(request, wrong):
         worst = []
         for operator, largest in zip(one.operators, one.largest, strict=True):
             points = replace(operator.plane, shape=(25, 17)).points
-            sent = [rayleigh(pistons(PLATE), one.omega * e, points, one.omega) for e in error]
+            sent = [
+                rayleigh_pressure(plate_pistons(PLATE), one.omega * e, points, one.omega)
+                for e in error
+            ]
             worst.append(100 * np.sqrt(np.mean(np.abs(sent) ** 2)) / largest)
         rms.append(np.nanmax(worst))
     return np.array(rms)
@@ -74,7 +77,7 @@ def fields(request, wrong):
 @pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
 def test_predicted_field_errors_are_those_of_draws(conforms, request_, layout):
     scene = request_.scene()
-    law = sound.predicted(request_.sounds, scene, layout, 320)
+    law = sound.predict_sound_errors(request_.sounds, scene, layout, 320)
     found = fields(request_, drawn(scene, layout)[:, ::4])
     conforms.sampled(found / law, 1, atol=0.12)
 
@@ -90,38 +93,44 @@ def test_average_is_about_that_of_draws_over_amplitudes_and_turns(conforms, requ
         ]
         found = np.sqrt(np.mean(each, axis=0))
         conforms.sampled(
-            sound.averaged(request_.sounds, scene, layout, 320) / found, above=0.7, below=1.5
+            sound.average_sound_error(request_.sounds, scene, layout, 320) / found,
+            above=0.7,
+            below=1.5,
         )
 
 
 @pytest.mark.parametrize("layout", [SQUARE, TURNED], ids=["square", "turned"])
 def test_predicted_power_errors_are_those_of_draws(conforms, request_, layout):
     scene, sounds = request_.scene(), request_.sounds
-    law = sound.predicted(sounds, scene, layout, 320, "sound-power")
+    law = sound.predict_sound_errors(sounds, scene, layout, 320, "sound-power")
     wrong = drawn(scene, layout)
     found = []
     for one, error in zip(sounds, wrong, strict=True):  # W = ω² wᵀRw, with Rayleigh's matrix
-        R = radiation_matrix(pistons(PLATE), one.omega)
+        R = radiation_matrix(plate_pistons(PLATE), one.omega)
         power = [w @ R @ w for w in (one.reference, *(one.reference + error))]
         found.append(100 * np.sqrt(np.mean((np.array(power[1:]) / power[0] - 1) ** 2)))
     conforms.sampled(np.array(found) / law, 1, atol=0.12)
-    again, _ = sound.simulated(sounds, wrong, "sound-power")
+    again, _ = sound.simulate_sound_errors(sounds, wrong, "sound-power")
     conforms.independent(again, np.array(found), rtol=1e-9)
 
 
 def test_mirrored_layouts_sound_alike(conforms, request_):
     scene = request_.scene()
-    one = sound.averaged(request_.sounds, scene, TURNED, 320)
-    other = sound.averaged(request_.sounds, scene, TURNED * [-1, 1, 1, 1], 320)
+    one = sound.average_sound_error(request_.sounds, scene, TURNED, 320)
+    other = sound.average_sound_error(request_.sounds, scene, TURNED * [-1, 1, 1, 1], 320)
     conforms.invariance(other, one, rtol=1e-9)
 
 
 def test_cameras_that_stand_square_are_moved_and_keep_the_rules(conforms, request_):
     scene = request_.scene()
-    start = positions.at(SQUARE[:, :2], positions.nearest(scene, SQUARE[:, :2], 24 / 36), 24 / 36)
-    found = sound.moved(request_.sounds, search.Surroundings(scene), start, 320)
-    assert errors.allowed(scene, found)
-    now, before = (sound.predicted(request_.sounds, scene, one, 320) for one in (found, start))
+    start = positions.places_at(
+        SQUARE[:, :2], positions.nearest_distances(scene, SQUARE[:, :2], 24 / 36), 24 / 36
+    )
+    found = sound.move_cameras(request_.sounds, search.Surroundings(scene), start, 320)
+    assert errors.is_allowed(scene, found)
+    now, before = (
+        sound.predict_sound_errors(request_.sounds, scene, one, 320) for one in (found, start)
+    )
     conforms.closed_form(now.max(), below=0.5 * before.max())
     shape = [errors.layout_cost(scene, one, "mean") for one in (found, start)]
     conforms.closed_form(np.sqrt(shape[0] / shape[1]), below=1.15)
@@ -136,7 +145,7 @@ def test_plan_begins_with_that_for_the_shape_and_is_never_worse(conforms, made):
         np.testing.assert_array_equal(one.instead.plan.layout, before.layout)
         conforms.closed_form(one.error, below=one.instead.field.max() * (1 + 1e-12))
         assert np.isnan(one.bound)
-        assert errors.allowed(one.scene, one.layout)
+        assert errors.is_allowed(one.scene, one.layout)
 
 
 def test_gain_is_there_when_simulated(conforms, made, request_):
@@ -146,7 +155,7 @@ def test_gain_is_there_when_simulated(conforms, made, request_):
     assert np.all(found.simulated < found.band[1])
     before = one.instead.plan
     asked = before.scene, before.layout, 320, 400, 0, "least-squares"
-    drawn_, _ = sound.simulated(request_.sounds, errors.drawn(*asked))
+    drawn_, _ = sound.simulate_sound_errors(request_.sounds, errors.draw_errors(*asked))
     conforms.sampled(found.simulated.max() / drawn_.max(), below=0.9)
 
 
@@ -193,7 +202,7 @@ POINT = [300.0, 200.0, 900.0]
 def pressures(one, error):
     """Errors of the pressure at the point in % by Rayleigh's sum."""
     at = np.array(POINT)[:, None] / 1000
-    true, wrong = (rayleigh(pistons(PLATE), one.omega * w, at, one.omega)[0] for w in
+    true, wrong = (rayleigh_pressure(plate_pistons(PLATE), one.omega * w, at, one.omega)[0] for w in
                    (one.reference, error))  # fmt: skip
     return 100 * abs(wrong / true)
 
@@ -202,21 +211,21 @@ def pressures(one, error):
 def test_predicted_pressures_at_a_point_are_those_of_draws(conforms, request_, layout):
     asked = plan_request({**ASKED, "goal": "sound-point", "point_mm": POINT})
     scene, sounds = request_.scene(), asked.sounds
-    law = sound.predicted(sounds, scene, layout, 320, "sound-point")
+    law = sound.predict_sound_errors(sounds, scene, layout, 320, "sound-point")
     wrong = drawn(scene, layout)
     found = [
         np.sqrt(np.mean([pressures(one, e) ** 2 for e in error]))
         for one, error in zip(sounds, wrong, strict=True)
     ]
     conforms.sampled(np.array(found) / law, 1, atol=0.12)
-    again, _ = sound.simulated(sounds, wrong, "sound-point")
+    again, _ = sound.simulate_sound_errors(sounds, wrong, "sound-point")
     conforms.independent(again, np.array(found), rtol=1e-9)
 
 
 def test_one_plane_has_the_error_that_it_has_of_both(conforms):
     def expected(goal, **of):
         asked = plan_request({**ASKED, "modes": [1], "goal": goal, **of})
-        return sound.predicted(asked.sounds, asked.scene(), TURNED, 320, goal)[0]
+        return sound.predict_sound_errors(asked.sounds, asked.scene(), TURNED, 320, goal)[0]
 
     each = [expected("sound-plane", plane=plane) for plane in ("XZ", "YZ")]
     assert each[0] != each[1]

@@ -8,9 +8,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.plotting.panels import bar_panel
-from thesis_lib.plotting.selection import Bars, best_and_worst, ranking
+from thesis_lib.plotting.selection import Bars, best_and_worst, rank_settings
 from thesis_lib.studies import cubes
-from thesis_lib.studies.schema import extremes
+from thesis_lib.studies.schema import extreme_settings
 
 LITERAL = [9.0, 1.0, 5.0]  # which would have the second setting best and the first worst
 DRAWN = [[2.0, 3.0, 4.0], [7.0, 8.0, 90.0], [1.0, 5.0, 6.0]]  # the first is best, the second worst
@@ -23,21 +23,21 @@ def errors(trials: int = 3) -> xr.DataArray:
 
 def test_settings_are_ranked_by_the_median_over_the_trials() -> None:
     part = xr.Dataset({"mean_error": errors()})
-    np.testing.assert_array_equal(cubes.typical(part["mean_error"]), [3.0, 8.0, 5.0])
+    np.testing.assert_array_equal(cubes.typical_error(part["mean_error"]), [3.0, 8.0, 5.0])
     assert best_and_worst(part) == [0, 1]
-    assert ranking(part) == ("best by median", "worst by median")
+    assert rank_settings(part) == ("best by median", "worst by median")
 
 
 def test_without_trials_the_one_run_ranks_them_and_no_median_is_named() -> None:
     part = xr.Dataset({"mean_error": errors(0)})
-    np.testing.assert_array_equal(cubes.typical(part["mean_error"]), LITERAL)
+    np.testing.assert_array_equal(cubes.typical_error(part["mean_error"]), LITERAL)
     assert best_and_worst(part) == [1, 0]
-    assert ranking(part) == ("best", "worst")
+    assert rank_settings(part) == ("best", "worst")
 
 
 def test_the_sound_is_of_the_same_settings() -> None:
     cube = xr.Dataset({"mean_error": errors().expand_dims("mode", axis=1)})
-    assert extremes(cube.assign_coords(case=("setting", ["a", "a", "b"]))) == {
+    assert extreme_settings(cube.assign_coords(case=("setting", ["a", "a", "b"]))) == {
         "a": [(0, 1)],
         "b": [(2, 2)],
     }

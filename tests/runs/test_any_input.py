@@ -166,7 +166,7 @@ def _beside_a_whole_one(tmp_path_factory, cube):
     folder = tmp_path_factory.getbasetemp() / "cubes"
     if not folder.exists():
         folder.mkdir()
-        storage.write(cube, folder / "whole.nc")
+        storage.write_netcdf(cube, folder / "whole.nc")
     return folder / "any.nc"
 
 

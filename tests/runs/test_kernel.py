@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from conftest import until_study
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.runs.execute import execute_notebook
 from thesis_lib.runs.kernel import kernel_environment
 from thesis_lib.studies.schema import RUN_DEPENDENT
@@ -135,7 +135,7 @@ def test_no_home_is_no_matter(plain, tmp_path, extra):
 @pytest.mark.slow
 def test_a_kernel_ends_with_its_notebook(tmp_path):
     """A book executes 26 notebooks in one process; each idle kernel would keep 0.3 GB."""
-    execute_notebook(validate(NAME, {"trials": 2, "modes": [1]}), tmp_path)
+    execute_notebook(validate_request(NAME, {"trials": 2, "modes": [1]}), tmp_path)
     assert not psutil.Process().children(recursive=True)
 
 

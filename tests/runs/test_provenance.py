@@ -16,13 +16,13 @@ import pytest
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import postprocess
 from thesis_lib.studies import effort, storage
 from thesis_lib.studies.effort import Effort
-from thesis_lib.studies.request import command
+from thesis_lib.studies.request import study_command
 from thesis_lib.studies.schema import with_provenance
 
 EVIL = "<script>alert(\"1\")</script> &amp; '*y*'"
@@ -30,7 +30,7 @@ COST = Effort(7.4, 312.0, 1.25)
 
 
 def made(name, **values):
-    request = validate(name, {"trials": 4, **values})
+    request = validate_request(name, {"trials": 4, **values})
     return request, with_provenance(studies.run(request), request, 1.5)
 
 
@@ -82,7 +82,7 @@ def executed(cube, modes=(1,)):
 
 def record(request, cube, tmp_path):
     file = tmp_path / "cube.nc"
-    storage.write(cube, file, compact=True)
+    storage.write_netcdf(cube, file, compact=True)
     return postprocess.trace_results(request, cube, file, COST)
 
 
@@ -157,7 +157,7 @@ def test_strings_of_the_reader_are_text(evil, tmp_path, in_book):
         assert set(parsed.tags) <= {"p", "a", "details", "summary", "dl", "dt", "dd", "code"}
         assert "onerror" not in parsed.attributes
     assert json.dumps(EVIL)[1:-1] in Parsed(added[-1].source).text
-    assert command(request) in Parsed(added[-1].source).text
+    assert study_command(request) in Parsed(added[-1].source).text
 
 
 def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
@@ -172,7 +172,7 @@ def test_fold_out_tells_all_and_is_closed(beam, tmp_path):
     assert "open" not in parsed.attributes
     assert [link["href"] for link in parsed.links] == ["../data/x.nc", "../data/x.csv"]
     assert all("download" in link for link in parsed.links)
-    standard = validate("beam-distance", {})
+    standard = validate_request("beam-distance", {})
     about = postprocess.trace_results(standard, cube, tmp_path / "cube.nc", COST)
     assert "defaults" in postprocess.fold_out(about, "", "")
 
@@ -217,9 +217,9 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
     fields = cube["measured_deflection"].isel(trial=0, drop=True)
     fields[0, 0, :3] = np.nan
     cube = cube.assign(drawn=fields)
-    storage.write(cube, tmp_path / "plain.nc")
-    storage.write(cube, tmp_path / "compact.nc", compact=True)
-    plain, compact = (cube_file.read(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
+    storage.write_netcdf(cube, tmp_path / "plain.nc")
+    storage.write_netcdf(cube, tmp_path / "compact.nc", compact=True)
+    plain, compact = (cube_file.read_cube(tmp_path / f"{n}.nc") for n in ("plain", "compact"))
     for name, values in plain.variables.items():
         assert compact[name].dtype == values.dtype
         if values.dtype == np.float32:
@@ -232,24 +232,26 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
     assert compact["mean_error"].nbytes > 1000
     assert not np.allclose(compact["drawn"], plain["drawn"], rtol=2.0**-14, equal_nan=True)
     assert (tmp_path / "compact.nc").stat().st_size < (tmp_path / "plain.nc").stat().st_size
-    storage.write(cube, tmp_path / "again.nc", compact=True)
+    storage.write_netcdf(cube, tmp_path / "again.nc", compact=True)
     assert (tmp_path / "again.nc").read_bytes() == (tmp_path / "compact.nc").read_bytes()
-    storage.write(compact, tmp_path / "again.nc", compact=True)  # what is rounded stays
-    np.testing.assert_array_equal(cube_file.read(tmp_path / "again.nc")["drawn"], compact["drawn"])
+    storage.write_netcdf(compact, tmp_path / "again.nc", compact=True)  # what is rounded stays
+    np.testing.assert_array_equal(
+        cube_file.read_cube(tmp_path / "again.nc")["drawn"], compact["drawn"]
+    )
 
 
 def test_efforts_are_kept_and_read(tmp_path):
     costs = {"beam-distance": Effort(4.0, 201.4, 0.2), "lab-plate": Effort(150.2, 900.0, 7.15)}
-    path = effort.write(costs.items(), tmp_path / "effort.csv")
-    read = effort.read(path)
+    path = effort.write_efforts(costs.items(), tmp_path / "effort.csv")
+    read = effort.read_efforts(path)
     assert list(read) == list(costs)
     assert (read["beam-distance"].kind, read["beam-distance"].time) == ("seconds", "4 s")
     assert (read["lab-plate"].kind, read["lab-plate"].time) == ("minutes", "3 min")
     assert read["lab-plate"].memory == "900 MB"
-    assert effort.read(tmp_path / "none.csv") == {}
+    assert effort.read_efforts(tmp_path / "none.csv") == {}
 
 
 def test_every_figure_set_has_a_published_effort():
-    known = effort.read()
+    known = effort.read_efforts()
     assert list(known) == list(STUDIES)
     assert all(one.seconds > 0 and one.peak_memory_mb > 50 for one in known.values())

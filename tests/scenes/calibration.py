@@ -35,7 +35,7 @@ def rig():
 def exact_images(cameras, rotations, translations, points=BOARD.corners):
     """Images (cameras, shots, 2, points) of the board's points."""
     world = rotations @ points + translations[:, :, None]
-    return np.array([[lens.project(c, X) for X in world] for c in cameras])
+    return np.array([[lens.project_points(c, X) for X in world] for c in cameras])
 
 
 def observations(sigma=0.0, seed=0, cameras=None):
@@ -69,7 +69,7 @@ def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6, l
     """
     width, height = camera.size
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    xy = lens.undistort(lens.from_pixels(camera.K, np.stack([u, v])), camera.distortion)
+    xy = lens.undistort_coordinates(lens.from_pixels(camera.K, np.stack([u, v])), camera.distortion)
     rays = np.tensordot((camera.R_camera_world @ rotation).T, np.stack([*xy, np.ones_like(u)]), 1)
     origin = rotation.T @ (camera.centre - translation)
     depth = -origin[2] / rays[2]

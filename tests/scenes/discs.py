@@ -22,7 +22,7 @@ def disc_centroids(at, markers, deflection, which=slice(None), n=2000):
     turn = 2 * np.pi * np.arange(n) / n
     circle = markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
     ring = markers.positions[:, which, None] + circle[:, None]
-    x, y = lens.project(at, on_surface(markers.extent, ring, deflection(ring)))
+    x, y = lens.project_points(at, on_surface(markers.extent, ring, deflection(ring)))
     cross = x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)
     return np.array(
         [np.sum((c + np.roll(c, -1, 1)) * cross, axis=1) / (3 * cross.sum(1)) for c in (x, y)]

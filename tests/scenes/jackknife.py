@@ -2,7 +2,11 @@
 
 import numpy as np
 
-from thesis_lib.measure.calibration.bundle_adjustment import adjust, align, camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import (
+    adjust_bundle,
+    align_cameras,
+    camera_deviations,
+)
 
 
 def differences(cameras, others):
@@ -11,7 +15,9 @@ def differences(cameras, others):
         np.r_[(p.K - q.K)[[0, 1, 0, 1], [0, 1, 2, 2]], (p.distortion - q.distortion)[:4]]
         for p, q in zip(cameras, others, strict=True)
     ]
-    places = [each.ravel() for each in align(cameras, others)[1:]] if len(cameras) > 1 else []
+    places = (
+        [each.ravel() for each in align_cameras(cameras, others)[1:]] if len(cameras) > 1 else []
+    )
     return np.concatenate([*lenses, *places])
 
 
@@ -34,7 +40,7 @@ def refitted(observations, points, full):
     """The same deviations by the full jackknife: adjusted anew without each shot."""
     count = observations.shape[1]
     rest = [
-        adjust(np.delete(observations, shot, axis=1), points, full.cameras).cameras
+        adjust_bundle(np.delete(observations, shot, axis=1), points, full.cameras).cameras
         for shot in range(count)
     ]
     apart = np.array([differences(cameras, full.cameras) for cameras in rest])

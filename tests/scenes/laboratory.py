@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets.experiment.compute import estimate, rig_of, true_tracks
+from thesis_lib.figure_sets.experiment.compute import estimate_deflections, rig_of, true_tracks
 from thesis_lib.laboratory.experiment import join_replicates
 from thesis_lib.laboratory.parameters import CAMERA_NAMES
 from thesis_lib.laboratory.rig import REST_S
@@ -69,4 +69,6 @@ def replicates(request, count, sigma=0.0):
 def estimated(request, every):
     """Return recordings as replicates, with their estimates."""
     names = [str(name) for name in every[0].data_vars]
-    return join_replicates([data.merge(estimate(request, data)) for data in every], names)
+    return join_replicates(
+        [data.merge(estimate_deflections(request, data)) for data in every], names
+    )

@@ -14,7 +14,7 @@ from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.studies.schema import with_provenance
 
 TRIALS = 12
@@ -31,13 +31,13 @@ def sets():
 @cache
 def cube_of(name):
     """The cube of a figure set."""
-    request = validate(name, {"trials": TRIALS})
+    request = validate_request(name, {"trials": TRIALS})
     if request.subject == "experiment":
         cube = study.run(request, replicates(request.recordings, TRIALS + 1, sigma=0.02))
     elif request.subject == "lab":
         cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=TRIALS + 1))
     elif request.subject == "sound":
-        request = validate(name, {"trials": TRIALS, "plane_shape": [9, 7]})
+        request = validate_request(name, {"trials": TRIALS, "plane_shape": [9, 7]})
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)

@@ -29,7 +29,7 @@ def look(sigma=0.0, seed=0):
                 world = on_surface(
                     rig.markers.extent, points[:, None], rig.motion.deflection(points, at)
                 )
-                return lens.project(camera, world).swapaxes(0, 1)
+                return lens.project_points(camera, world).swapaxes(0, 1)
 
             truth = images(times)
             seen = [images(times + node * exposure / 2) for node in NODES]

@@ -12,13 +12,13 @@ from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_poses, default_rig
-from thesis_lib.measure.measured import deflection, recorded
+from thesis_lib.measure.measured import fit_deflection, record_tracks
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.vibration.motion import Motion
-from thesis_lib.vision.lens import project
+from thesis_lib.vision.lens import project_points
 
 REST = 0.25  # s at rest on the clock of the camera that starts last
 STARTS = (0.02, 0.0, 0.05, 0.013)
@@ -43,7 +43,7 @@ def corners_px(rig: Rig, index: int) -> tuple[tuple[float, float], ...]:
     """The structure's corners as a person would read them off a picture, to whole pixels."""
     length, width = rig.markers.extent
     plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    uv = project(rig.stations[index].camera, on_surface(rig.markers.extent, plane))
+    uv = project_points(rig.stations[index].camera, on_surface(rig.markers.extent, plane))
     return tuple((float(round(u)), float(round(v))) for u, v in uv.T)
 
 
@@ -91,7 +91,7 @@ def make(
 def shape_of(manifest: Path, steps: Path) -> xr.Dataset:
     """What a measurement finds, without its report and the other files."""
     given = read_manifest(manifest)
-    return deflection(given, recorded(given, manifest.parent, steps, lambda line: None))[0]
+    return fit_deflection(given, record_tracks(given, manifest.parent, steps, lambda line: None))[0]
 
 
 def write_colour(path: Path, frames, size, rate: float, audio: np.ndarray) -> None:

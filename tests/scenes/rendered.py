@@ -22,7 +22,7 @@ from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world
@@ -99,7 +99,7 @@ def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]
         frames = rolling_frames(rig, index, readout)
         write_video(path, frames, station.frame_rate, heard(times, index), SAMPLE_RATE_HZ)
 
-    abreast(one, range(len(rig.stations)))
+    map_in_pairs(one, range(len(rig.stations)))
     write_opencv(folder / "cameras.yaml", rig.cameras)
     values = manifest_of(rig).model_dump(mode="json")
     for camera in values["cameras"]:

@@ -12,8 +12,8 @@ from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres, true_view
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.tracking.homography import as_dark
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.studies.parallel import abreast
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
+from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
@@ -27,7 +27,7 @@ class RollingView(BeamView):
     ) -> None:
         super().__init__(camera, markers, motion, sensor)
         self.readout = readout
-        rest = lens.project(camera, on_surface(markers.extent, self.points))
+        rest = lens.project_points(camera, on_surface(markers.extent, self.points))
         self.late = readout * (rest[1] / camera.size[1] - 0.5)
 
     def light(self, time: float) -> Light:
@@ -37,8 +37,9 @@ class RollingView(BeamView):
         for _ in range(2):  # a moving point is seen at the time of the row where it is then
             at = time + within[:, None] + late
             deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
-            uv = lens.project(self.camera, on_surface(self.markers.extent, self.points[:, None],
-                                                      deflection))  # fmt: skip
+            uv = lens.project_points(
+                self.camera, on_surface(self.markers.extent, self.points[:, None], deflection)
+            )
             late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
@@ -60,9 +61,11 @@ def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
         tracker = None
         for frame in rolling_frames(rig, index, readout):
             image = as_dark(frame, markers)
-            tracker = tracker or Tracker(sharpen(image, true_view(station.camera, markers)), 0.0)
+            tracker = tracker or Tracker(
+                sharpen_view(image, true_view(station.camera, markers)), 0.0
+            )
             found.append(tracker.centres(image))
         times, centres = station.start + np.arange(len(found)) / station.frame_rate, np.array(found)
         return TrackedCentres(times, centres, np.full_like(centres, np.nan))
 
-    return abreast(one, range(len(rig.stations)))
+    return map_in_pairs(one, range(len(rig.stations)))

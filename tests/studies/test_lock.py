@@ -11,7 +11,7 @@ OTHER = {"numpy": "0.1"}
 
 def test_packages_other_than_the_locks_are_reported(monkeypatch):
     assert lock.differing_packages() == []
-    monkeypatch.setattr(lock, "installed_versions", lambda: OTHER)
+    monkeypatch.setattr(lock, "package_versions", lambda: OTHER)
     (line,) = lock.differing_packages()
     assert line.startswith("numpy 0.1 is installed, the lock has ")
 
@@ -27,7 +27,7 @@ def test_what_other_packages_computed_is_not_trusted(monkeypatch):
     before = trusted()
     assert trusted() == before
     for module in (digests, cache):
-        monkeypatch.setattr(module, "installed_versions", lambda: OTHER)
+        monkeypatch.setattr(module, "package_versions", lambda: OTHER)
     cube, step = trusted()
     digests.code_digest.cache_clear()
     assert cube != before[0]

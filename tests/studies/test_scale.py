@@ -15,7 +15,7 @@ from command import refusal, thesis
 
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import blocks as chunks
 from thesis_lib.studies import schedulers
@@ -61,7 +61,7 @@ def test_a_range_of_shifts_is_a_part_of_all():
 )
 def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise_px):
     few = {**ARRAYS, "trials": 15}  # of two cameras 9 fill a block
-    study = validate("beam-arrays", {**few, "estimator": estimator, "noise_px": noise_px})
+    study = validate_request("beam-arrays", {**few, "estimator": estimator, "noise_px": noise_px})
     whole = studies.run(study)
     monkeypatch.setattr(chunks, "BLOCK_BYTES", 2**15)
     cut = studies.run(study)
@@ -73,7 +73,7 @@ def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise
 
 def test_settings_of_the_thesis_are_one_block_each():
     for name in ("beam-arrays", "plate-arrays"):
-        study = validate(name, {})
+        study = validate_request(name, {})
         settings = study.settings()
         points = 4 * study.structure.markers.shape[1]
         blocks = list(studies._blocks(settings, study.trials, points))
@@ -105,20 +105,23 @@ def test_a_cluster_with_tls_gives_the_same_cube_bit_for_bit(tmp_path, small_bloc
     ):  # fmt: skip
         address = cluster.scheduler_address
         assert address.startswith("tls://")
-        plate, sound_request = validate("plate-distance", PLATE), validate("sound-distance", SOUND)
+        plate, sound_request = (
+            validate_request("plate-distance", PLATE),
+            validate_request("sound-distance", SOUND),
+        )
         alone = studies.run(plate)
         xr.testing.assert_identical(studies.run(plate, address), alone)
         heard = sound.run(sound_request, alone)
         xr.testing.assert_allclose(sound.run(sound_request, alone, address), heard, rtol=1e-12)
         monkeypatch.setattr(schedulers, "library_digest", lambda: "elsewhere")
         with pytest.raises(schedulers.SchedulerError, match=r"worker tls://.* here .*elsewhere"):
-            schedulers.check(address)
+            schedulers.check_scheduler(address)
 
 
 @pytest.mark.slow
 def test_processes_of_this_machine_give_the_same_cube_without_a_port(small_blocks, monkeypatch):
     """Where nothing can listen: no stranger on this machine can send them code."""
-    study = validate("beam-distance", {"trials": 60})
+    study = validate_request("beam-distance", {"trials": 60})
     alone = studies.run(study)
 
     def refuse(*_):
@@ -134,7 +137,7 @@ def test_processes_of_this_machine_give_the_same_cube_without_a_port(small_block
 @pytest.mark.parametrize("name", ["plate-arrays", "sound-distance", "shape-l"])
 def test_a_study_that_memory_would_not_hold_is_refused_with_what_it_needs(name):
     with pytest.raises(ParameterError, match=r"trials: given 1000000.* GB of memory, allowed: 2.1"):
-        validate(name, {"trials": 1_000_000})
+        validate_request(name, {"trials": 1_000_000})
 
 
 @pytest.mark.parametrize(
@@ -144,7 +147,7 @@ def test_a_study_that_memory_would_not_hold_is_refused_with_what_it_needs(name):
 )  # fmt: skip
 def test_malformed_schedulers_are_refused(given, monkeypatch):
     with pytest.raises(ValueError, match="allowed: processes, or tcp://HOST:PORT") as caught:
-        schedulers.checked(given)
+        schedulers.check_address(given)
     assert repr(given) in str(caught.value)
     if given:
         monkeypatch.setenv("THESIS_SCHEDULER", given)
@@ -165,7 +168,7 @@ def test_who_listens_but_is_no_scheduler_is_not_waited_for(monkeypatch):
         mute.listen()
         address, start = f"tcp://127.0.0.1:{mute.getsockname()[1]}", time.monotonic()
         with pytest.raises(schedulers.SchedulerError, match=f"{address}: no scheduler answers"):
-            studies.run(validate("beam-distance", {"trials": 0}), address)
+            studies.run(validate_request("beam-distance", {"trials": 0}), address)
         assert time.monotonic() - start < 10
 
 
@@ -175,13 +178,13 @@ def test_a_cluster_without_workers_is_named(monkeypatch):
     with distributed.LocalCluster(**empty) as own:
         address = own.scheduler_address
         with pytest.raises(schedulers.SchedulerError, match=f"{address}: it has no worker"):
-            schedulers.check(address)
+            schedulers.check_scheduler(address)
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(schedulers.SchedulerError, match=r"pip install thesis-lib\[scale\]"):
-        schedulers.check("tcp://127.0.0.1:1")
+        schedulers.check_scheduler("tcp://127.0.0.1:1")
 
 
 def test_studies_without_pieces_say_so(monkeypatch, capsys):

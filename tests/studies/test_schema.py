@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.studies import schema
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 TABLE = """
     rate(camera) [Hz] frames per second
@@ -19,7 +19,7 @@ TABLE = """
 
 
 def test_lines_declare_dimensions_units_and_words():
-    found = declared(TABLE)
+    found = parse_variables(TABLE)
     assert list(found) == ["rate", "tracks", "size"]
     assert found["tracks"].dims == ("camera", "frame")
     assert found["tracks"].long_name == "centres of the markers, where they were found"
@@ -28,7 +28,7 @@ def test_lines_declare_dimensions_units_and_words():
 
 
 def test_values_come_in_their_order_over_what_they_have_beside():
-    made = labelled({"size": 2.0, "rate": [1, 2]}, declared(TABLE), over=["setting"])
+    made = label_values({"size": 2.0, "rate": [1, 2]}, parse_variables(TABLE), over=["setting"])
     assert list(made) == ["size", "rate"]
     dims, values, about = made["rate"]
     assert dims == ("setting", "camera")
@@ -42,7 +42,7 @@ def test_values_come_in_their_order_over_what_they_have_beside():
 )
 def test_what_declares_nothing_is_named(line):
     with pytest.raises(ValueError, match=r"given .*allowed: name"):
-        declared(line)
+        parse_variables(line)
 
 
 def test_examples():

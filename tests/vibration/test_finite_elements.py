@@ -13,14 +13,14 @@ from skfem import Basis, MeshTri
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.vibration.beam import cantilever_roots
-from thesis_lib.vibration.finite_elements import facets_along, located, plate_modes
-from thesis_lib.vibration.meshing import pieces, triangulated
+from thesis_lib.vibration.finite_elements import facets_along, locate_points, plate_modes
+from thesis_lib.vibration.meshing import divide_hole, mesh_outline
 from thesis_lib.vibration.morley import Morley
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.polygons import Circle, area, contains, is_simple
+from thesis_lib.vibration.polygons import Circle, is_simple, polygon_area, polygon_contains
 from thesis_lib.vibration.structure import deflection_shape, modal_coordinates, peak_deflection
 
-PLATE = setups.plate()
+PLATE = setups.thesis_plate()
 L, W = PLATE.extent
 RECTANGLE = ((0.0, 0.0), (L, 0.0), (L, W), (0.0, W))
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
@@ -60,7 +60,7 @@ def twice_areas(mesh):
 def test_simply_supported_rectangle_converges_with_order_2(conforms):
     waves = [(m / L) ** 2 + (n / W) ** 2 for m in range(1, 6) for n in range(1, 6)]
     exact = np.sort((np.pi**2 * np.array(waves)) ** 2)[:4]
-    mesh, errors = triangulated(RECTANGLE, (), 0.03), []
+    mesh, errors = mesh_outline(RECTANGLE, (), 0.03), []
     for _ in range(3):
         errors.append(eigenvalues(mesh, "simply supported") / exact - 1)
         mesh = mesh.refined()
@@ -93,7 +93,7 @@ def test_element_has_the_values_and_slopes_that_its_coefficients_say(conforms, f
 def test_small_triangles_cost_no_digits(conforms):
     """Frequencies stay when corners are renumbered and moved, though one side is 15 µm long."""
     given = FIGURE_SETS["shape-holes"].request().structure
-    mesh = triangulated(given.outline, given.holes, given.element_size)
+    mesh = mesh_outline(given.outline, given.holes, given.element_size)
     order = np.random.default_rng(1).permutation(mesh.p.shape[1])
     new = np.ascontiguousarray(np.argsort(order)[mesh.t])
     other = MeshTri(np.ascontiguousarray(mesh.p[:, order]) + 0.3, new)
@@ -117,7 +117,7 @@ def test_panel_that_is_the_plate_has_its_frequencies_shapes_and_signs(conforms):
 
 def test_clamped_square_has_the_eigenvalues_of_the_literature(conforms):
     # A. W. Leissa, Vibration of Plates (NASA SP-160, 1969): ω a² √(m/D) = 35.99, 73.41, 108.27
-    mesh = triangulated(SQUARE, (), 0.1)
+    mesh = mesh_outline(SQUARE, (), 0.1)
     found = []
     for _ in range(3):
         mesh = mesh.refined()
@@ -181,7 +181,7 @@ def test_frequencies_of_an_l_fall_with_the_square_of_its_size(conforms, support)
 @pytest.mark.parametrize("support", ["clamped", "simply supported"])
 @pytest.mark.parametrize("matrix", [[[0.6, -0.8], [0.8, 0.6]], [[-1, 0], [0, 1]]])
 def test_a_turned_or_mirrored_mesh_has_the_same_eigenvalues(conforms, support, matrix):
-    mesh = triangulated(ELL, (Circle(0.2, 0.3, 0.1),), 0.06)
+    mesh = mesh_outline(ELL, (Circle(0.2, 0.3, 0.1),), 0.06)
     turned = MeshTri(np.array(matrix, float) @ mesh.p, mesh.t)
     conforms.invariance(eigenvalues(turned, support), eigenvalues(mesh, support), rtol=1e-7)
 
@@ -216,7 +216,7 @@ def test_clamping_raises_and_freeing_an_edge_lowers_every_frequency():
 
 def test_shapes_are_orthogonal_with_mean_square_1(conforms):
     one = panel(holes=HOLES[1:], element_size=0.01)
-    mesh = triangulated(one.outline, one.holes, one.element_size)
+    mesh = mesh_outline(one.outline, one.holes, one.element_size)
     corners = mesh.p[:, mesh.t]  # (2, 3, triangles)
     weights = np.tile(twice_areas(mesh) / 6, 3)  # exact for quadratics: three points inside
     points = np.concatenate([(corners.sum(axis=1) + 3 * corners[:, i]) / 6 for i in range(3)], 1)
@@ -228,12 +228,12 @@ def test_shapes_are_orthogonal_with_mean_square_1(conforms):
 def test_points_are_found_in_the_triangles_they_are_in(conforms):
     """Where corners' coordinates are averaged by the weights, the points come out again."""
     one = panel(ELL, element_size=0.03)
-    mesh = triangulated(one.outline, one.holes, one.element_size)
+    mesh = mesh_outline(one.outline, one.holes, one.element_size)
     rng = np.random.default_rng(0)
     inside = rng.uniform((0, 0), one.extent, (3000, 2)).T
     corners, middles = mesh.p, mesh.p[:, mesh.facets].mean(axis=1)
     points = np.concatenate([inside[:, one.covers(inside)], corners, middles], axis=1)
-    cells, weights = located(mesh, points)
+    cells, weights = locate_points(mesh, points)
     assert weights.min() >= 0
     back = np.einsum("ikn,kn->in", mesh.p[:, mesh.t[:, cells]], weights)
     conforms.independent(back, points, atol=1e-12)
@@ -252,9 +252,9 @@ def test_a_small_hole_changes_nothing(conforms):
 
 
 def test_grading_at_the_corner_pays_where_the_solution_is_singular():
-    finest = np.sqrt(eigenvalues(triangulated(ELL, (), 0.02, 12), "simply supported", 1))[0]
+    finest = np.sqrt(eigenvalues(mesh_outline(ELL, (), 0.02, 12), "simply supported", 1))[0]
     off = [
-        1 - np.sqrt(eigenvalues(triangulated(ELL, (), 0.05, halvings), "simply supported", 1))[0]
+        1 - np.sqrt(eigenvalues(mesh_outline(ELL, (), 0.05, halvings), "simply supported", 1))[0]
         / finest
         for halvings in (0, 3, 9)
     ]  # fmt: skip
@@ -266,11 +266,13 @@ def test_grading_at_the_corner_pays_where_the_solution_is_singular():
 
 def test_triangles_fill_the_region_and_no_more(conforms):
     for size in (0.05, 0.02, 0.01):
-        mesh = triangulated(RECTANGLE, HOLES, size, halvings=0)
+        mesh = mesh_outline(RECTANGLE, HOLES, size, halvings=0)
         corners = mesh.p[:, mesh.t]
         twice = twice_areas(mesh)
-        wanted = area(RECTANGLE) - sum(abs(area(pieces(hole, size))) for hole in HOLES)
-        graded = triangulated(RECTANGLE, HOLES, size)
+        wanted = polygon_area(RECTANGLE) - sum(
+            abs(polygon_area(divide_hole(hole, size))) for hole in HOLES
+        )
+        graded = mesh_outline(RECTANGLE, HOLES, size)
         for areas in (twice, twice_areas(graded)):
             conforms.independent(np.abs(areas).sum() / 2, wanted, rtol=1e-9)
         assert graded.t.shape[1] > mesh.t.shape[1]
@@ -282,7 +284,7 @@ def test_triangles_fill_the_region_and_no_more(conforms):
 
 def test_pieces_of_a_circle_approach_its_area_with_order_2(conforms):
     circle = Circle(0.0, 0.0, 1.0)
-    off = [math.pi - area(pieces(circle, size)) for size in (0.1, 0.05, 0.025)]
+    off = [math.pi - polygon_area(divide_hole(circle, size)) for size in (0.1, 0.05, 0.025)]
     conforms.order(orders(off), 2, atol=0.05)
 
 
@@ -303,7 +305,7 @@ def test_points_are_in_a_polygon_by_its_winding():
     points = np.random.default_rng(0).uniform(-0.2, 1.2, (2, 400))
     x, y = points
     box = (x > 0) & (x < 1) & (y > 0) & (y < 1)
-    np.testing.assert_array_equal(contains(ELL, points), box & ~((x > 0.5) & (y > 0.5)))
+    np.testing.assert_array_equal(polygon_contains(ELL, points), box & ~((x > 0.5) & (y > 0.5)))
 
 
 # A structure as the others.
@@ -313,7 +315,7 @@ def test_markers_in_holes_and_off_the_outline_are_left_out():
     one = panel(holes=HOLES)
     x, y = one.markers
     assert np.all(np.hypot(x - 0.2, y - 0.28) >= 0.06)
-    assert not contains(HOLES[1], one.markers).any()
+    assert not polygon_contains(HOLES[1], one.markers).any()
     everywhere = PLATE.markers
     assert one.markers.shape[1] == one.covers(everywhere).sum() < everywhere.shape[1]
     ell = panel(ELL, grid=(10, 10))

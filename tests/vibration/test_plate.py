@@ -16,11 +16,11 @@ from thesis_lib.vibration.structure import (
     full_response,
     modal_coordinates,
     peak_deflection,
-    resonance,
+    resonance_frequency,
     single_mode_distance,
 )
 
-PLATE = setups.plate()
+PLATE = setups.thesis_plate()
 SQUARE = replace(PLATE, length=0.5, width=0.5, force_position=(0.25, 0.25))
 THESIS_ORDER = [(1, 1), (2, 1), (1, 2), (3, 1), (2, 2), (3, 2), (4, 1), (1, 3)]
 
@@ -167,7 +167,7 @@ def test_deflection_shape_has_the_given_peak_at_an_antinode(conforms):
 
 @pytest.mark.parametrize("grid", [(15, 10), (4, 7), (1, 1)])
 def test_markers_are_cell_centres_and_x_runs_fastest(conforms, grid):
-    plate = setups.plate(grid)
+    plate = setups.thesis_plate(grid)
     expected = [
         ((i + 0.5) * 0.668 / grid[0], (j + 0.5) * 0.443 / grid[1])
         for j in range(grid[1])
@@ -180,7 +180,7 @@ def test_grid_is_the_printed_one_unless_another_is_given():
     assert PLATE.grid == (15, 10)
     assert PLATE.markers.shape == (2, 150)
     assert camera_study("plate-distance").structure == PLATE
-    other = setups.plate((7, 3))
+    other = setups.thesis_plate((7, 3))
     assert other.grid == (7, 3)
     assert replace(other, grid=PLATE.grid) == PLATE
 
@@ -306,7 +306,9 @@ def test_one_mode_is_all_of_the_response_at_its_resonance_as_damping_falls(confo
 def test_resonance_is_just_below_the_natural_frequency(conforms):
     for mode in (1, 2, 3):
         natural = PLATE.angular_frequencies(mode)[-1]
-        conforms.closed_form(resonance(PLATE, mode), natural * np.sqrt(1 - 2 * 0.02**2), rtol=1e-6)
+        conforms.closed_form(
+            resonance_frequency(PLATE, mode), natural * np.sqrt(1 - 2 * 0.02**2), rtol=1e-6
+        )
 
 
 def test_modal_density_counts_the_modes(conforms):

@@ -16,11 +16,11 @@ from thesis_lib.vibration.structure import (
     modal_coordinates,
     modal_overlap,
     peak_deflection,
-    resonance,
+    resonance_frequency,
     single_mode_distance,
 )
 
-BEAM = setups.beam()
+BEAM = setups.thesis_beam()
 MODES = range(1, 31)
 
 
@@ -177,7 +177,7 @@ def test_response_is_reciprocal_between_force_and_receiver(conforms):
 
 
 def test_response_is_linear_in_force(conforms):
-    omega = resonance(BEAM, 2)
+    omega = resonance_frequency(BEAM, 2)
     one = full_response(BEAM, BEAM.markers, omega, 10)
     conforms.invariance(full_response(BEAM, BEAM.markers, omega, 10, 3.5), 3.5 * one, rtol=1e-7)
     conforms.invariance(peak_deflection(BEAM, 2, 3.5), 3.5 * peak_deflection(BEAM, 2), rtol=1e-6)
@@ -210,7 +210,7 @@ def test_resonance_is_the_frequency_of_the_largest_displacement(conforms):
     omega = np.linspace(0.5, 1.5, 20001) * heavy.angular_frequencies(1)[0]
     amplitude = np.abs(modal_coordinates(heavy, omega, 1)[0])
     step = omega[1] - omega[0]
-    conforms.independent(resonance(heavy, 1), omega[np.argmax(amplitude)], atol=step)
+    conforms.independent(resonance_frequency(heavy, 1), omega[np.argmax(amplitude)], atol=step)
 
 
 def test_deflection_shape_peaks_at_the_tip_with_the_given_value(conforms):

@@ -132,7 +132,7 @@ def test_threads_may_share_the_work(conforms, fast, compiled):
     uv = images(P, 40_000)
     with ThreadPoolExecutor(2) as pool:
         parts = np.split(uv, 4, axis=2)
-        P_, middle = map(np.ascontiguousarray, triangulation.centred(P))
+        P_, middle = map(np.ascontiguousarray, triangulation.centre_projections(P))
 
         def solve(part):
             points = np.empty((3, part.shape[2]))
@@ -147,7 +147,7 @@ def test_threads_may_share_the_work(conforms, fast, compiled):
 def test_only_more_than_a_million_points_are_compiled_for(conforms, compiled, monkeypatch, more):
     called = []
     solve = compiled.solve
-    monkeypatch.setattr(compiled, "solve", lambda *a: (called.append(1), solve(*a)))
+    monkeypatch.setattr(compiled, "solve_points", lambda *a: (called.append(1), solve(*a)))
     P = rig(2)
     uv = np.tile(images(P, 1000), 1000)
     uv = np.concatenate([uv, uv[:, :, :more]], axis=2)

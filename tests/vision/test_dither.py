@@ -111,7 +111,7 @@ def test_centroid_gains_with_the_root_of_the_diameter(conforms):
 
 @pytest.mark.parametrize(("distance_mm", "peak_mm"), [(500, 5.5), (500, 30), (1500, 5.5)])
 def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_mm, peak_mm):
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     shape = deflection_shape(beam, 1, beam.markers, peak_mm / 1000)
     points = world_points(beam, np.stack([0 * shape, shape]))
     setting = setups.distance_settings([distance_mm], 30, 25, (320, 180))[0]
@@ -130,7 +130,7 @@ def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_m
 
 
 def test_shaking_cameras_measure_small_vibrations_better(conforms):
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     shape = deflection_shape(beam, 1, beam.markers, 1e-3)
     points = world_points(beam, np.stack([0 * shape, shape]))
     P = setups.distance_settings([500], 30, 25, (320, 180))[0].cameras(24, 36).P

@@ -7,12 +7,12 @@ from thesis_lib.vision.estimators import (
     CHECK_SIZE_PX,
     ESTIMATORS,
     deflection_errors,
-    exponent,
+    fit_exponent,
     over_layouts,
     random_hemisphere,
 )
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
-from thesis_lib.vision.triangulation import gain, triangulate
+from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 LINEAR, REFINED = (ESTIMATORS.index(name) for name in ("linear", "least-squares"))
 
@@ -54,7 +54,7 @@ def test_the_gain_predicts_the_scatter_by_noise(conforms, distances):
     P, sigma = cameras(distances).P, 0.05
     exact = project(P, np.zeros(3))[:, :, None]
     noisy = exact + np.random.default_rng(3).normal(0, sigma, (4, 2, 100_000))
-    expected = sigma * np.sqrt(np.sum(gain(P, np.zeros(3)) ** 2, axis=(1, 2)))
+    expected = sigma * np.sqrt(np.sum(triangulation_gain(P, np.zeros(3)) ** 2, axis=(1, 2)))
     conforms.sampled(np.std(triangulate(P, noisy), axis=1), expected, rtol=0.02)
 
 
@@ -88,7 +88,9 @@ def test_errors_shrink_with_the_pixels(conforms):
 
 def test_exponent_of_powers_is_the_power(conforms):
     n = np.array([2.0, 5, 9])
-    conforms.closed_form(exponent(n, np.stack([3 / n, 7 * n**0.5], axis=1)), [-1, 0.5], rtol=1e-7)
+    conforms.closed_form(
+        fit_exponent(n, np.stack([3 / n, 7 * n**0.5], axis=1)), [-1, 0.5], rtol=1e-7
+    )
 
 
 def test_cameras_may_stand_at_several_distances(conforms):

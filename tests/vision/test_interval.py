@@ -13,10 +13,10 @@ from thesis_lib.vision import estimators, interval, pixel_noise
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.interval import joint_interval, pixel_mass
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
-from thesis_lib.vision.triangulation import covariance, triangulate
+from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 COUNTS = [2, 4, 8, 16, 32, 64]
-posterior = interval.interval
+posterior = interval.interval_estimate
 
 
 def on_grid(P, uv, sigma, about, spread, reach=5.0, number=61):
@@ -95,7 +95,7 @@ def test_much_noise_is_least_squares(conforms, n):
     P, sigma = rig(n).P, 2.0
     uv = rounded(P, box(200), sigma)
     found, least = posterior(P, uv, sigma), triangulate(P, uv)
-    cov = covariance(P, least, np.sqrt(sigma**2 + 1 / 12))
+    cov = point_covariance(P, least, np.sqrt(sigma**2 + 1 / 12))
     deviation = np.sqrt(np.einsum("ii...->i...", cov))
     conforms.independent((found.points - least) / deviation, 0, atol=0.01)
     scale = deviation[:, None] * deviation
@@ -150,7 +150,7 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
     assert np.mean(lost == ~analytic_centre(P, uv).feasible) > 0.97
     least = triangulate(P, uv)[:, lost]
     conforms.invariance(clean.points[:, lost], least, atol=0)
-    expected = covariance(P, least, np.sqrt(1 / 12 + interval.LEAST_PX**2))
+    expected = point_covariance(P, least, np.sqrt(1 / 12 + interval.LEAST_PX**2))
     conforms.closed_form(clean.covariance[..., lost], expected, rtol=1e-9)
 
 
@@ -185,10 +185,10 @@ def drawn(n, sigma, rules, layouts=12, markers=150):
         cameras = hemisphere_cameras(
             0.75, azimuth, elevation, estimators.CHECK_FOCAL_PX, estimators.CHECK_SIZE_PX
         )
-        points = estimators.moved_markers(rng, markers)
+        points = estimators.move_markers(rng, markers)
         uv = project(cameras.P, points)
         uv = np.rint(uv + sigma * rng.standard_normal(uv.shape))
-        z = estimators.estimates(cameras.P, uv, rules, sigma)[:, 2]
+        z = estimators.estimate_points(cameras.P, uv, rules, sigma)[:, 2]
         squares.append((z[:, 1] - z[:, 0] - points[2, 1] + points[2, 0]) ** 2)
         if sigma:
             cov = pixel_noise.least_covariance(cameras.P, points, sigma)

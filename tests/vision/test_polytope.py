@@ -9,7 +9,7 @@ from scipy.optimize import linprog, minimize
 
 from benchmarks import own
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision import estimators
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.pinhole import CameraArray, pixelate, project
@@ -278,11 +278,11 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
             for n in numbers
         ]
     )
-    _, least_squares, centre, joint = estimators.exponent(numbers, errors)
+    _, least_squares, centre, joint = estimators.fit_exponent(numbers, errors)
     conforms.order(least_squares, -0.5, atol=0.05)
     conforms.order(centre, above=-1.0, below=-0.8)
     conforms.order(joint, above=-1.0, below=-0.8)
-    last = estimators.exponent(numbers[2:], errors[2:])
+    last = estimators.fit_exponent(numbers[2:], errors[2:])
     conforms.order(last[2], below=-0.85)  # and steeper the more there are
 
 
@@ -313,7 +313,7 @@ def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_th
 ):
     trials = 200 if name.startswith("beam") else 50
     cubes = [
-        studies.run(validate(name, {"trials": trials, "estimator": estimator}))
+        studies.run(validate_request(name, {"trials": trials, "estimator": estimator}))
         for estimator in ("least-squares", "analytic-centre")
     ]
     one, other = (cube["mean_error"].mean(("mode", "trial")).values for cube in cubes)

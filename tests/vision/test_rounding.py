@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_rotations, intrinsics, project
-from thesis_lib.vision.simulation import measure
-from thesis_lib.vision.triangulation import gain
+from thesis_lib.vision.simulation import measure_deflections
+from thesis_lib.vision.triangulation import triangulation_gain
 
 STUDIES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
 
@@ -75,7 +75,7 @@ QUICK = {("beam-distance", "known"), *((name, "rebuilt") for name in STUDIES[:3]
     ],
 )
 def test_predicted_error_is_the_rms_over_trials(conforms, name, rest):
-    cube = studies.run(validate(name, {"trials": 2000, "rest": rest}))
+    cube = studies.run(validate_request(name, {"trials": 2000, "rest": rest}))
     simulated = np.sqrt(np.mean(cube["mean_error"].values[:, :, 1:] ** 2, axis=2))
     conforms.sampled(cube["predicted_error"] / simulated, 1, atol=0.03)
 
@@ -96,7 +96,7 @@ def test_motion_by_whole_pixels_is_measured_without_error(conforms, pixels):
         points = np.zeros((3, 2, 9))
         points[0] = x
         points[2, 1] = moved * step
-        error = measure(rig, points, shifts) - moved * step
+        error = measure_deflections(rig, points, shifts) - moved * step
         if exact:
             conforms.closed_form(error, 0, atol=1e-12)
         else:  # one or the other whole pixel, never the half between them
@@ -104,12 +104,12 @@ def test_motion_by_whole_pixels_is_measured_without_error(conforms, pixels):
 
 
 def test_two_independent_roundings_would_be_far_too_many_for_small_motion(conforms):
-    study = validate("beam-distance", {"amplitude_mm": 0.05, "trials": 2000, "modes": [1]})
+    study = validate_request("beam-distance", {"amplitude_mm": 0.05, "trials": 2000, "modes": [1]})
     cube = studies.run(study)
     for s, setting in enumerate(study.settings()):
         P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
         rest = world_points(study.structure, np.zeros((1, 25)))
-        naive = np.sqrt(np.mean(np.sum(gain(P, rest)[2] ** 2, axis=(0, 1))) * 2 / 12)
+        naive = np.sqrt(np.mean(np.sum(triangulation_gain(P, rest)[2] ** 2, axis=(0, 1))) * 2 / 12)
         naive *= 100 / np.max(cube["reference_deflection"].values)
         simulated = np.sqrt(np.mean(cube["mean_error"].values[s, 0, 1:] ** 2))
         conforms.sampled(cube["predicted_error"].values[s, 0], simulated, rtol=0.1)
@@ -120,7 +120,7 @@ def test_two_independent_roundings_would_be_far_too_many_for_small_motion(confor
 def test_variance_is_that_of_the_linearised_measurement(conforms, height):
     # The law itself, without the non-linearity of triangulation: gains times sampled roundings.
     rng = np.random.default_rng(5)
-    study = validate("beam-aperture", {})
+    study = validate_request("beam-aperture", {})
     P = study.settings()[2].cameras(24, 36).P
     rest = np.array([0.2, 0.01, 0.0])
     deflected = rest + [0, 0, height]
@@ -130,8 +130,8 @@ def test_variance_is_that_of_the_linearised_measurement(conforms, height):
         uv = project(P, point)[:, :, None] + shift
         return np.rint(uv) - uv
 
-    after = np.einsum("nc,nct->t", gain(P, deflected)[2], rounding_error(deflected))
-    before = np.einsum("nc,nct->t", gain(P, rest)[2], rounding_error(rest))
+    after = np.einsum("nc,nct->t", triangulation_gain(P, deflected)[2], rounding_error(deflected))
+    before = np.einsum("nc,nct->t", triangulation_gain(P, rest)[2], rounding_error(rest))
     for known, sampled in ((False, after - before), (True, after)):
         law = rounding.deflection_variance(P, rest, deflected, known)
         conforms.sampled(law, np.var(sampled), rtol=0.01)
@@ -160,7 +160,7 @@ def test_law_of_noise_tends_to_that_without_and_to_independent_roundings(conform
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("noise_px", [0.05, 0.3])
 def test_covariance_with_noise_is_that_of_draws(conforms, known, noise_px):
-    study = validate("beam-arrays", {"cases": ["4d"]})
+    study = validate_request("beam-arrays", {"cases": ["4d"]})
     cameras = study.settings()[1].cameras(24, 36)
     x, y = study.structure.markers[:, ::8]
     rest = np.stack([x - x.mean(), y, np.zeros_like(x)])
@@ -168,7 +168,9 @@ def test_covariance_with_noise_is_that_of_draws(conforms, known, noise_px):
     trials = 20_000
     noise = noise_px * rounding.image_noise(5, trials, [1], len(cameras), points.shape[2])
     shifts = rounding.grid_shifts(5, trials, len(cameras))
-    found = measure(cameras, points, shifts, known, noise=noise, noise_px=noise_px)[0, 1:]
+    found = measure_deflections(cameras, points, shifts, known, noise=noise, noise_px=noise_px)[
+        0, 1:
+    ]
     error = found - 2e-3
     arguments = cameras.P, points[:, 0], points[:, 1], known
     law = rounding.deflection_covariance(*arguments, noise_px)

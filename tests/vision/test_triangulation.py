@@ -16,7 +16,12 @@ from thesis_lib.vision.pinhole import (
     intrinsics,
     project,
 )
-from thesis_lib.vision.triangulation import covariance, gain, jacobian, triangulate
+from thesis_lib.vision.triangulation import (
+    image_jacobian,
+    point_covariance,
+    triangulate,
+    triangulation_gain,
+)
 
 SIZE = (320, 180)
 
@@ -180,7 +185,7 @@ def test_no_neighbour_fits_better(conforms, rig):
     uv = noisy(rig.P, points)
     best = triangulate(rig.P, uv, steps=8)
     residual = uv - project(rig.P, best)
-    J = jacobian(rig.P, best)
+    J = image_jacobian(rig.P, best)
     gradient = np.einsum("nckp,ncp->kp", J, residual)
     curvature = np.einsum("nckp,ncp->kp", np.abs(J), np.abs(residual))
     conforms.closed_form(np.abs(gradient), below=1e-7 * curvature)
@@ -218,7 +223,7 @@ def test_hartley_and_sturm_meet_exact_images(conforms):
 @given(rigs())
 def test_jacobian_is_the_derivative_of_projection(conforms, rig):
     points = box(5)
-    J = jacobian(rig.P, points)
+    J = image_jacobian(rig.P, points)
     errors = []
     for h in (4e-3, 2e-3, 1e-3):
         steps = h * np.eye(3)[:, :, None]
@@ -233,7 +238,7 @@ def test_jacobian_is_the_derivative_of_projection(conforms, rig):
 @given(rigs(most=4))
 def test_gain_is_the_derivative_of_triangulation(conforms, rig):
     points = box(4)
-    exact, G, h = project(rig.P, points), gain(rig.P, points), 1e-3
+    exact, G, h = project(rig.P, points), triangulation_gain(rig.P, points), 1e-3
     for camera in range(len(rig)):
         for axis in range(2):
             step = np.zeros_like(exact)
@@ -245,11 +250,15 @@ def test_gain_is_the_derivative_of_triangulation(conforms, rig):
 
 def test_jacobian_and_gain_keep_the_shape_of_the_points(conforms):
     P, points = ring(3).P, box(6).reshape(3, 2, 3)
-    assert jacobian(P, points).shape == (3, 2, 3, 2, 3)
-    assert gain(P, points).shape == (3, 3, 2, 2, 3)
-    assert covariance(P, points).shape == (3, 3, 2, 3)
-    conforms.invariance(gain(P, points[:, 1, 2]), gain(P, points)[..., 1, 2], rtol=1e-7)
-    inverse = np.einsum("kni...,nij...->kj...", gain(P, points), jacobian(P, points))
+    assert image_jacobian(P, points).shape == (3, 2, 3, 2, 3)
+    assert triangulation_gain(P, points).shape == (3, 3, 2, 2, 3)
+    assert point_covariance(P, points).shape == (3, 3, 2, 3)
+    conforms.invariance(
+        triangulation_gain(P, points[:, 1, 2]), triangulation_gain(P, points)[..., 1, 2], rtol=1e-7
+    )
+    inverse = np.einsum(
+        "kni...,nij...->kj...", triangulation_gain(P, points), image_jacobian(P, points)
+    )
     conforms.closed_form(inverse[..., 0, 0], np.eye(3), atol=1e-12)
 
 
@@ -259,7 +268,7 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
 ):
     f = 213.3
     rig = ring(n, distance, np.pi / 2 - from_normal, f)
-    C = covariance(rig.P, np.zeros(3), sigma)
+    C = point_covariance(rig.P, np.zeros(3), sigma)
     across = distance * sigma / (f * np.sqrt(n * (1 - np.sin(from_normal) ** 2 / 2)))
     normal = distance * sigma / (f * np.sqrt(n) * np.sin(from_normal))
     conforms.closed_form(np.sqrt(np.diag(C)), [across, across, normal], rtol=1e-12)
@@ -270,7 +279,9 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
 def test_copies_of_a_pair_divide_the_covariance(conforms, copies):
     P = pair().P
     conforms.invariance(
-        covariance(np.concatenate([P] * copies), box()), covariance(P, box()) / copies, rtol=1e-10
+        point_covariance(np.concatenate([P] * copies), box()),
+        point_covariance(P, box()) / copies,
+        rtol=1e-10,
     )
 
 
@@ -280,7 +291,7 @@ def test_covariance_is_that_of_sampled_noise(conforms, rig):
     uv = project(rig.P, point)[:, :, None]
     noise = np.random.default_rng(3).normal(0, sigma, (len(rig), 2, draws))
     sampled = np.cov(triangulate(rig.P, uv + noise))
-    expected = covariance(rig.P, point, sigma)
+    expected = point_covariance(rig.P, point, sigma)
     deviations = np.sqrt(np.diag(expected))
     relative = (sampled - expected) / np.outer(deviations, deviations)
     conforms.sampled(np.max(np.abs(relative)), below=0.05)

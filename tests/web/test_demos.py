@@ -125,7 +125,7 @@ def test_two_cameras_have_the_law_of_the_library(show: Show) -> None:
 
 
 def test_a_beam_has_the_law_of_the_library(show: Show) -> None:
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     shape = deflection_shape(beam, 2, beam.markers, 5.5e-3)
     azimuths = (np.arange(6) + 0.3) * 2 * np.pi / 6
     cameras = hemisphere_cameras(

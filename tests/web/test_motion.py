@@ -12,7 +12,7 @@ import pytest
 from browser import Opened, open_offline
 
 from thesis_lib.book.explorer import explorer_html
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook.show import viewer
 from thesis_lib.studies import schema
@@ -34,7 +34,7 @@ Show = Callable[..., Any]
 @pytest.fixture(scope="module")
 def cubes() -> dict[str, xr.Dataset]:
     return {
-        kind: cube_of(validate(name, {"trials": 3, **asked}), "")
+        kind: cube_of(validate_request(name, {"trials": 3, **asked}), "")
         for kind, (name, asked) in KINDS.items()
     }
 
@@ -221,7 +221,7 @@ def test_the_explorers_image_is_the_librarys(show: Show) -> None:
     from thesis_lib.facts import setups
     from thesis_lib.vibration.structure import deflection_shape, world_points
 
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     shape = deflection_shape(beam, 3, beam.markers, 5.5e-3)
     query = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
     with show("explorer", query=query, still=True) as opened:

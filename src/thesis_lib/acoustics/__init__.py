@@ -6,10 +6,15 @@ what errors of the deflection do to both (:class:`.PlateSound`), and which error
 (:func:`.radiation_modes`).
 """
 
-from thesis_lib.acoustics.planes import Plane, operator, pistons
+from thesis_lib.acoustics.planes import Plane, plane_operator, plate_pistons
 from thesis_lib.acoustics.plate_sound import PlateSound
-from thesis_lib.acoustics.radiation import power_level, pressure_level, rayleigh, sound_power
+from thesis_lib.acoustics.radiation import (
+    power_level,
+    pressure_level,
+    rayleigh_pressure,
+    sound_power,
+)
 from thesis_lib.acoustics.sources import AIR, Medium, Pistons
 
-__all__ = ["AIR", "Medium", "Pistons", "Plane", "PlateSound", "operator", "pistons",
-           "power_level", "pressure_level", "rayleigh", "sound_power"]  # fmt: skip
+__all__ = ["AIR", "Medium", "Pistons", "Plane", "PlateSound", "plane_operator", "plate_pistons",
+           "power_level", "pressure_level", "rayleigh_pressure", "sound_power"]  # fmt: skip

@@ -53,13 +53,13 @@ class Amplitudes:
         return Amplitudes(self.value[places], self.covariance[np.ix_(both, both)])
 
 
-def stacked_matrix(matrix: ArrayLike) -> Array:
+def stack_matrix(matrix: ArrayLike) -> Array:
     """Return the real (2m, 2n) matrix by which a complex (m, n) one acts on stacked parts."""
     M = np.asarray(matrix)
     return np.block([[M.real, -M.imag], [M.imag, M.real]])
 
 
-def circular(
+def circular_estimate(
     value: ArrayLike, covariance: ArrayLike, common: ArrayLike | None = None
 ) -> Amplitudes:
     """Amplitudes whose two parts err alike and independently, but for what errors have in common.
@@ -84,7 +84,7 @@ def circular(
     return Amplitudes(w, whole)
 
 
-def quadratic(form: ArrayLike, of: Amplitudes) -> Estimate:
+def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:
     """Estimate the form wᴴAw for a real symmetric A (n, n), without the power of errors."""
     A = np.kron(np.eye(2), np.asarray(form, float))
     AS, x = A @ of.covariance, of.stacked
@@ -92,7 +92,7 @@ def quadratic(form: ArrayLike, of: Amplitudes) -> Estimate:
     return Estimate(np.array(value), np.sqrt(_covariance(A, A, of)))
 
 
-def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
+def estimate_squares(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Estimate each form |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
     at, S = _products(rows, of)
     value = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
@@ -101,30 +101,30 @@ def factored(rows: ArrayLike, of: Amplitudes) -> Estimate:
     return Estimate(value, np.sqrt(np.maximum(variance, 2 * own)))
 
 
-def summed(rows: ArrayLike, of: Amplitudes) -> Estimate:
+def estimate_sum(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Estimate the sum of |rₖ·w|² over real or complex rows (k, n), without the power of errors."""
-    R = stacked_matrix(rows)
+    R = stack_matrix(rows)
     at, S = R @ of.stacked, R @ of.covariance @ R.T
     own = float(np.sum(S * S.T))
     variance = max(4 * float(at @ S @ at) - 2 * own, 2 * own)
     return Estimate(np.array(at @ at - np.trace(S)), np.sqrt(variance))
 
 
-def ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:
+def estimate_ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estimate:
     """Return the quotient of two forms wᴴAw / wᴴBw, to the first order of their errors."""
     A, B = (np.kron(np.eye(2), np.asarray(form, float)) for form in (above, below))
-    a, b = (float(quadratic(form, of).value) for form in (above, below))
+    a, b = (float(estimate_quadratic_form(form, of).value) for form in (above, below))
     value = a / b
     D = A - value * B  # the quotient errs as this form does over b
     return Estimate(np.array(value), np.sqrt(_covariance(D, D, of)) / abs(b))
 
 
-def widened(of: Estimate, relative: float) -> Estimate:
+def widen_error(of: Estimate, relative: float) -> Estimate:
     """Return an estimate whose standard error also holds a relative one, independent of it."""
     return Estimate(of.value, np.hypot(of.error, relative * of.value))
 
 
-def magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
+def estimate_magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Absolute values |rₖ·w|, without what errors add to their squares; 0 where that is all."""
     at, S = _products(rows, of)
     square = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
@@ -135,7 +135,7 @@ def magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
 
 def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
     """Return the real and imaginary parts of rₖ·w, (2, k), and their covariances, (k, 2, 2)."""
-    parts = np.stack(np.split(stacked_matrix(rows), 2))  # (2, k, 2n)
+    parts = np.stack(np.split(stack_matrix(rows), 2))  # (2, k, 2n)
     spread = (parts.reshape(-1, parts.shape[2]) @ of.covariance).reshape(parts.shape)
     return parts @ of.stacked, np.einsum("akn,bkn->kab", spread, parts, optimize=True)
 

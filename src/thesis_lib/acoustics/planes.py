@@ -64,7 +64,7 @@ class Plane:
         return np.stack([u, 0 * u, z] if self.name == "XZ" else [0 * u, u, z])
 
 
-def pistons(plate: Plate) -> Pistons:
+def plate_pistons(plate: Plate) -> Pistons:
     """Return the plate's cells as pistons, in the order of its markers."""
     centre = np.array(plate.extent)[:, None] / 2
     size = (plate.length / plate.grid[0], plate.width / plate.grid[1])
@@ -140,7 +140,7 @@ def _stack_real(matrix: ComplexArray) -> Array:
     return np.concatenate([matrix.real, matrix.imag])
 
 
-def operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> PlaneOperator:
+def plane_operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> PlaneOperator:
     """Build the operator from a plate to a plane at a frequency.
 
     Parameters
@@ -159,7 +159,7 @@ def operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> 
     ValueError
         If the pistons are too large for the wavelength.
     """
-    parts = pistons(plate)
+    parts = plate_pistons(plate)
     check_pistons(parts, omega, medium)
     offsets = [
         size * (np.arange(n) - (n - 1) / 2) for size, n in zip(parts.size, plate.grid, strict=True)

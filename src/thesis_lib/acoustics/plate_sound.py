@@ -12,7 +12,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.acoustics.planes import Plane, PlaneOperator, full_factor, operator, pistons
+from thesis_lib.acoustics.planes import (
+    Plane,
+    PlaneOperator,
+    full_factor,
+    plane_operator,
+    plate_pistons,
+)
 from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
@@ -40,12 +46,12 @@ class PlateSound:
         cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float, reference: Array
     ) -> PlateSound:
         """Build from a true deflection (markers,) in m at an angular frequency in rad/s."""
-        operators = tuple(operator(plate, plane, omega, medium) for plane in planes)
+        operators = tuple(plane_operator(plate, plane, omega, medium) for plane in planes)
         factors = tuple(full_factor(op) for op in operators)
         largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])
         disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
         nodal = largest <= MAX_NODAL_PRESSURE_RATIO * np.maximum(largest, disordered).max()
-        resistance = radiation_matrix(pistons(plate), omega, medium)
+        resistance = radiation_matrix(plate_pistons(plate), omega, medium)
         return cls(
             omega, reference, operators, factors, np.where(nodal, np.nan, largest), resistance
         )

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.acoustics.radiation import rayleigh
+from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.acoustics.sources import AIR, Medium, Pistons
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.plate import Plate
@@ -36,7 +36,7 @@ def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
     return int(nx), int(ny)
 
 
-def integral(
+def integrate_pressure(
     plate: Plate,
     velocity: Callable[[Array], Array],
     points: ArrayLike,
@@ -69,4 +69,4 @@ def integral(
     weights = np.outer(along * count[0], across * count[1]).ravel() / 4  # of equal ones: 1
     even = Pistons(places, (plate.length / count[0], plate.width / count[1]))
     moving = velocity(places + extent[:, None] / 2)
-    return rayleigh(even, moving * weights, points, omega, medium)
+    return rayleigh_pressure(even, moving * weights, points, omega, medium)

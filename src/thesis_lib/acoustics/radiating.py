@@ -51,7 +51,7 @@ def mean_squares(modes: ArrayLike, covariance: ArrayLike) -> Array:
     return np.asarray(np.sum((F @ np.asarray(covariance, float)) * F, axis=1))
 
 
-def coherence(factor: ArrayLike, covariance: ArrayLike) -> float:
+def coherence_ratio(factor: ArrayLike, covariance: ArrayLike) -> float:
     """Return the rms pressure over that of errors as large on average that no two pistons share.
 
     √(tr QC / (tr Q · mean of C's diagonal)): 1 if errors are independent and of equal size, up to

@@ -30,7 +30,7 @@ REFERENCE_PRESSURE = 20e-6  # Pa
 REFERENCE_POWER = 1e-12  # W
 
 
-def rayleigh(
+def rayleigh_pressure(
     pistons: Pistons, velocity: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
     """Return the pressure in Pa of a baffled plate at any points in front of it (eq. 6.4, 6.7).

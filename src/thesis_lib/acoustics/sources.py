@@ -107,7 +107,7 @@ def pulsating_sphere(
     return np.asarray(source / (4 * np.pi * r) * np.exp(-1j * k * (r - radius)))
 
 
-def monopole(
+def monopole_pressure(
     distance: ArrayLike, volume_velocity: complex, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
     """Return pressure in Pa of a point monopole in free space (eq. 6.2), at distances r > 0 in m.
@@ -122,14 +122,14 @@ def monopole(
     return np.asarray(strength / (4 * np.pi * r) * np.exp(-1j * k * r))
 
 
-def piston(
+def piston_pressure(
     distance: ArrayLike, velocity: complex, area: float, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
     """Return pressure in Pa of one small baffled piston (eq. 6.3): a monopole with Q = 2 v A_e."""
-    return monopole(distance, 2 * velocity * area, omega, medium)
+    return monopole_pressure(distance, 2 * velocity * area, omega, medium)
 
 
-def transfer(
+def transfer_pressure(
     pistons: Pistons, points: ArrayLike, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
     """Return the pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).

@@ -17,9 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics.radiation import radiation_matrix
-from thesis_lib.acoustics.sources import AIR, Medium, Pistons, transfer
+from thesis_lib.acoustics.sources import AIR, Medium, Pistons, transfer_pressure
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.vibration.polygons import clip, contains, distances, moments
+from thesis_lib.vibration.polygons import (
+    clip_polygon,
+    edge_distances,
+    polygon_contains,
+    polygon_moments,
+)
 
 # Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.
 UNIT_SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
@@ -59,8 +64,8 @@ class Surface:
         size = extent / counts
         grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
         centres = low[:, None] + (grid + 0.5) * size[:, None]
-        near = distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
-        whole = centres[:, ~near & contains(corners, centres)].T
+        near = edge_distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
+        whole = centres[:, ~near & polygon_contains(corners, centres)].T
         square = size[:, None] / np.sqrt(12) * UNIT_SQUARE
         parts = [(1.0, middle[:, None] + square) for middle in whole]
         parts += [_part(corners, middle, size) for middle in centres[:, near].T]
@@ -119,14 +124,14 @@ class Surface:
     ) -> ComplexArray:
         """Pressure in Pa at points (3, n) in front, by amplitudes in m, shape (n, points)."""
         B = 1j * omega * self.share[:, None] * np.asarray(moving, float)
-        return np.asarray(transfer(self.pistons, points, omega, medium) @ B)
+        return np.asarray(transfer_pressure(self.pistons, points, omega, medium) @ B)
 
 
 def _part(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
     """Return the share of a cell's area inside an outline, and its nodes (2, 4)."""
-    area, centre, variances = moments(clip(corners - middle, -size / 2, size / 2))
+    area, centre, variances = polygon_moments(clip_polygon(corners - middle, -size / 2, size / 2))
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
     if share > 1 - MIN_AREA_RATIO:
         return 1.0, middle[:, None] + std * UNIT_SQUARE
     nodes = [(middle + centre)[:, None] + std * one for one in CELL_SHAPES]
-    return share, next((one for one in nodes if contains(corners, one).all()), nodes[-1])
+    return share, next((one for one in nodes if polygon_contains(corners, one).all()), nodes[-1])

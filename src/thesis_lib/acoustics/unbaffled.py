@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics.sources import AIR, Medium, wavenumber
 from thesis_lib.arrays import Array, ComplexArray, IntArray
-from thesis_lib.vibration.polygons import contains, distances
+from thesis_lib.vibration.polygons import edge_distances, polygon_contains
 
 MAX_CELL_RAD = 1.5  # wavenumber of the air times a cell's side, above which cells are too coarse
 
@@ -42,8 +42,8 @@ class Screen:
         size = extent / (counts + 0.5)
         numbers = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
         places = low[:, None] + (numbers + 0.75) * size[:, None]
-        inside = distances(corners, places).min(axis=0) > size.min() / 4
-        on = inside & contains(corners, places)
+        inside = edge_distances(corners, places).min(axis=0) > size.min() / 4
+        on = inside & polygon_contains(corners, places)
         return cls(places[:, on], numbers[:, on], size)
 
     def power_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import __version__, templates
-from thesis_lib.figure_sets.registry import validate
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.runs.postprocess import DATA_FOLDER
-from thesis_lib.studies.request import command
-from thesis_lib.studies.storage import attributes
+from thesis_lib.studies.request import study_command
+from thesis_lib.studies.storage import read_attributes
 
 CRATE_NAME = "ro-crate-metadata.json"
 CRATE_PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
@@ -37,9 +37,9 @@ def describe_book(book: Path, made: Iterable[tuple[Path, Path]]) -> None:
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     """Return what the template says of one figure set's run, software, parameters and files."""
     metadata = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
-    about, digest = attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
+    about, digest = read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
-    study = validate(name, json.loads(about["parameters"]))
+    study = validate_request(name, json.loads(about["parameters"]))
     files = [
         {
             "place": place,
@@ -57,7 +57,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     return {
         "id": f"#run-{name}",
         "study": study,
-        "description": f"`{command(study)}`; parameters' hash {study.digest}",
+        "description": f"`{study_command(study)}`; parameters' hash {study.digest}",
         "start": str(metadata["papermill"]["start_time"]),
         "end": str(metadata["papermill"]["end_time"]),
         "tool": {**tool, "packages": packages, "digest": about["library_sha256"]},

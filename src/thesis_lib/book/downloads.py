@@ -22,7 +22,7 @@ _COMPRESSED_SUFFIXES = {".nc", ".png", ".webp", ".woff2", ".gz"}
 def write_tables(folder: Path, cubes: Iterable[Path]) -> None:
     """Write the numbers of cubes, and of their figures in a folder of each, as CSV files."""
     for path in cubes:
-        cube = cube_file.read(path)
+        cube = cube_file.read_cube(path)
         errors = plotted.errors_table(cube)
         whole_text(folder / f"{path.stem}.csv", plotted.as_csv(errors))
         with staging(folder) as work:

@@ -17,7 +17,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.in_page import model
+from thesis_lib.figure_sets.parametric.in_page import structure_model
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
@@ -61,7 +61,7 @@ def _describe_structure(subject: str) -> dict[str, Any]:
     studies = [one for one in map(camera_study, CAMERA_STUDIES) if one.subject == subject]
     arrays = next(one for one in studies if one.study == "arrays")
     return {
-        **model(arrays.structure, max(EXPLORER_MODES)),
+        **structure_model(arrays.structure, max(EXPLORER_MODES)),
         "reading": {"f": arrays.focal_length_mm, "a": arrays.amplitude_mm, "r": arrays.rest},
         "setups": [one for study in studies for one in _list_setups(study)],
     }

@@ -82,25 +82,27 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
 
     Pages with the same title are named after the page above them: *The beam: distance*.
     """
-    if page not in app.env.titles:  # such as the index, which has no title yet
-        return
-    _name_pages(app, page, context)
+    if page in app.env.titles:
+        _name_pages(app, page, context)
+    title = unescape(context.get("title") or app.config.project)  # the index has none yet
     paragraphs = tree.findall(nodes.paragraph) if tree else ()
     first = next((one.astext() for one in paragraphs if one.astext().strip()), "")
-    description = " ".join(first.split()) or unescape(context["title"])
+    description = " ".join(first.split()) or title
     if len(description) > MAX_DESCRIPTION_LENGTH:
         description = description[:MAX_DESCRIPTION_LENGTH].rpartition(" ")[0] + " …"
     root = "../" * page.count("/")
     tags = [
         ("name", "description", description),
         ("property", "og:type", "article"),
-        ("property", "og:title", unescape(context["title"])),
+        ("property", "og:title", title),
         ("property", "og:description", description),
         ("property", "og:image", f"{root}_static/card.png"),
         ("name", "twitter:card", "summary_large_image"),
     ]
     for kind, name, text in tags:
-        context["metatags"] += f'\n<meta {kind}="{name}" content="{escape(text)}"/>'
+        context["metatags"] = (
+            context.get("metatags", "") + f'\n<meta {kind}="{name}" content="{escape(text)}"/>'
+        )
 
 
 def _name_pages(app: Any, page: str, context: Any) -> None:

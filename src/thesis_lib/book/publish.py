@@ -29,10 +29,12 @@ def publish_results(made: Mapping[str, tuple[Path, Path]]) -> None:
     if measured.is_file():  # first, for what failed in it publishes nothing
         conformance.publish_checks(measured)
     for name, (notebook, cube) in made.items():
-        published.publish(cube_file.read(cube))
+        published.publish_errors(cube_file.read_cube(cube))
         keep_outputs(runs.locate_notebook(name), notebook)
-    effort.write((name, effort.of(notebook)) for name, (notebook, _) in made.items())
-    text = as_svg(cube_file.read(made["beam-arrays"][1]), "4a", 3)
+    effort.write_efforts(
+        (name, effort.notebook_effort(notebook)) for name, (notebook, _) in made.items()
+    )
+    text = as_svg(cube_file.read_cube(made["beam-arrays"][1]), "4a", 3)
     files.whole_text(project_root() / "book" / "assets" / "overview.svg", text)
 
 

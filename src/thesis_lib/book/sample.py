@@ -19,11 +19,11 @@ SHAPE_FIGURE = "guide-shape.svg"
 def build_sample_report(data: xr.Dataset) -> str:
     """Return the report, written from the measured data."""
     from thesis_lib.figure_sets import sample
-    from thesis_lib.measure.feasibility.assess import assess
+    from thesis_lib.measure.feasibility.assess import assess_manifest
     from thesis_lib.measure.report.build import build_shape
 
     manifest = sample.manifest_of(data)
-    return build_shape(data, data, manifest, assess(manifest), sample.first_frames()).page
+    return build_shape(data, data, manifest, assess_manifest(manifest), sample.first_frames()).page
 
 
 def format_sample_summary(data: xr.Dataset) -> str:
@@ -39,11 +39,11 @@ def format_sample_summary(data: xr.Dataset) -> str:
 def compare_smallest_deflection(data: xr.Dataset) -> str:
     """Compare the predicted smallest deflection of the example with the measured one."""
     from thesis_lib.figure_sets import sample
-    from thesis_lib.measure.feasibility.assess import assess
-    from thesis_lib.measure.fitting.models import rms
+    from thesis_lib.measure.feasibility.assess import assess_manifest
+    from thesis_lib.measure.fitting.models import known_rms
 
-    foretold = assess(sample.manifest_of(data)).rig.smallest_mm
-    measured = 3 * rms(1000 * data["standard_error"].values)
+    foretold = assess_manifest(sample.manifest_of(data)).rig.smallest_mm
+    measured = 3 * known_rms(1000 * data["standard_error"].values)
     return (
         f"`--check` predicts {foretold:.2g} mm as the smallest deflection of the example, and its "
         f"measurement distinguishes {measured:.2g} mm from rest. The first counts the noise of the "
@@ -64,10 +64,12 @@ def write_sample(folder: Path) -> None:
     """Write :data:`SAMPLE_FILES` into a folder."""
     from thesis_lib.figure_sets import sample
     from thesis_lib.measure.report import figures as draw
-    from thesis_lib.plotting.style import svg
+    from thesis_lib.plotting.style import figure_svg
 
-    data = sample.sample()
+    data = sample.read_sample()
     files.whole_text(folder / SAMPLE_PAGE, build_sample_report(data))
-    files.whole_text(folder / SHAPE_FIGURE, svg(draw.draw_shape(data, sample.manifest_of(data))))
+    files.whole_text(
+        folder / SHAPE_FIGURE, figure_svg(draw.draw_shape(data, sample.manifest_of(data)))
+    )
     for name, piece in PIECES.items():
         files.whole_text(folder / f"{name}.md", piece(data))

@@ -63,21 +63,21 @@ def _text(text: object) -> str:
     return text
 
 
-def some(text: str) -> str:
+def read_text(text: str) -> str:
     """Read a text that is not empty."""
     if not text:
         raise ValueError
     return text
 
 
-def finite(text: str) -> float:
+def read_number(text: str) -> float:
     """Read a finite number."""
     if not math.isfinite(float(text)):
         raise ValueError
     return float(text)
 
 
-def several(text: str) -> tuple[str, ...]:
+def read_names(text: str) -> tuple[str, ...]:
     """Read names with semicolons between them, or none."""
     return tuple(filter(None, text.split(";")))
 
@@ -93,7 +93,7 @@ def one_of(allowed: Collection[str]) -> Callable[[str], str]:
     return checked
 
 
-def matching(pattern: str) -> Callable[[str], str]:
+def pattern_reader(pattern: str) -> Callable[[str], str]:
     """Return a reader of texts that match a regular expression."""
 
     def checked(text: str) -> str:
@@ -104,9 +104,9 @@ def matching(pattern: str) -> Callable[[str], str]:
     return checked
 
 
-def listed(pattern: str) -> Callable[[str], tuple[str, ...]]:
+def list_reader(pattern: str) -> Callable[[str], tuple[str, ...]]:
     """Return a reader of texts with "; " between them that all match a regular expression."""
-    one = matching(pattern)
+    one = pattern_reader(pattern)
     return lambda text: tuple(map(one, text.split("; "))) if text else ()
 
 
@@ -196,18 +196,18 @@ def half_digit(text: str) -> float:
 
 
 def _values(text: str) -> tuple[float, ...]:
-    return () if text == "all" else tuple(map(finite, text.split(";")))
+    return () if text == "all" else tuple(map(read_number, text.split(";")))
 
 
-def _printed(text: str) -> tuple[float, float]:
+def _read_printed(text: str) -> tuple[float, float]:
     """Read a number, and half a unit of its last digit."""
-    return finite(text), half_digit(text)
+    return read_number(text), half_digit(text)
 
 
 _CLAIM_KINDS: dict[str, Kind] = {
-    "id": some,
-    "figure_set": some,
-    "section": some,
+    "id": read_text,
+    "figure_set": read_text,
+    "section": read_text,
     "figure": str,
     "panel": str,
     "case": str,
@@ -215,11 +215,11 @@ _CLAIM_KINDS: dict[str, Kind] = {
     "quantity": one_of(QUANTITIES),
     "value": _values,
     "relation": one_of(RELATIONS),
-    "low": _printed,
-    "high": _printed,
+    "low": _read_printed,
+    "high": _read_printed,
     "excepted": int,
     "pair_order": str,
-    "conflicts": several,
+    "conflicts": read_names,
     "conflict_why": str,
 }
 
@@ -267,30 +267,30 @@ class Trend:
 def read_trends() -> list[Trend]:
     """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
-        "id": some,
+        "id": read_text,
         "chapter": int,
-        "section": some,
-        "cases": several,
+        "section": read_text,
+        "cases": read_names,
         "modes": _numbers,
         "quantities": _some_of,
         "kind": str,
         "parameter": str,
-        "words": some,
+        "words": read_text,
         "source": _some_of,
-        "test": _known,
+        "test": _read_known,
     }
     return [Trend(**row) for row in read_rows("trends.csv", kinds)]
 
 
 def _some_of(text: str) -> tuple[str, ...]:
-    return several(some(text))
+    return read_names(read_text(text))
 
 
 def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, _some_of(text)))
 
 
-def _known(text: str) -> str:
+def _read_known(text: str) -> str:
     name, _, argument = text.partition(" ")
     if name not in RELATION_WORDS or not re.fullmatch(RELATION_WORDS[name], argument):
         raise ValueError(text)
@@ -318,9 +318,9 @@ def read_reasons() -> dict[str, Reason]:
         Naming the line and the field of a malformed row.
     """
     kinds: dict[str, Kind] = {
-        "id": some,
-        "reason": matching(r"\S.*\."),
-        "page": matching(_PAGE_PATTERN),
+        "id": read_text,
+        "reason": pattern_reader(r"\S.*\."),
+        "page": pattern_reader(_PAGE_PATTERN),
     }
     return {row["id"]: Reason(**row) for row in read_rows("reasons.csv", kinds)}
 
@@ -342,14 +342,14 @@ class IndexEntry:
 def read_index() -> list[IndexEntry]:
     """Read the index, from ``data/thesis/index.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
-        "item": matching(r"(figure|table|equation) \w\.\d+[ab]?"),
-        "what": matching(r"\S.*"),
-        "page": matching(rf"({_PAGE_PATTERN})?"),
-        "function": listed(r"thesis_lib(\.\w+)+"),
-        "cube": listed(r"[\w-]+: \w+(, \w+)*"),
-        "test": listed(r"tests/(\w+/)*test_\w+\.py::test_\w+"),
-        "reason": matching(r"(\S.*)?"),
-        "errata": listed(r"errata#errata-[a-e]\d+"),
+        "item": pattern_reader(r"(figure|table|equation) \w\.\d+[ab]?"),
+        "what": pattern_reader(r"\S.*"),
+        "page": pattern_reader(rf"({_PAGE_PATTERN})?"),
+        "function": list_reader(r"thesis_lib(\.\w+)+"),
+        "cube": list_reader(r"[\w-]+: \w+(, \w+)*"),
+        "test": list_reader(r"tests/(\w+/)*test_\w+\.py::test_\w+"),
+        "reason": pattern_reader(r"(\S.*)?"),
+        "errata": list_reader(r"errata#errata-[a-e]\d+"),
     }
     entries = [IndexEntry(**row) for row in read_rows("index.csv", kinds, "item")]
     for one in entries:

@@ -16,8 +16,8 @@ import numpy as np
 
 from thesis_lib.acoustics.sources import outgoing_wave
 from thesis_lib.facts import setups
-from thesis_lib.facts.claims import Kind, one_of, read_rows, some
-from thesis_lib.facts.setups import Direction, pairs
+from thesis_lib.facts.claims import Kind, one_of, read_rows, read_text
+from thesis_lib.facts.setups import Direction, camera_pairs
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vision.optics import angle_of_view, picture_height
@@ -25,9 +25,9 @@ from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 
 EXACT_TOLERANCE = 1e-9  # relative half-width of a fraction or a product
 THESIS_BEAM, THESIS_PLATE, THESIS_RIG = (
-    setups.beam(),
-    setups.plate(),
-    setups.table("experiment", "rig"),
+    setups.thesis_beam(),
+    setups.thesis_plate(),
+    setups.setup_table("experiment", "rig"),
 )
 
 
@@ -68,11 +68,11 @@ class StatedNumber:
 def read_numbers() -> list[StatedNumber]:
     """Read the stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
     kinds: dict[str, Kind] = {
-        "id": some,
+        "id": read_text,
         "chapter": _chapter,
-        "place": some,
-        "words": some,
-        "stated": _stated,
+        "place": read_text,
+        "words": read_text,
+        "stated": _claimed_number,
         "unit": str,
         "value_of": one_of(CORRECT_VALUES),
     }
@@ -83,7 +83,7 @@ def _chapter(text: str) -> int:
     return int(one_of([*"1234567"])(text))
 
 
-def _stated(text: str) -> str:
+def _claimed_number(text: str) -> str:
     if not all(map(math.isfinite, _interval(text))):
         raise ValueError
     return text
@@ -125,7 +125,7 @@ def _sine_factor() -> float:
     return float((slope * k**2 - third) / (slope * k**2 + third))  # slope k²/third = (1+c)/(1-c)
 
 
-def _mixed_term() -> float:
+def _factor_of_mixed_term() -> float:
     """Return the factor of the mixed derivative in eq. 4.1 from the frequencies of eq. 4.6."""
     a2, b2 = ((math.pi / side) ** 2 for side in THESIS_PLATE.extent)
     waves = (
@@ -138,12 +138,16 @@ def _mixed_term() -> float:
 
 def _at_resonance() -> complex:
     return complex(
-        structures.modal_coordinates(THESIS_BEAM, structures.resonance(THESIS_BEAM, 1), 1)[0]
+        structures.modal_coordinates(
+            THESIS_BEAM, structures.resonance_frequency(THESIS_BEAM, 1), 1
+        )[0]
     )
 
 
 def _cameras(case: str) -> set[Direction]:
-    return {(azimuth % 360, elevation) for pair in pairs()[case] for azimuth, elevation in pair}
+    return {
+        (azimuth % 360, elevation) for pair in camera_pairs()[case] for azimuth, elevation in pair
+    }
 
 
 ARITHMETIC_RESULTS: dict[str, float] = {
@@ -165,7 +169,7 @@ CORRECT_VALUES: dict[str, Callable[[], float]] = {
     "view_diagonal_43": partial(_angle_of_view, 43, 50),
     "view_diagonal": partial(_angle_of_view, math.hypot(36, 24), 50),
     **{f"root_{n}": partial(lambda n: cantilever_roots(n)[-1], n) for n in range(1, 7)},
-    "sine_factor": _sine_factor, "mixed_term": _mixed_term,
+    "sine_factor": _sine_factor, "mixed_term": _factor_of_mixed_term,
     "instant": lambda: abs(math.cos(np.angle(_at_resonance()))),
     "overlap_beam": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_BEAM, [2, 1]))),
     "overlap_plate": lambda: math.log2(np.divide(*structures.modal_overlap(THESIS_PLATE, [2, 1]))),
@@ -174,12 +178,14 @@ CORRECT_VALUES: dict[str, Callable[[], float]] = {
     **{f"aperture_2b_{p}": partial(_axes_angle, (90, p), (-90, p)) for p in (5, 20, 40, 60)},
     "axes_pair": partial(_axes_angle, (30, 25), (-30, 25)),
     "axes_2a_80": partial(_axes_angle, (80, 10), (-80, 10)),
-    "cameras_4a": lambda: len(_cameras("4a")), "pairs_4a": lambda: len(pairs()["4a"]),
-    "cameras_4b": lambda: len(_cameras("4b")), "pairs_4b": lambda: len(pairs()["4b"]),
-    "array_sizes": lambda: len(pairs()["4a"]),  # one more with each pair
+    "cameras_4a": lambda: len(_cameras("4a")), "pairs_4a": lambda: len(camera_pairs()["4a"]),
+    "cameras_4b": lambda: len(_cameras("4b")), "pairs_4b": lambda: len(camera_pairs()["4b"]),
+    "array_sizes": lambda: len(camera_pairs()["4a"]),  # one more with each pair
     "shared_4a": lambda: len(_cameras("4a") & _cameras("4a'")),
-    "mirrored_4e": lambda: sum((one[0] + other[0]) % 180 == 0 for one, other in pairs()["4e"]),
-    "array_width": lambda: setups.table("beam", "arrays")["resolution_px"][0],
+    "mirrored_4e": lambda: sum(
+        (one[0] + other[0]) % 180 == 0 for one, other in camera_pairs()["4e"]
+    ),
+    "array_width": lambda: setups.setup_table("beam", "arrays")["resolution_px"][0],
     "beam_spacing": lambda: THESIS_BEAM.length / 25e-3, "beam_density": lambda: THESIS_BEAM.density,
     "beam_modulus": lambda: THESIS_BEAM.youngs_modulus,
     "plate_markers": lambda: len(THESIS_PLATE.markers.T),
@@ -188,7 +194,7 @@ CORRECT_VALUES: dict[str, Callable[[], float]] = {
     **{f"rank_{a}_{b}": partial(
         lambda m: THESIS_PLATE.mode_indices(50).tolist().index(m) + 1, [a, b]
        ) for a, b in ((2, 1), (1, 2), (2, 2), (1, 4))},
-    "resonance": lambda: structures.resonance(THESIS_BEAM, 1) / (2 * math.pi),
+    "resonance": lambda: structures.resonance_frequency(THESIS_BEAM, 1) / (2 * math.pi),
     "tip": lambda: structures.peak_deflection(THESIS_BEAM, 1) * 1e3,
     "rig_frequency": lambda: THESIS_RIG["frequency_hz"],
     "rig_distance": lambda: THESIS_RIG["distance_mm"],

@@ -46,17 +46,17 @@ _ALL_READINGS = (
 READINGS = {reading.name: reading for reading in _ALL_READINGS}
 
 
-def assumptions() -> list[dict[str, Any]]:
+def list_assumptions() -> list[dict[str, Any]]:
     """Return the assumptions made where the thesis states nothing, item by item."""
     items: list[dict[str, Any]] = read_toml("assumptions.toml")["assumption"]
     return items
 
 
-def reading(subject: str) -> dict[str, Any]:
+def assumed_values(subject: str) -> dict[str, Any]:
     """Return the assumed parameters for beam, plate, sound, experiment or lab."""
     return {
         name: value
-        for item in assumptions()
+        for item in list_assumptions()
         if subject in item["subjects"]
         for name, value in item.get("parameters", {}).items()
     }

@@ -70,12 +70,12 @@ def read_toml(name: str) -> dict[str, Any]:
     return tomllib.loads((data_folder() / name).read_text(encoding="utf-8"))
 
 
-def beam(first_marker: float | None = None) -> Beam:
+def thesis_beam(first_marker: float | None = None) -> Beam:
     """Return the thesis's cantilever beam (Table 3.1), perhaps with another first marker (m)."""
     return Beam(**read_toml("structures.toml")["beam"], first_marker=first_marker)
 
 
-def plate(grid: tuple[int, int] | None = None) -> Plate:
+def thesis_plate(grid: tuple[int, int] | None = None) -> Plate:
     """Return the thesis's plate (Table 4.1), with another grid of markers if one is given."""
     facts = dict(read_toml("structures.toml")["plate"])
     facts["force_position"] = tuple(facts["force_position"])
@@ -83,13 +83,13 @@ def plate(grid: tuple[int, int] | None = None) -> Plate:
     return Plate(**facts)
 
 
-def table(structure: str, study: str) -> dict[str, Any]:
+def setup_table(structure: str, study: str) -> dict[str, Any]:
     """Return one study's entry of the tables: its printed parameters and figure numbers."""
     entry: dict[str, Any] = dict(read_toml("setups.toml")[structure][study])
     return entry
 
 
-def pairs() -> dict[str, list[list[Direction]]]:
+def camera_pairs() -> dict[str, list[list[Direction]]]:
     """Return the camera pairs of Table 3.4 by case, in printed order."""
     printed: dict[str, list[list[Direction]]] = read_toml("setups.toml")["pairs"]
     return printed
@@ -193,7 +193,7 @@ def array_settings(
     grown: list[tuple[str, str, list[list[Direction]]]] = []
     for case in cases:
         order = pair_order.get(case, "printed")
-        ordered = pairs()[case][:: -1 if order == "reversed" else 1]
+        ordered = camera_pairs()[case][:: -1 if order == "reversed" else 1]
         sets = [
             [camera for pair in ordered[: n + 1] for camera in pair] for n in range(len(ordered))
         ]

@@ -13,18 +13,18 @@ import xarray as xr
 
 from thesis_lib.figure_sets import outside
 from thesis_lib.figure_sets.digests import code_digest
-from thesis_lib.figure_sets.registry import FIGURE_SETS, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
 from thesis_lib.files import workplace
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.studies.storage import CubeError, opened
+from thesis_lib.studies.storage import CubeError, open_netcdf
 from thesis_lib.text import one_line
 
 SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
 MAX_MARKER_OFFSET_M = 1e-9  # m that markers may be off
 
 
-def read(path: Path) -> xr.Dataset:
+def read_cube(path: Path) -> xr.Dataset:
     """Open one of our cubes.
 
     Raises
@@ -32,22 +32,24 @@ def read(path: Path) -> xr.Dataset:
     CubeError
         In one line: the file, and what is wrong with it.
     """
-    cube = opened(path)
-    listed = cubes.listed_by(cube)
+    cube = open_netcdf(path)
+    listed = cubes.list_dimension(cube)
     errors = set() if listed else {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
-    check(cube, path, set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS), errors)
+    check_cube(
+        cube, path, set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS), errors
+    )
     return cube
 
 
-def built(study: Study) -> xr.Dataset | str:
+def read_built(study: Study) -> xr.Dataset | str:
     """Return the cube of the last ``thesis book``, or in one line why there is none to judge by."""
-    return usable(workplace() / "data" / "results" / f"{study.name}.nc", study)
+    return read_usable(workplace() / "data" / "results" / f"{study.name}.nc", study)
 
 
-def usable(path: Path, study: Study) -> xr.Dataset | str:
+def read_usable(path: Path, study: Study) -> xr.Dataset | str:
     """Return a cube of this study by this library, or in one line why the file is not that."""
     try:
-        cube = read(path)
+        cube = read_cube(path)
     except CubeError:
         state = "is not readable" if path.exists() else "is missing"
         return f"cube {path.name} {state}: run `thesis book`"
@@ -60,7 +62,7 @@ def usable(path: Path, study: Study) -> xr.Dataset | str:
     return cube
 
 
-def check(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str]) -> None:
+def check_cube(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str]) -> None:
     """Refuse a dataset that is not a cube of the figure set it names.
 
     Parameters
@@ -106,7 +108,7 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)
-        request = validate(name, values)
+        request = validate_request(name, values)
         text = json.dumps([name, values])
     except (ParameterError, ValueError, AttributeError, RecursionError) as error:
         why = str(error) if isinstance(error, ParameterError) else one_line(given)

@@ -16,7 +16,7 @@ from thesis_lib.facts.setups import data_folder
 from thesis_lib.figure_sets.figure_set import Product
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import digest_of, folder_files, shipped
-from thesis_lib.studies.lock import installed_versions
+from thesis_lib.studies.lock import package_versions
 from thesis_lib.studies.request import Study
 
 PACKAGE_FOLDER = Path(__file__).parents[1]
@@ -42,7 +42,7 @@ def code_digest(product: Product) -> str:
     It is that of the files when this process first asked, as what it has imported is, too.
     """
     own = digest_of(source_files(product))
-    return hashlib.sha256(f"{own} {installed_versions()}".encode()).hexdigest()
+    return hashlib.sha256(f"{own} {package_versions()}".encode()).hexdigest()
 
 
 def request_key(product: Product, asked: Study) -> str:

@@ -16,17 +16,17 @@ from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
-from thesis_lib.plotting.style import in_style, slices, svg
+from thesis_lib.plotting.style import figure_svg, in_style, iterate_slices
 from thesis_lib.studies.cubes import trials_are
-from thesis_lib.studies.fields import suggestion
+from thesis_lib.studies.fields import suggest_name
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.schema import described
+from thesis_lib.studies.schema import describe_study
 from thesis_lib.templates import render
 
 _PICTURE_CALL = re.compile(r'notebook\.picture\(result, "(\w+)"(?:, (\d+))?\)')
 
 
-def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
+def draw_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of one case, or layout, and mode of a cube."""
     with in_style():
         return FIGURE_SETS[cube.attrs["figure_set"]].draw(cube, case, mode)
@@ -34,10 +34,10 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 def as_svg(cube: xr.Dataset, case: str, mode: int) -> str:
     """Return the figure of one case and mode as SVG; the same cube gives the same text."""
-    return svg(figure(cube, case, mode))
+    return figure_svg(draw_figure(cube, case, mode))
 
 
-def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
+def draw_picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     """Draw a cube by a function of the module `figures` of its figure set.
 
     `which` is what else it is given, such as a mode; it draws nothing of a mode that was not run.
@@ -46,13 +46,13 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Figure | None:
     with in_style(picture_style(of)):
         figures = figures_module(of)
         if not hasattr(figures, name):
-            hint = suggestion(name, vars(figures))
+            hint = suggest_name(name, vars(figures))
             raise AttributeError(f"{figures.__file__} has no function {name}{hint}")
         drawing: Figure | None = getattr(figures, name)(cube, *which)
         return drawing
 
 
-def text(cube: xr.Dataset, name: str, *which: int) -> str:
+def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
     """Fill in a template of a cube's figure set: a table or a paragraph, as Markdown.
 
     Functions in ``TEXTS`` of its module `figures` compute what a template needs besides the cube.
@@ -61,11 +61,11 @@ def text(cube: xr.Dataset, name: str, *which: int) -> str:
     figures = figures_module(str(cube.attrs["figure_set"]))
     compute = getattr(figures, "TEXTS", {}).get(name)
     values = compute(cube, *which) if compute else {}
-    shared = {"cube": cube, "slices": slices, "trials_are": trials_are(cube)}
+    shared = {"cube": cube, "slices": iterate_slices, "trials_are": trials_are(cube)}
     return render(str(figures.__file__), name, **shared, **values)
 
 
-def caption(figure_set: str, name: str, *which: int) -> Caption:
+def read_caption(figure_set: str, name: str, *which: int) -> Caption:
     """Return the caption of a picture; empty if ``captions.toml`` has none."""
     words = read_toml("captions.toml").get(figure_set, {}).get(name, {})
     return Caption(**{key: text.format(*which) for key, text in words.items()})
@@ -77,16 +77,16 @@ def picture_style(figure_set: str) -> Mapping[str, Any]:
     return style
 
 
-def promised(study: Study, source: str) -> Iterator[Caption]:
+def list_captions(study: Study, source: str) -> Iterator[Caption]:
     """Captions of what a cell of a notebook, its `source`, will show, before anything is run."""
     if "notebook.figures(result)" in source:
         cases = [setting.case for setting in study.settings()]
         modes = np.array(getattr(study, "modes", []), int)
         known = xr.Dataset(coords={"case": ("setting", cases), "mode": modes})
-        cube = described(known.assign_attrs(figure_set=study.name), study)
+        cube = describe_study(known.assign_attrs(figure_set=study.name), study)
         yield from panels.case_captions(cube).values()
     for name, which in _PICTURE_CALL.findall(source):
-        yield caption(study.name, name, *([int(which)] if which else []))
+        yield read_caption(study.name, name, *([int(which)] if which else []))
 
 
 def figures_module(figure_set: str) -> ModuleType:

@@ -15,14 +15,14 @@ from pathlib import Path
 from types import ModuleType
 
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, FIGURE_SETS, STUDIES
-from thesis_lib.studies.request import ParameterError, validated
+from thesis_lib.studies.request import ParameterError, validate_values
 from thesis_lib.text import one_line
 
 SETS_VARIABLE = "THESIS_FIGURE_SETS"
 _LOADED_FOLDERS: dict[str, Path] = {}  # of the sets that were loaded, by name
 
 
-def load(folder: Path) -> list[str]:
+def load_sets(folder: Path) -> list[str]:
     """Make the figure sets of a folder known, in this process and in the kernels it starts.
 
     Raises
@@ -47,7 +47,9 @@ def load(folder: Path) -> list[str]:
         }
         for one in found.values():
             fields = one.request.model_fields.items()
-            validated(one.request, {n: f.get_default(call_default_factory=True) for n, f in fields})
+            validate_values(
+                one.request, {n: f.get_default(call_default_factory=True) for n, f in fields}
+            )
     except Exception as error:  # whatever a reader's module does
         why = f"{type(error).__name__}: {one_line(str(error))}"
         raise ParameterError(f"{file} cannot be used: {why}") from None
@@ -76,10 +78,10 @@ def is_known(name: str, here: bool = False) -> bool:
         named = os.environ.get(SETS_VARIABLE, "").split(os.pathsep)
         named += [os.curdir] * (here and Path("figure_set.py").is_file())
         for folder in filter(None, named):
-            load(Path(folder))
+            load_sets(Path(folder))
     return name in FIGURE_SETS
 
 
-def notebook(name: str) -> Path | None:
+def outside_notebook(name: str) -> Path | None:
     """Return the notebook of a set that was loaded from a folder; None of the book's own."""
     return _LOADED_FOLDERS[name] / f"{name}.ipynb" if name in _LOADED_FOLDERS else None

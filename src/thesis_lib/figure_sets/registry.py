@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.fields import suggestion
-from thesis_lib.studies.request import ParameterError, Study, validated
+from thesis_lib.studies.fields import suggest_name
+from thesis_lib.studies.request import ParameterError, Study, validate_values
 from thesis_lib.text import listed, one_line
 
 TITLES = {
@@ -22,7 +22,7 @@ TITLES = {
 """What the names of chapters stand for, in their order."""
 
 
-def found() -> dict[str, FigureSet]:
+def find_sets() -> dict[str, FigureSet]:
     """Return the figure sets of all folders by name, in the order of the chapters."""
     folders = sorted(path.parent.name for path in Path(__file__).parent.glob("*/figure_set.py"))
     every = [
@@ -34,7 +34,7 @@ def found() -> dict[str, FigureSet]:
     return {one.request.name: one for one in sorted(every, key=lambda s: order.index(s.chapter))}
 
 
-FIGURE_SETS = found()
+FIGURE_SETS = find_sets()
 STUDIES: dict[str, type[Study]] = {name: one.request for name, one in FIGURE_SETS.items()}
 CHAPTER_SETS = {
     chapter: [name for name, one in FIGURE_SETS.items() if one.chapter == chapter]
@@ -48,13 +48,13 @@ def model_of(name: str) -> type[Study]:
         folders = {file.parent.name for file in Path().glob("*/figure_set.py")}
         here = f"for the folder here: thesis run ./{name}; " if name in folders else ""
         raise ParameterError(
-            f"{one_line(name)}: no such figure set{suggestion(name, [*STUDIES, *CHAPTER_SETS])}; "
+            f"{one_line(name)}: no such figure set{suggest_name(name, [*STUDIES, *CHAPTER_SETS])}; "
             f"{here}{listed([*STUDIES, *CHAPTER_SETS], 'thesis list')}"
         )
     return STUDIES[name]
 
 
-def validate(name: str, values: Mapping[str, Any]) -> Study:
+def validate_request(name: str, values: Mapping[str, Any]) -> Study:
     """Return the parameters of a figure set from plain values.
 
     Raises
@@ -62,4 +62,4 @@ def validate(name: str, values: Mapping[str, Any]) -> Study:
     ParameterError
         In one line: the set and field, what was given, what is allowed and in which unit.
     """
-    return validated(model_of(name), values)
+    return validate_values(model_of(name), values)

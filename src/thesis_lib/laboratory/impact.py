@@ -11,7 +11,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.fitting.harmonics import mean_of
-from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vibration.motion import Component, Motion
@@ -139,7 +139,7 @@ def select_free_decay(
     first = rig.motion.steady if begin is None else begin
     tracks, still = [], []
     for station, own in zip(rig.stations, found, strict=True):
-        uv = lens.undistorted_tracks(station.camera, own.centres)
+        uv = lens.undistort_tracks(station.camera, own.centres)
         still.append(mean_of(uv[own.times < rig.motion.start - abs(readout)]))
         ring = own.times > first + abs(readout) + station.sensor.exposure
         tracks.append(
@@ -153,7 +153,7 @@ def select_free_decay(
             )
         )
     images = np.array(still)
-    frame = checked_frame(rig.cameras, images, rig.markers)
+    frame = check_frame(rig.cameras, images, rig.markers)
     points, _ = triangulate_seen(lens.projection_matrices(rig.cameras), images)
     thick = float(getattr(rig.motion.structure, "thickness", 0.0))
     return tracks, Rest(images, frame, points, rig.markers.centres, thick)

@@ -17,10 +17,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.files import shipped
-from thesis_lib.measure.fitting.aliasing import clearance
+from thesis_lib.measure.fitting.aliasing import alias_clearance
 from thesis_lib.studies.fields import (
     BeamDistance,
     BriefExposure,
@@ -39,10 +39,10 @@ from thesis_lib.studies.fields import (
     SensorWidth,
     ShotNoise,
     TipPeak,
-    refuse,
+    refuse_value,
 )
-from thesis_lib.studies.request import Study, beyond
-from thesis_lib.vibration.structure import Structure, peak_deflection, resonance
+from thesis_lib.studies.request import Study, distance_limit
+from thesis_lib.vibration.structure import Structure, peak_deflection, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 MIN_ALIAS_PERIODS = 0.5  # periods that an alias stays away from 0 and from half of the frame rate
@@ -51,7 +51,7 @@ MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to mo
 MAX_VIEW_EXTENT = 0.98  # of half the picture that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's picture is high
 
-ADOPTED_RIG = reading("experiment")
+ADOPTED_RIG = assumed_values("experiment")
 
 
 IN_VIEW = (
@@ -186,7 +186,7 @@ def view_extent(
 def check_amplitudes(modes: Sequence[int], amplitude_mm: object) -> None:
     """Refuse a list of amplitudes that has not one for each mode."""
     if isinstance(amplitude_mm, list) and len(amplitude_mm) != len(modes):
-        refuse("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
+        refuse_value("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
 
 
 def check_rates(
@@ -200,19 +200,21 @@ def check_rates(
 
     `name` is the field that holds the frame rates.
     """
-    hertz = {mode: resonance(structure, mode) / (2 * np.pi) for mode in modes}
+    hertz = {mode: resonance_frequency(structure, mode) / (2 * np.pi) for mode in modes}
     for rate in rates:
         for mode, frequency in hertz.items():
-            if clearance(frequency, rate, film.frames) < MIN_ALIAS_PERIODS:
+            if alias_clearance(frequency, rate, film.frames) < MIN_ALIAS_PERIODS:
                 shown = f"rates that show mode {mode}, {frequency:.4g} Hz, at least"
                 least = MIN_ALIAS_PERIODS * rate / film.frames
                 away = f"{least:.3g} Hz away from 0 and from half of the rate"
                 enough = f"{MIN_ALIAS_PERIODS:g} periods in {film.frames} frames"
-                refuse(name, rate, f"allowed: {shown} {away}, {enough}")
+                refuse_value(name, rate, f"allowed: {shown} {away}, {enough}")
     longest = 1000 * min(1 / max(rates), MAX_EXPOSURE_PERIODS / max(hertz.values()))
     if film.exposure_ms > longest * (1 + 1e-9):
         limits = f"the time between frames and {MAX_EXPOSURE_PERIODS:g} of the shortest period"
-        refuse("exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}")
+        refuse_value(
+            "exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}"
+        )
 
 
 def check_place(
@@ -230,12 +232,12 @@ def check_place(
     reach = 1000 * (math.hypot(*extent) / 2 + lift)
     if setting.distance_mm <= reach:
         far = f"cameras more than {reach:.4g} mm away"
-        refuse(name, given, f"allowed: {far}, the reach of the structure and its deflection")
+        refuse_value(name, given, f"allowed: {far}, the reach of the structure and its deflection")
     for direction in setting.directions_deg:
         if view_extent(film, extent, lift, direction, setting.distance_mm / 1000) > MAX_VIEW_EXTENT:
             there = f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            refuse(name, given, f"allowed: cameras that see the whole structure; {one}")
+            refuse_value(name, given, f"allowed: cameras that see the whole structure; {one}")
 
 
 def check_markers(
@@ -254,16 +256,16 @@ def check_markers(
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
         remedy = "wider or nearer ones, or fewer and larger markers"
-        refuse(name, given, f"allowed: pictures in which {enough}: {remedy}")
+        refuse_value(name, given, f"allowed: pictures in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
     if lift > largest:
         seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"
         why = f"peaks of at most {1000 * largest:.3g} mm {seen}, or markers seem to change places"
-        refuse("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]
+        refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]
 
 
 CAMERA_NAMES = "ABCD"
-THESIS_RIG = setups.table("experiment", "rig") | reading("experiment")
+THESIS_RIG = setups.setup_table("experiment", "rig") | assumed_values("experiment")
 
 
 class RigRequest(Fields):
@@ -302,13 +304,17 @@ class RigRequest(Fields):
             self.refuse("frequency_hz", f"allowed: at most {most}")
         if self.exposure_ms > 1000 / self.frame_rate_hz:
             self.refuse("exposure_ms", between_frames(self.frame_rate_hz))
-        reach = 1000 * math.hypot(*setups.beam().extent) / 2 + self.amplitude_mm
+        reach = 1000 * math.hypot(*setups.thesis_beam().extent) / 2 + self.amplitude_mm
         if self.distance_mm <= reach:
-            refuse("distance_mm", self.distance_mm, beyond(reach))
-        extent, lift, far = setups.beam().extent, self.amplitude_mm / 1000, self.distance_mm / 1000
+            refuse_value("distance_mm", self.distance_mm, distance_limit(reach))
+        extent, lift, far = (
+            setups.thesis_beam().extent,
+            self.amplitude_mm / 1000,
+            self.distance_mm / 1000,
+        )
         cameras = self.directions_deg.values()
         if max(view_extent(self, extent, lift, each, far) for each in cameras) > MAX_VIEW_EXTENT:
-            refuse("distance_mm", self.distance_mm, IN_VIEW)
+            refuse_value("distance_mm", self.distance_mm, IN_VIEW)
         return self
 
     @property

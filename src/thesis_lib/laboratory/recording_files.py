@@ -24,7 +24,7 @@ from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles,
 from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
 from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
 from thesis_lib.measure.recordings.media import write_png
-from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
@@ -91,7 +91,7 @@ def write_recording(
         write_video(rig, index, folder, codec, crf)
         write_board_images(rig, index, folder)
 
-    abreast(one, range(len(rig.stations)))
+    map_in_pairs(one, range(len(rig.stations)))
     path = folder / "manifest.yaml"
     write_manifest(manifest_of(rig), path)
     return path
@@ -193,7 +193,7 @@ FOCAL_MM, SENSOR_MM = 24.0, 36.0
 def example_rig() -> Rig:
     """Return the rig of the example."""
     return default_rig(
-        setups.beam(),
+        setups.thesis_beam(),
         EXAMPLE_DIRECTIONS_DEG,
         focal_length=FOCAL_MM / 1000,
         sensor_width=SENSOR_MM / 1000,
@@ -271,7 +271,7 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
 
-        abreast(one, range(len(rig.stations)), stop.set)
+        map_in_pairs(one, range(len(rig.stations)), stop.set)
         write_manifest(example_manifest(rig), part / "manifest.yaml")
         if folder.exists():
             folder.rmdir()

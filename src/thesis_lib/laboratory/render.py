@@ -154,7 +154,7 @@ class BeamView:
         if np.ptp(deflection, axis=0).max() < 1e-9:  # at rest
             deflection = deflection[:1]
         world = on_surface(self.markers.extent, self.points[:, None], deflection)
-        uv = lens.project(self.camera, world)
+        uv = lens.project_points(self.camera, world)
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
@@ -189,7 +189,7 @@ def render_board(
     contrast = np.full(len(shapes), sensor.dark - sensor.white)
     contrast[0] = sensor.white - sensor.background
     polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
-    return render_polygons(lens.project(camera, world), polygons, camera.size, sensor, rng)
+    return render_polygons(lens.project_points(camera, world), polygons, camera.size, sensor, rng)
 
 
 def render_polygons(

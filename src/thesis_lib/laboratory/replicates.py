@@ -26,15 +26,15 @@ from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, Station, default_rig
 from thesis_lib.laboratory.tracking import WINDOW_MARGIN_PX, TrackedCentres
 from thesis_lib.measure.recordings.board import Markers, on_surface
-from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
 
 REST_FRAMES = 4  # frames at rest
 RAMP_PERIODS = 0.5  # periods in which the vibration takes up
 EXPOSURE_SAMPLES = 3  # of the motion within an exposure
-TRACK_VARIABLES = declared("""
+TRACK_VARIABLES = parse_variables("""
     tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
     truth(camera, frame, axis, marker) [px] true marker images at the middle of the exposure
     quiet(camera, frame, axis, marker) [px] centres in frames without noise
@@ -118,14 +118,14 @@ def record_tracks(
     xarray.Dataset
         ``tracks``, ``truth`` and ``time`` of :data:`TRACK_VARIABLES`, along ``rig``, too.
     """
-    every = abreast(look, rigs)
+    every = map_in_pairs(look, rigs)
     every = [[select_frames(own, frames) for own in found] for found in every]
     of = {"tracks": "centres", "truth": "truth", "time": "times"}
     values = {
         name: [[getattr(own, field) for own in found] for found in every]
         for name, field in of.items()
     }
-    return xr.Dataset(labelled(values, TRACK_VARIABLES, ["rig"]))
+    return xr.Dataset(label_values(values, TRACK_VARIABLES, ["rig"]))
 
 
 def select_frames(own: TrackedCentres, frames: int) -> TrackedCentres:
@@ -150,7 +150,7 @@ def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
 
 PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
 TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
-DEFLECTION_VARIABLES = declared("""
+DEFLECTION_VARIABLES = parse_variables("""
     deflection(setting, mode, point) [m] measured deflection of the markers at its maximum
     quadrature(setting, mode, point) [m] a quarter of a period before
     deviation(setting, mode, point) [m] standard deviation of the deflection by the noise of the
@@ -198,7 +198,7 @@ def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, 
         abs(part.amplitude * part.shape(rig.motion.structure, points))
         for part in rig.motion.components
     )
-    uv = lens.project(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
+    uv = lens.project_points(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
     flat = uv.reshape(2, -1) / whole
     spare, most = WINDOW_MARGIN_PX / whole, np.array(camera.size) // whole
     low = whole * np.clip(np.floor(flat.min(axis=1) - spare).astype(int), 0, most)
@@ -236,4 +236,4 @@ def stack_settings(
     values = {"deflection": motions.real, "deviation": deviations}
     if np.iscomplexobj(motions):
         values["quadrature"] = motions.imag
-    return xr.Dataset(labelled(values, DEFLECTION_VARIABLES))
+    return xr.Dataset(label_values(values, DEFLECTION_VARIABLES))

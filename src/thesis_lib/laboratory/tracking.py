@@ -22,18 +22,24 @@ from thesis_lib.arrays import Array, Image
 from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import Rig, Station
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.grids import BoardNotFound
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.zhang import zhang
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, fit_harmonics, fitted, mean_of
+from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.zhang import calibrate_camera
+from thesis_lib.measure.fitting.harmonics import (
+    Fitted,
+    Harmonics,
+    combine_fit,
+    fit_harmonics,
+    mean_of,
+)
 from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.studies.parallel import abreast
-from thesis_lib.vibration.meshing import pieces
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
+from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.vibration.meshing import divide_hole
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vision import lens
@@ -91,13 +97,13 @@ def true_centres(rig: Rig, station: Station, times: Array) -> Array:
     """Project the markers at some times, shape (times, 2, markers), px."""
     points = rig.markers.centres
     world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
-    return np.asarray(lens.project(station.camera, world).swapaxes(0, 1))
+    return np.asarray(lens.project_points(station.camera, world).swapaxes(0, 1))
 
 
 def true_view(camera: Camera, markers: Markers) -> View:
     """Return a camera's true view of the structure at rest."""
-    corners = lens.project(camera, on_surface(markers.extent, markers.corners))
-    return view_of(camera, markers, lens.undistorted(camera, corners))
+    corners = lens.project_points(camera, on_surface(markers.extent, markers.corners))
+    return view_of(camera, markers, lens.undistort_pixels(camera, corners))
 
 
 def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None) -> TrackedCentres:
@@ -116,7 +122,7 @@ def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None
     for k, time in enumerate(times.tolist()):
         image = as_dark(scene.frame(time, rig.generator(1, index, k)), markers)
         try:
-            tracker = tracker or Tracker(sharpen(image, view), turn)
+            tracker = tracker or Tracker(sharpen_view(image, view), turn)
         except TrackingError:
             break
         centres[k] = tracker.centres(image)
@@ -129,7 +135,7 @@ def track_cameras(rig: Rig) -> list[TrackedCentres]:
     def one(index: int) -> TrackedCentres:
         return track_camera(rig, index, true_view(rig.stations[index].camera, rig.markers))
 
-    return abreast(one, range(len(rig.stations)))
+    return map_in_pairs(one, range(len(rig.stations)))
 
 
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:
@@ -143,11 +149,11 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
     harmonics: list[Harmonics] = []
     rest = []
     for camera, own in zip(rig.cameras, found, strict=True):
-        uv = lens.undistorted_tracks(camera, own.centres)
+        uv = lens.undistort_tracks(camera, own.centres)
         steady = own.times >= rig.motion.steady
         harmonics.append(fit_harmonics(omega, own.times[steady], uv[steady], order))
         rest.append(mean_of(uv[own.times < rig.motion.start]))
-    return fitted(rig.cameras, harmonics, np.array(rest), rig.markers)
+    return combine_fit(rig.cameras, harmonics, np.array(rest), rig.markers)
 
 
 AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
@@ -217,11 +223,11 @@ def calibrate_rig(rig: Rig) -> Adjustment:
         [corners(image) for image in render_board_images(rig, i)] for i in range(len(rig.stations))
     ]
     single = [
-        zhang(row, rig.board, camera.size, name=camera.name)
+        calibrate_camera(row, rig.board, camera.size, name=camera.name)
         for row, camera in zip(found, rig.cameras, strict=True)
     ]
-    observed, _ = unify(single, found, rig.board)
-    return adjust(observed, rig.board.corners, [one.camera() for one in single])
+    observed, _ = unify_corners(single, found, rig.board)
+    return adjust_bundle(observed, rig.board.corners, [one.camera() for one in single])
 
 
 def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]]:
@@ -245,7 +251,7 @@ def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]
     ).reshape(3, -1)
     parts, others = [], []
     for camera, other in zip(rig.cameras, cameras, strict=True):
-        uv, most = lens.project(camera, box), np.array(camera.size)
+        uv, most = lens.project_points(camera, box), np.array(camera.size)
         low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
         high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
         parts.append(_crop_camera(camera, low, high))
@@ -266,7 +272,7 @@ class PlanarView(BeamView):
     def __init__(self, rig: Rig, station: Station, corners: Sequence[Point]) -> None:
         super().__init__(station.camera, rig.markers, rig.motion, station.sensor)
         first = self.polygons.first
-        outline = pieces(tuple(corners), OUTLINE_STEP_M).T
+        outline = divide_hole(tuple(corners), OUTLINE_STEP_M).T
         self.points = np.concatenate([outline, self.points[:, first[1] :]], axis=1)
         moved = np.where(first > 0, first - first[1] + outline.shape[1], 0)
         self.polygons = replace(self.polygons, first=moved)
@@ -282,7 +288,7 @@ def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) 
     outline = on_surface(rig.markers.extent, np.array(corners).T)
     images = np.array(
         [
-            lens.undistorted(camera, np.rint(lens.project(true, outline)))
+            lens.undistort_pixels(camera, np.rint(lens.project_points(true, outline)))
             for true, camera in zip(rig.cameras, cameras, strict=True)
         ]
     )

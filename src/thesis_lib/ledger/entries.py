@@ -30,8 +30,8 @@ from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies import cubes
-from thesis_lib.studies.request import Study, command
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.request import Study, study_command
+from thesis_lib.studies.schema import label_values, parse_variables
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
@@ -97,7 +97,7 @@ class Entry:
         return {name: value for name, value in self.record.items() if name not in NUMBER_FIELDS}
 
 
-LEDGER_COLUMNS = declared("""
+LEDGER_COLUMNS = parse_variables("""
     kind(claim) [1] figure, trend or number
     place(claim) [1] place of a claim in the thesis
     case(claim) [1] case of the thesis that a claim speaks of
@@ -140,7 +140,7 @@ def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
         for name in LEDGER_COLUMNS
     }
     values["counted"] = [int(counted) for counted in values["counted"]]
-    columns = labelled(values, LEDGER_COLUMNS)
+    columns = label_values(values, LEDGER_COLUMNS)
     names = {"claim": columns.pop("claim")}
     return interpretations.drop_attrs(deep=False).assign_coords(names).assign(columns)
 
@@ -156,7 +156,7 @@ def from_cube(cube: xr.Dataset) -> list[Entry]:
     return [Entry(**dict(zip(columns, row, strict=True))) for row in rows]
 
 
-def entries(
+def list_entries(
     open_cube: Opener,
     own: Mapping[str, Sequence[Series]],
     studies: Mapping[str, type[Study]],
@@ -199,7 +199,7 @@ def entries(
     for trend in claims.read_trends():
         made = [command for name in trend.source for command in commands.get(name, [])]
         sets = [name for name in trend.source if name in studies]
-        made += [command(studies[name]()) for name in sets]
+        made += [study_command(studies[name]()) for name in sets]
         found.append(_trend(trend, [series_of(name) for name in trend.source], sets, made))
     found += [_number(number) for number in read_numbers()]
     order = {"figure": 0, "trend": 1, "number": 2}
@@ -209,7 +209,7 @@ def entries(
 def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     """Judge a claimed value by a cube in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
-    found = cube if isinstance(cube, str) else verdicts.judge(cube, claim)
+    found = cube if isinstance(cube, str) else verdicts.judge_claim(cube, claim)
     check = None if isinstance(found, str) else found
     setting = _setting_words(claim, varied)
     excepted = " but one" if claim.excepted else ""
@@ -264,7 +264,7 @@ def _trend(
     """Judge a stated trend by the errors of the figure sets and own runs that it speaks of."""
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
-    finding = None if reasons else ledger_trends.judge(trend, every)
+    finding = None if reasons else ledger_trends.judge_trend(trend, every)
     first = next(iter(sets), "")
     subject, _, study = first.partition("-")
     number = ""
@@ -281,7 +281,7 @@ def _trend(
         modes=trend.modes,
         what=trend.words,
         stated=trend.test.partition(" ")[0].replace("_", " "),
-        got=_found(finding) if finding else "",
+        got=_describe_finding(finding) if finding else "",
         verdict=finding.verdict if finding else "undefined",
         note="; ".join(dict.fromkeys(reasons)) or ("" if finding else "nothing to judge it by"),
         counted=not rendered,
@@ -292,7 +292,7 @@ def _trend(
     )
 
 
-def _found(finding: Finding) -> str:
+def _describe_finding(finding: Finding) -> str:
     """Describe the finding on a trend in a few words."""
     ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
     effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
@@ -325,7 +325,7 @@ def _number(number: StatedNumber) -> Entry:
     )
 
 
-def totals(found: Iterable[Entry], **where: object) -> dict[str, int]:
+def count_verdicts(found: Iterable[Entry], **where: object) -> dict[str, int]:
     """Count the entries by verdict, of those whose attributes are as given.
 
     Examples
@@ -417,13 +417,15 @@ def format_report(found: Sequence[Entry]) -> str:
         for kind in ("figure", "trend", "number"):
             part = [entry for entry in of_chapter if entry.kind == kind]
             if part:
-                counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(part).items() if n)
+                counts = ", ".join(
+                    f"{n} {verdict}" for verdict, n in count_verdicts(part).items() if n
+                )
                 apart = sum(not entry.counted for entry in part)
                 why = "bookkeeping" if kind == "number" else "by rendered recordings"
                 mark = f"   ({apart} {why})" if apart else ""
                 lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
     counted = [entry for entry in found if entry.counted]
-    counts = ", ".join(f"{n} {verdict}" for verdict, n in totals(counted).items())
+    counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(counted).items())
     lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
     differing = [entry for entry in found if entry.verdict == "differs"]
     lines += ["\ndiffers:"] if differing else []

@@ -57,7 +57,7 @@ def _sets_with(quantity: str) -> frozenset[str]:
 
 def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series]:
     """Return the errors of a cube's random trials, case by case; `name` renames cases."""
-    kinds = dict(cubes.errors(cube))
+    kinds = dict(cubes.cube_errors(cube))
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
     if cube.attrs["figure_set"] in _sets_with(SECOND_LARGEST):

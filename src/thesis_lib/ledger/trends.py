@@ -84,7 +84,7 @@ class Finding:
         return "within scatter" if max(self.confidence, self.single) > chance else "differs"
 
 
-def judge(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | None:
+def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | None:
     """Test a trend on what was computed.
 
     Parameters
@@ -388,7 +388,7 @@ def _best_case(evidence: Evidence, argument: str) -> Mask:
     return _all(holds)
 
 
-def _unrelated(evidence: Evidence, argument: str) -> Mask:
+def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
     """``unrelated deflection_error``: a rank correlation over all settings of at most ½."""
     holds = []
     for quantity in evidence.trend.quantities:
@@ -431,5 +431,5 @@ TREND_TESTS: dict[str, Test] = {
     "below_case": _below_case,
     "gentler": _gentler,
     "best_case": _best_case,
-    "unrelated": _unrelated,
+    "unrelated": _test_unrelated,
 }

@@ -68,14 +68,14 @@ def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
     return np.flatnonzero([claim.speaks_of(*one) for one in zip(*columns, strict=True)])
 
 
-def errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
+def claim_errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """Return the quantity that a claim speaks of, over its settings and all trials, in %."""
     here = {
         "setting": _settings(cube, claim),
         "mode": cube.variables["mode"].values.tolist().index(claim.mode),
     }
     if not claim.excepted:
-        return cubes.error(cube, claim.quantity).isel(here)
+        return cubes.cube_error(cube, claim.quantity).isel(here)
     return point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
 
 
@@ -111,14 +111,14 @@ def round_as_printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[A
     return digit[0] * down(low / digit[0]), digit[1] * up(high / digit[1])
 
 
-def margin(high: ArrayLike) -> Array:
+def band_margin(high: ArrayLike) -> Array:
     """Return by how many points a band is widened for a claim up to some value."""
     return np.where(np.asarray(high) < 10, WIDENING_POINTS_BELOW_10, WIDENING_POINTS)
 
 
-def meets(claim: Claim, low: float, high: float) -> bool:
+def meets_claim(claim: Claim, low: float, high: float) -> bool:
     """Return whether a band in % meets the claim by the rule of this module."""
-    return bool(_gap(claim, low, high) <= margin(claim.high))
+    return bool(_gap(claim, low, high) <= band_margin(claim.high))
 
 
 def _exact(claim: Claim, literal: float) -> bool:
@@ -136,19 +136,19 @@ def _gap(claim: Claim, low: float, high: float) -> float:
     return max(-np.inf if most is None else low - most, -np.inf if least is None else least - high)
 
 
-def check(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
+def check_claims(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
     """Hold claims against a cube; those whose settings or modes it lacks are left out."""
     plain = cube.reset_coords()  # each coordinate of errors costs as much as judging them
-    return [found for claim in claims if isinstance(found := judge(plain, claim), Check)]
+    return [found for claim in claims if isinstance(found := judge_claim(plain, claim), Check)]
 
 
-def undefined(cube: xr.Dataset, claim: Claim) -> str:
+def reason_undefined(cube: xr.Dataset, claim: Claim) -> str:
     """Return why a claim cannot be held against a cube, or an empty text if it can."""
-    found = judge(cube, claim)
+    found = judge_claim(cube, claim)
     return found if isinstance(found, str) else ""
 
 
-def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
+def judge_claim(cube: xr.Dataset, claim: Claim) -> Check | str:
     """Hold one claim against a cube, or say in a few words why that cannot be done."""
     if claim.mode not in cube.variables["mode"].values:
         return f"mode {claim.mode} was not run"
@@ -158,7 +158,7 @@ def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
         return f"case {claim.case} was not run" + (f" at {', '.join(missing)}" if missing else "")
     if cube.sizes["trial"] < 2:
         return "the cube has no random trials"
-    values = errors(cube, claim).transpose("setting", "trial").values
+    values = claim_errors(cube, claim).transpose("setting", "trial").values
     first, drawn = values[:, 0], values[:, 1:]
     band = np.quantile(drawn, cubes.BAND_QUANTILES[::2], axis=1)
     if not (np.isfinite(first).all() and np.isfinite(band).all()):
@@ -167,5 +167,5 @@ def judge(cube: xr.Dataset, claim: Claim) -> Check | str:
     low, high = (float(end) for end in band[:, worst])
     exact = all(_exact(claim, float(value)) for value in first)
     median = float(np.median(drawn[worst]))
-    inside = meets(claim, low, high)
+    inside = meets_claim(claim, low, high)
     return Check(claim, float(first[worst]), median, low, high, inside, exact)

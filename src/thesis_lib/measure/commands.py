@@ -83,12 +83,12 @@ def draw(manifest: Manifest, folder: Path) -> list[str]:
     from thesis_lib.files import staging
     from thesis_lib.measure.report.figures import draw_prediction
     from thesis_lib.outputs import put_files
-    from thesis_lib.plotting.style import saved
+    from thesis_lib.plotting.style import save_figure
 
     figures = draw_prediction(manifest)
     with staging(folder) as part:
         for name, figure in figures.items():
-            (part / f"{name}.png").write_bytes(saved(figure, "png", dpi=140))
+            (part / f"{name}.png").write_bytes(save_figure(figure, "png", dpi=140))
         put_files(part, folder)
     return [f"Wrote {folder / name}.png" for name in figures]
 
@@ -209,7 +209,7 @@ def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     Nothing is lost, but the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.
     """
-    from thesis_lib.measure.recordings.encode import pack as write
+    from thesis_lib.measure.recordings.encode import pack_frames as write
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.outputs import check_outputs
 

@@ -13,26 +13,26 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS
-from thesis_lib.measure.calibration.reused import as_calibrated, reused
+from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.clocks import in_step
-from thesis_lib.measure.fitting.result import result
+from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.steps import (
     CALIBRATION_VARIABLES,
     SOUND_VARIABLES,
-    calibrated,
-    heard,
+    calibrate_rig,
     inspect_videos,
-    tracked,
+    read_sound,
+    track_markers,
 )
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import declared, labelled, with_origin
+from thesis_lib.studies.schema import label_values, parse_variables, with_origin
 
-SHOT_VARIABLES = declared("shots_used(camera) [1] pictures of the board that were used")
+SHOT_VARIABLES = parse_variables("shots_used(camera) [1] pictures of the board that were used")
 UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
     "frequency", "of_sound", "of_sound_deviation",
@@ -48,7 +48,7 @@ class Recorded:
     recordings: Sequence[Recording]  #: Their tracks
 
 
-def recorded(
+def record_tracks(
     manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
 ) -> Recorded:
     """Check, listen, calibrate and track; each step is kept in the folder `steps`.
@@ -59,19 +59,22 @@ def recorded(
         If a file cannot be used, or what was recorded does not suffice.
     """
     say(f"checking {len(manifest.cameras)} videos")
-    clocks = recordings_check.check(manifest, folder)  # what it refuses leaves no trace
-    given, filmed = reused(manifest, folder), recordings_check.timed(manifest, clocks)
-    sound = heard(filmed, folder, steps, say)  # first: it may refuse more of the manifest
+    clocks = recordings_check.check_files(manifest, folder)  # what it refuses leaves no trace
+    given, filmed = (
+        reuse_calibration(manifest, folder),
+        recordings_check.add_frame_rates(manifest, clocks),
+    )
+    sound = read_sound(filmed, folder, steps, say)  # first: it may refuse more of the manifest
     reading, repeats = inspect_videos(manifest, folder, steps, clocks)
     for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
         say(line)
     sound.attrs["repeats"] = "\n".join(repeats)
     calibration = _calibration(manifest, folder, steps, given, say)
-    recordings = tracked(filmed, folder, steps, calibration, sound, clocks)
+    recordings = track_markers(filmed, folder, steps, calibration, sound, clocks)
     return Recorded(sound, calibration, recordings)
 
 
-def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
+def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
     """Fit the shape of one frequency, with all that it rests on, and every marker's motion.
 
     Returns
@@ -87,11 +90,14 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = result(manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration))
+        data = shape_result(
+            manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
+        )
         still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
-            data.merge(_kept_of(of.calibration, sound)), f"measurement by thesis_lib {__version__}"
+            data.merge(_stored_variables(of.calibration, sound)),
+            f"measurement by thesis_lib {__version__}",
         )
         data.attrs.update(
             title=f"Deflection of a {manifest.structure.kind}, "
@@ -101,7 +107,7 @@ def deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset
             synchronisation=sound.attrs["synchronisation"],
             repeats=sound.attrs.get("repeats", ""),
         )
-        moved = history.motion(data, in_step(data, of.recordings), still)
+        moved = history.time_histories(data, in_step(data, of.recordings), still)
         return data, with_origin(moved, data.attrs["source"])
 
 
@@ -111,14 +117,16 @@ def _calibration(
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
     if given is None:
-        return uncertainty.exact(calibrated(manifest, folder, steps, say), board, steps)
+        return uncertainty.jackknife_calibration(
+            calibrate_rig(manifest, folder, steps, say), board, steps
+        )
     assert manifest.calibration is not None
     if manifest.calibration.poses == "kept":
-        return uncertainty.stated(as_calibrated(given), given.covariance)
+        return uncertainty.read_deviations(as_calibrated(given), given.covariance)
     n = LENS_UNKNOWNS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
-    placed = calibrated(manifest, folder, steps, say, given.cameras)
-    return uncertainty.exact(placed, board, steps, held)
+    placed = calibrate_rig(manifest, folder, steps, say, given.cameras)
+    return uncertainty.jackknife_calibration(placed, board, steps, held)
 
 
 def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
@@ -133,7 +141,7 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
         )
 
 
-def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
+def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """Return the variables of calibration and sound that belong to the result."""
     of_cameras = CALIBRATION_VARIABLES | uncertainty.VARIABLES
     values = {
@@ -144,4 +152,4 @@ def _kept_of(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
     table = of_cameras | SOUND_VARIABLES | SHOT_VARIABLES
     names = {"camera": calibration["camera"]}
-    return xr.Dataset(labelled(values | {"shots_used": seen}, table), names)
+    return xr.Dataset(label_values(values | {"shots_used": seen}, table), names)

@@ -16,9 +16,9 @@ from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
 from thesis_lib.measure.exchange.reading import OWN_FILE
 from thesis_lib.measure.exchange.tables import write_csv
-from thesis_lib.measure.feasibility.assess import Assessment, assess, describe
-from thesis_lib.measure.measured import Recorded, deflection, recorded
-from thesis_lib.measure.modes.result import result
+from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
+from thesis_lib.measure.measured import Recorded, fit_deflection, record_tracks
+from thesis_lib.measure.modes.result import modes_result
 from thesis_lib.measure.radiation import files as radiation_files
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import media
@@ -26,7 +26,7 @@ from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import animation, build
 from thesis_lib.measure.report.diagnostics import collect_diagnostics
-from thesis_lib.measure.response.result import responded
+from thesis_lib.measure.response.result import estimate_response
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
@@ -43,7 +43,7 @@ _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
 
 
-def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
+def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
     """Measure the recordings that a manifest names.
 
     Parameters
@@ -76,10 +76,10 @@ def measure(path: Path, out: Path, say: Callable[[str], object] = print) -> Path
     there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
     check_cache(out / STEPS_FOLDER)
-    assessment = assess(manifest)
-    for line in describe(assessment):
+    assessment = assess_manifest(manifest)
+    for line in describe_assessment(assessment):
         say(line)
-    inputs = recorded(manifest, folder, out / STEPS_FOLDER, say)
+    inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         if manifest.excitation.behaviour.result == "shape":
@@ -97,20 +97,20 @@ def measure_shape(
 ) -> Path:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
-    data, moved = deflection(manifest, inputs)
+    data, moved = fit_deflection(manifest, inputs)
     videos = [folder / camera.video for camera in manifest.cameras]
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
     seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
     with staging(out) as part:
-        storage.write(data, part / "measured.nc")
-        storage.write(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
+        storage.write_netcdf(data, part / "measured.nc")
+        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
-        files.write(part, data, moved, inputs.recordings)
+        files.write_formats(part, data, moved, inputs.recordings)
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
-            radiation_files.write(part, radiated)
+            radiation_files.write_sound(part, radiated)
         report.write(part)
         put_files(part, out)
     _print_report(report, sound, say)
@@ -149,7 +149,9 @@ def _measure_response(
 ) -> build.Report:
     """Write motion over force into a folder; return the part of the report on it."""
     say("motion over force")
-    data = with_origin(responded(manifest, inputs.sound, inputs.recordings, folder), _SOURCE_TEXT)
+    data = with_origin(
+        estimate_response(manifest, inputs.sound, inputs.recordings, folder), _SOURCE_TEXT
+    )
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",
         parameters=manifest.model_dump_json(),
@@ -157,7 +159,7 @@ def _measure_response(
     )
     response = build.build_response(data, manifest)
     with staging(out) as part:
-        storage.write(data, part / "response.nc")
+        storage.write_netcdf(data, part / "response.nc")
         uff.write_response(part / "response.uff", data)
         put_files(part, out)
     _print_report(response, None, say)
@@ -175,7 +177,7 @@ def measure_modes(
     say("fitting the modes")
     recordings, calibration = inputs.recordings, inputs.calibration
     covariance = uncertainty.covariance_of(calibration)
-    data = with_origin(result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
+    data = with_origin(modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
     kind = manifest.excitation.behaviour.title
     data.attrs.update(
         title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
@@ -188,23 +190,23 @@ def measure_modes(
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
     with staging(out) as part:
-        storage.write(data, part / "modes.nc")
+        storage.write_netcdf(data, part / "modes.nc")
         write_csv(build.tabulate_modes(data), part / "modes.csv")
         write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         uff.write_modes(part / "modes.uff", data)
         for k in range(data.sizes["mode"]):
             one, name = data.isel(mode=k), f"mode-{k + 1}"
             (part / "vtk" / name).mkdir(parents=True)
-            vtk.write(part / "vtk" / name, one)
+            vtk.write_vtk(part / "vtk" / name, one)
             animation.write_shape(part / name, one)
-        cameras.write(part, [own.camera for own in recordings], data)
-        storage.write(uncertainty.to_keep(calibration), part / OWN_FILE)
+        cameras.write_calibration(part, [own.camera for own in recordings], data)
+        storage.write_netcdf(uncertainty.to_keep(calibration), part / OWN_FILE)
         if moved is not None:
-            storage.write(moved, part / "motion.nc")
+            storage.write_netcdf(moved, part / "motion.nc")
             history.write_csv(part / "motion.csv", moved)
             uff.write_motion(part / "motion.uff", data, moved)
         if radiated is not None:
-            radiation_files.write(part, radiated)
+            radiation_files.write_sound(part, radiated)
         report.write(part)
         put_files(part, out)
     _print_report(report, sound, say)
@@ -243,4 +245,4 @@ def _interpolate_motion(
         steady=("end", [_NEVER_S, _NEVER_S + 1]),
         frequency=highest,
     )
-    return with_origin(history.motion(plain, recordings, rest_s), data.attrs["source"])
+    return with_origin(history.time_histories(plain, recordings, rest_s), data.attrs["source"])

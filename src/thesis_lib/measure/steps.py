@@ -12,20 +12,20 @@ from tqdm import tqdm
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
-from thesis_lib.measure.calibration.rig import adjusted, alike, cameras_in
+from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import describe_reading
 from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
-from thesis_lib.measure.synchronisation.listen import listen
-from thesis_lib.measure.tracking.tracks import Recording, record
+from thesis_lib.measure.synchronisation.listen import estimate_delays
+from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.outputs import mark_cache
-from thesis_lib.studies.cache import kept, key_of
-from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.cache import key_of, load_or_compute
+from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision.lens import Camera
 
-CALIBRATION_VARIABLES = declared("""
+CALIBRATION_VARIABLES = parse_variables("""
     reprojection_rms() [px] rms residual of a coordinate of the board's corners
     single_rms(camera) [px] rms residual of a coordinate of the board's corners, of each camera
         calibrated alone
@@ -40,7 +40,7 @@ CALIBRATION_VARIABLES = declared("""
     R_camera_world(camera, i, j) [1] rotation from the first board to the camera
     centre(camera, i) [m] centre of projection in the first board's frame
 """)
-SOUND_VARIABLES = declared("""
+SOUND_VARIABLES = parse_variables("""
     delay(camera) [s] start after the first camera's
     steady(end) [s] steady part on the first camera's clock
     ambiguous() [1] whether the delays are in doubt by whole periods
@@ -60,7 +60,7 @@ def _silent(_: str) -> None:
     pass
 
 
-def calibrated(
+def calibrate_rig(
     manifest: Manifest,
     folder: Path,
     steps: Path,
@@ -79,7 +79,9 @@ def calibrated(
     def compute() -> xr.Dataset:
         say(f"calibrating from {len(shots)} pictures of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
-            corners, lost, single, full = adjusted(manifest, folder, lambda: bar.update(), lenses)
+            corners, lost, single, full = adjust_cameras(
+                manifest, folder, lambda: bar.update(), lenses
+            )
         poses = ("K", "distortion", "R_camera_world", "centre", "size")
         values = {name: [getattr(c, name) for c in full.cameras] for name in poses} | {
             "reprojection_rms": full.rms,
@@ -92,10 +94,10 @@ def calibrated(
         }
         names = {"camera": [c.name for c in manifest.cameras]}
         return xr.Dataset(
-            labelled(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
+            label_values(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
         )
 
-    return kept(steps / "calibration.nc", compute, key_of(what, shots))
+    return load_or_compute(steps / "calibration.nc", compute, key_of(what, shots))
 
 
 def inspect_videos(
@@ -132,16 +134,16 @@ def inspect_videos(
                 repeats = inspect_film(videos[index], clocks[index], tick)
                 return describe_repeats(names[index], repeats)
 
-            found = abreast(one, range(len(videos)), stop.set)
+            found = map_in_pairs(one, range(len(videos)), stop.set)
         repeats = [line for line in found if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
 
-    data = kept(steps / "videos.nc", compute, key_of(names, videos))
+    data = load_or_compute(steps / "videos.nc", compute, key_of(names, videos))
     return data.attrs["reading"].splitlines(), data.attrs["repeats"].splitlines()
 
 
-def heard(
+def read_sound(
     manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
 ) -> xr.Dataset:
     """When the cameras started, and what the sound tells of the vibration."""
@@ -155,7 +157,7 @@ def heard(
     def compute() -> xr.Dataset:
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
-        sound = listen(manifest, folder)
+        sound = estimate_delays(manifest, folder)
         found, rest = sound.synchronisation, manifest.excitation.rest_s
         most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
         if manifest.excitation.steady_s is None and rest > most + 1e-6:
@@ -174,16 +176,16 @@ def heard(
             "ambiguous": int(found.ambiguous),
             "signal_to_noise": found.snr,
         }
-        data = xr.Dataset(labelled(values, SOUND_VARIABLES))
+        data = xr.Dataset(label_values(values, SOUND_VARIABLES))
         mark_cache(steps)  # now that nothing more is refused
         return data.assign_attrs(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
         )
 
-    return kept(steps / "sound.nc", compute, key_of(what, videos))
+    return load_or_compute(steps / "sound.nc", compute, key_of(what, videos))
 
 
-def tracked(
+def track_markers(
     manifest: Manifest,
     folder: Path,
     steps: Path,
@@ -195,7 +197,7 @@ def tracked(
     """Track the markers through all videos with frames at these times, two cameras at a time.
 
     With `shares` in frames reduced to these shares of their width, see
-    :func:`thesis_lib.measure.tracking.tracks.record`.
+    :func:`thesis_lib.measure.tracking.tracks.record_track`.
     """
     markers, cameras = markers_of(manifest), cameras_in(calibration)
     frequency = float(np.nan_to_num(sound["frequency"]))
@@ -218,7 +220,7 @@ def tracked(
             turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
             what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
             key = key_of(what, [folder / files.video])
-            notes = record(
+            notes = record_track(
                 files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
             )
             return Recording(
@@ -232,5 +234,5 @@ def tracked(
                 clocks[index],
             )
 
-        with alike():
-            return abreast(one, range(len(cameras)), stop.set)
+        with single_threaded_opencv():
+            return map_in_pairs(one, range(len(cameras)), stop.set)

@@ -18,10 +18,16 @@ import ipywidgets
 import xarray as xr
 
 from thesis_lib.figure_sets.parametric.tables import error_table
-from thesis_lib.figure_sets.registry import STUDIES, validate
+from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, cubes, effort
-from thesis_lib.studies.request import ParameterError, Study, command, describe, whole_numbers
+from thesis_lib.studies.request import (
+    ParameterError,
+    Study,
+    describe_parameters,
+    study_command,
+    whole_numbers,
+)
 
 WIDE_LAYOUT = ipywidgets.Layout(width="26rem", max_width="100%", flex="0 0 auto")
 MAX_EXACT_INTEGER = 2**53  # largest whole number that a browser keeps
@@ -75,7 +81,9 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
     if namespace.get("cube"):
         return None
     fields = STUDIES[name].model_fields
-    request = validate(name, {field: namespace[field] for field in fields if field in namespace})
+    request = validate_request(
+        name, {field: namespace[field] for field in fields if field in namespace}
+    )
 
     def keep(cube: xr.Dataset) -> None:
         namespace["result"] = cube
@@ -103,14 +111,14 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
 
     def check(_: object = None) -> None:
         try:
-            _show_command(made, command(validate(request.name, made.values)))
+            _show_command(made, study_command(validate_request(request.name, made.values)))
         except ParameterError as error:
             _show_command(made, "", str(error))
 
     def click(_: object) -> None:
         check()
         if not made.message.value:
-            _run_request(made, validate(request.name, made.values), keep)
+            _run_request(made, validate_request(request.name, made.values), keep)
 
     for widget in made.inputs.values():
         widget.observe(check, "value")
@@ -121,10 +129,10 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
 
 def stack_controls(request: Study, made: Controls) -> ipywidgets.VBox:
     """Stack the controls, each with its unit and meaning, and the results below them."""
-    known = effort.read().get(request.name)
+    known = effort.read_efforts().get(request.name)
     takes = f" Takes {known.kind}: {known.time} with the published parameters." if known else ""
     rows = [ipywidgets.HTML(f"<b>Rerun {html.escape(request.title)}</b>.{takes}")]
-    about = {row["name"]: row for row in describe(type(request))}
+    about = {row["name"]: row for row in describe_parameters(type(request))}
     for name, widget in made.inputs.items():
         row = about[name]
         unit = f"{row['unit']}; " if row["unit"] else ""
@@ -137,7 +145,7 @@ def _build_inputs(request: Study) -> dict[str, ipywidgets.ValueWidget]:
     values, model = request.model_dump(mode="json"), type(request)
     schemas = model.model_json_schema()["properties"]
     made = {}
-    for row in describe(model):
+    for row in describe_parameters(model):
         name = row["name"]
         if name != "cube":
             made[name] = _build_input(schemas[name], values[name])
@@ -198,7 +206,7 @@ def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], ob
     """Run a request and show what came of it: what changed, the viewer, the table."""
     made.button.disabled = True
     made.output.outputs = ()
-    known = effort.read().get(request.name)
+    known = effort.read_efforts().get(request.name)
     made.output.append_stdout(
         f"running {request.name}{f', about {known.time}' if known else ''} …\n"
     )
@@ -218,6 +226,6 @@ def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], ob
 
 
 def _list_results(cube: xr.Dataset) -> list[Any]:
-    if cubes.listed_by(cube):
-        return [cubes.summary(cube)]
+    if cubes.list_dimension(cube):
+        return [cubes.summarise_errors(cube)]
     return [LiveView(notebook.viewer(cube)), error_table(cube)]

@@ -14,8 +14,8 @@ from typing import Any
 from thesis_lib.figure_sets.parametric import in_page
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, TITLES
 from thesis_lib.studies import effort
-from thesis_lib.studies.fields import permitted
-from thesis_lib.studies.request import Study, describe, whole_numbers
+from thesis_lib.studies.fields import describe_permitted
+from thesis_lib.studies.request import Study, describe_parameters, whole_numbers
 
 _KNOWN_KEYS = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
 
@@ -32,14 +32,14 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
         of fields in the order to show, and a sentence on what the published run takes; a set also
         numbers in the order in which they are checked, a chapter its sets and the names of the
         parameters in which they differ. ``here``, what the page computes by itself, as
-        :func:`thesis_lib.figure_sets.parametric.in_page.facts` has it.
+        :func:`thesis_lib.figure_sets.parametric.in_page.page_facts` has it.
     """
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}
     for name in names:
         study, numbers = STUDIES[name], {}
         schema = study.model_json_schema()["properties"]
-        for row in describe(study):
+        for row in describe_parameters(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
                 continue
             field = _describe_field(study, row, schema[row["name"]])
@@ -58,7 +58,7 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
         "fields": fields,
         "sets": sets,
         "chapters": {name: _describe_chapter(name, fields, sets) for name in whole},
-        "here": in_page.facts([name for name in in_page.COMPUTED_SETS if name in sets]),
+        "here": in_page.page_facts([name for name in in_page.COMPUTED_SETS if name in sets]),
     }
 
 
@@ -80,7 +80,7 @@ def _describe_field(
     return {
         **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
         "schema": plain | ({"items": {"type": "string", "enum": default}} if named else {}),
-        "permitted": permitted(study, row["name"]),
+        "permitted": describe_permitted(study, row["name"]),
         "typed": _format_typed(default),
     }
 
@@ -119,8 +119,8 @@ def _describe_chapter(
 
 def _describe_cost(names: list[str]) -> str:
     """Return the measured cost of running figure sets one after another, or empty."""
-    known = effort.read()
+    known = effort.read_efforts()
     if not set(names) <= set(known):
         return ""
-    total = effort.together(known[name] for name in names)
+    total = effort.total_effort(known[name] for name in names)
     return f"With the defaults it takes {total.time} and {total.memory}, from nothing on two cores."

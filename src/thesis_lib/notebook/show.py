@@ -19,14 +19,14 @@ from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
 from thesis_lib.figure_sets import outside, run
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import FIGURE_SETS, model_of, validate
+from thesis_lib.figure_sets.registry import FIGURE_SETS, model_of, validate_request
 from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import schedulers, storage
-from thesis_lib.studies.request import ParameterError, Study, check_names, validated
+from thesis_lib.studies.request import ParameterError, Study, check_names, validate_values
 from thesis_lib.text import one_line, parse_json
 from thesis_lib.web.viewer import Viewer
 
@@ -46,14 +46,14 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     injected = _find_injected(namespace.get("In", []))
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
-    return validated(model, {**values, **_parse_lists(name, values, injected)})
+    return validate_values(model, {**values, **_parse_lists(name, values, injected)})
 
 
 def cube_of(asked: Study) -> xr.Dataset:
     """Return the cube of a request, and write it to the file of its parameter `cube`."""
     result = run.cube_of(asked, _read_scheduler(asked))
     if asked.cube:  # an absolute path stands
-        storage.write(result, files.workplace() / asked.cube, compact=True)
+        storage.write_netcdf(result, files.workplace() / asked.cube, compact=True)
     return result
 
 
@@ -98,7 +98,7 @@ def _read_scheduler(request: Study) -> str:
     except ValueError as error:
         raise ParameterError(str(error)) from None
     if scheduler and not FIGURE_SETS[request.name].in_pieces:
-        print(schedulers.alone(request.name), file=sys.stderr)
+        print(schedulers.describe_alone(request.name), file=sys.stderr)
         return ""
     return scheduler
 
@@ -114,7 +114,7 @@ def _build_form(cube: xr.Dataset) -> dict[str, Any]:
     """Parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
     return (
-        form_of(validate(name, json.loads(cube.attrs["parameters"])))
+        form_of(validate_request(name, json.loads(cube.attrs["parameters"])))
         if name in COMPUTED_SETS
         else {}
     )
@@ -139,29 +139,29 @@ class Shown:
 def figures(cube: xr.Dataset) -> None:
     """Display the figure of each case and mode, one after the other."""
     for (case, mode), caption in panels.case_captions(cube).items():
-        drawing = figure_sets.figure(cube, case, mode)
+        drawing = figure_sets.draw_figure(cube, case, mode)
         about = _describe_figure(cube, drawing, caption) | {"case": case, "mode": mode}
         display(Shown(_render_figure(drawing), about))
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
-    """Show :func:`thesis_lib.figure_sets.display.picture`; nothing of a mode that was not run."""
-    drawing = figure_sets.picture(cube, name, *which)
+    """Show :func:`thesis_lib.figure_sets.display.draw_picture`; nothing of a missing mode."""
+    drawing = figure_sets.draw_picture(cube, name, *which)
     if drawing is None:
         return None
     of = str(cube.attrs["figure_set"])
-    caption, style = figure_sets.caption(of, name, *which), figure_sets.picture_style(of)
+    caption, style = figure_sets.read_caption(of, name, *which), figure_sets.picture_style(of)
     return Shown(_render_figure(drawing, style), _describe_figure(cube, drawing, caption))
 
 
 def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
-    """Show a table or paragraph, :func:`thesis_lib.figure_sets.display.text`."""
-    return Markdown(figure_sets.text(cube, name, *which))
+    """Show a table or paragraph, :func:`thesis_lib.figure_sets.display.fill_text`."""
+    return Markdown(figure_sets.fill_text(cube, name, *which))
 
 
 def _render_figure(drawing: Figure, style: Any = None) -> str:
     """Return a figure's SVG, to stand in a page."""
-    text = svg(drawing, style)
+    text = figure_svg(drawing, style)
     return text[text.index("<svg") :]
 
 

@@ -24,16 +24,16 @@ from thesis_lib.planning.positions import (
     LIMIT_SLACK,
     MAX_TIE_RATIO,
     Scene,
-    cameras,
-    centres,
+    are_permitted,
+    camera_centres,
     first_least,
-    permitted,
-    visible,
+    place_cameras,
+    visible_markers,
 )
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray, project
-from thesis_lib.vision.simulation import measure
-from thesis_lib.vision.triangulation import UPPER_INDICES, gain, jacobian
+from thesis_lib.vision.simulation import measure_deflections
+from thesis_lib.vision.triangulation import UPPER_INDICES, image_jacobian, triangulation_gain
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
 AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
@@ -63,18 +63,18 @@ class Simulated:
         return np.full((2, len(self.mean)), np.nan)
 
 
-def percent(scene: Scene) -> Array:
+def percent_factor(scene: Scene) -> Array:
     """Return factor (modes, 1) from m to % of the largest deflection of a marker in each mode."""
     largest = np.max(np.abs(scene.body.shapes), axis=1) * np.array(scene.peaks)
     return np.asarray(100 / largest[:, None])
 
 
-def averaged(scene: Scene) -> float:
+def average_error(scene: Scene) -> float:
     """Largest error of a mode in %, averaged over amplitudes, over √cost and times width in px."""
-    return float(np.max(percent(scene)) * np.sqrt(ROUNDING_VARIANCE_PX2))
+    return float(np.max(percent_factor(scene)) * np.sqrt(ROUNDING_VARIANCE_PX2))
 
 
-def counted(point: Array, objective: str) -> Array:
+def objective_error(point: Array, objective: str) -> Array:
     """Return the error that counts, of errors (modes, markers): rms or largest."""
     return np.sqrt(np.mean(point**2, axis=-1)) if objective == "mean" else point.max(axis=-1)
 
@@ -83,7 +83,7 @@ def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
     """Yield the cameras and markers that go together, and these cameras."""
-    rig, seen = cameras(scene, layout, width), visible(scene, layout)
+    rig, seen = place_cameras(scene, layout, width), visible_markers(scene, layout)
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
         some = np.flatnonzero(pattern)
@@ -92,7 +92,7 @@ def _groups(
         yield some, np.flatnonzero(which.ravel() == number), part
 
 
-def predicted(scene: Scene, layout: Array, width: int) -> Array:
+def predict_errors(scene: Scene, layout: Array, width: int) -> Array:
     """Return the rms error of every marker by the law of rounding, shape (modes, markers), in %."""
     body, point = scene.body, np.empty(scene.body.shapes.shape)
     deflected = body.deflected(scene.peaks)
@@ -102,35 +102,39 @@ def predicted(scene: Scene, layout: Array, width: int) -> Array:
             part.P, rest, deflected[:, :, markers], normals=normals
         )
         point[:, markers] = np.sqrt(variance)
-    return point * percent(scene)
+    return point * percent_factor(scene)
 
 
-def averaged_by_law(scene: Scene, layout: Array, width: int) -> float:
+def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     """Return the error of the worst mode by the law of rounding, averaged over amplitudes, in %.
 
     Over `AMPLITUDES` times the deflection that is asked for, evenly. A coordinate that hardly moves
-    has hardly an error then, where :func:`averaged` gives every coordinate 1/6 px².
+    has hardly an error then, where :func:`average_error` gives every coordinate 1/6 px².
     """
     body, point = scene.body, np.empty(scene.body.shapes.shape)
     deflected = body.deflected(scene.peaks)
     for _, markers, part in _groups(scene, layout, width):
         rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
-        g = np.sum(gain(part.P, rest) * normals[:, None, None], axis=0)
+        g = np.sum(triangulation_gain(part.P, rest) * normals[:, None, None], axis=0)
         moved = project(part.P, deflected[:, :, markers]) - project(part.P, rest)
         variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
         point[:, markers] = np.sqrt(np.sum(g**2 * variance, axis=(0, 1)))
-    return float(counted(point * percent(scene), "mean").max())
+    return float(objective_error(point * percent_factor(scene), "mean").max())
 
 
-def simulated(
+def simulate_layout(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Simulated:
     """Return the studies' simulation of a layout: whole pixels on randomly shifted grids."""
-    wrong = drawn(scene, layout, width, trials, seed, estimator) * percent(scene)[:, None]
+    wrong = (
+        draw_errors(scene, layout, width, trials, seed, estimator) * percent_factor(scene)[:, None]
+    )
     return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))
 
 
-def drawn(scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str) -> Array:
+def draw_errors(
+    scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
+) -> Array:
     """Return errors of the deflections in that simulation, shape (modes, trials, markers), in m."""
     body = scene.body
     points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
@@ -139,7 +143,9 @@ def drawn(scene: Scene, layout: Array, width: int, trials: int, seed: int, estim
     wrong = np.empty((len(true), trials, true.shape[1]))
     for some, markers, part in _groups(scene, layout, width):
         rest, normals = points[:, :, markers], body.normals[:, markers]
-        found = measure(part, rest, shifts[:, some], estimator=estimator, normals=normals)
+        found = measure_deflections(
+            part, rest, shifts[:, some], estimator=estimator, normals=normals
+        )
         wrong[:, :, markers] = found - true[:, None, markers]
     return wrong
 
@@ -150,7 +156,7 @@ _MAX_PASSES = 50  # exchanges end long before
 _BOUND_ROUNDS = 60  # of the weights of the lower bound
 
 
-def frames(normals: Array) -> Array:
+def marker_axes(normals: Array) -> Array:
     """Right-handed axes (markers, 3, 3) whose third is each marker's normal (3, markers)."""
     n = normals.T
     aside = np.eye(3)[np.argmin(np.abs(n), axis=1)]
@@ -159,7 +165,7 @@ def frames(normals: Array) -> Array:
     return np.stack([x, np.cross(n, x), n], axis=1)
 
 
-def information(scene: Scene, places: Array) -> Array:
+def place_information(scene: Scene, places: Array) -> Array:
     """JᵀJ of every place and marker in the marker's own axes, per squared width of the sensor.
 
     Returns
@@ -167,9 +173,9 @@ def information(scene: Scene, places: Array) -> Array:
     ndarray, shape (6, places, markers)
         Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 where it is not seen.
     """
-    seen = visible(scene, places)
-    J = jacobian(cameras(scene, places).P, scene.body.points)
-    x, y, z = np.moveaxis(frames(scene.body.normals), 2, 0).swapaxes(1, 2).copy()
+    seen = visible_markers(scene, places)
+    J = image_jacobian(place_cameras(scene, places).P, scene.body.points)
+    x, y, z = np.moveaxis(marker_axes(scene.body.normals), 2, 0).swapaxes(1, 2).copy()
     # term by term: einsum takes seven times as long
     own = J[:, :, None, 0] * x + J[:, :, None, 1] * y + J[:, :, None, 2] * z
     u, v = own[:, 0], own[:, 1]
@@ -177,7 +183,7 @@ def information(scene: Scene, places: Array) -> Array:
     return np.stack(products) * seen
 
 
-def variances(total: Array) -> Array:
+def normal_variances(total: Array) -> Array:
     """Variance along the normal, (M⁻¹)_zz, from information (6, ...); infinite if M is singular."""
     xx, xy, xz, yy, yz, zz = total
     minor = xx * yy - xy**2
@@ -187,43 +193,43 @@ def variances(total: Array) -> Array:
     return np.divide(minor, determinant, out=np.full(minor.shape, np.inf), where=regular)
 
 
-def cost(variance: Array, objective: str) -> Array:
+def information_cost(variance: Array, objective: str) -> Array:
     """Return the mean or largest variance over the markers, which are the last axis."""
     return variance.mean(axis=-1) if objective == "mean" else variance.max(axis=-1)
 
 
 def layout_cost(scene: Scene, places: Array, objective: str) -> float:
     """Return cost of a layout; infinite unless every marker is seen well enough by two cameras."""
-    return together(information(scene, places), objective)
+    return combined_cost(place_information(scene, places), objective)
 
 
-def together(known: Array, objective: str) -> float:
+def combined_cost(known: Array, objective: str) -> float:
     """Return the cost of cameras from the information of each, shape (6, cameras, markers)."""
-    return float(cost(variances(known.sum(axis=1)), objective))
+    return float(information_cost(normal_variances(known.sum(axis=1)), objective))
 
 
-def allowed(scene: Scene, places: Array) -> bool:
+def is_allowed(scene: Scene, places: Array) -> bool:
     """Return whether a layout keeps all rules."""
-    return bool(np.all(permitted(scene, places))) and spaced(scene, places)
+    return bool(np.all(are_permitted(scene, places))) and is_spaced(scene, places)
 
 
-def spaced(scene: Scene, places: Array) -> bool:
+def is_spaced(scene: Scene, places: Array) -> bool:
     """Return whether the cameras of a layout are far enough from each other."""
-    where = centres(scene, places)
+    where = camera_centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
     return bool(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK)))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
     """Return which candidates may not stand in one layout; each of them with itself."""
-    where = centres(scene, grid)
+    where = camera_centres(scene, grid)
     return np.asarray(
         scipy.spatial.distance.cdist(where, where)
         < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9)
     )
 
 
-def exchange(
+def exchange_cameras(
     known: Array,
     near: Mask,
     start: Sequence[int],
@@ -254,7 +260,9 @@ def exchange(
     ridge = _RIDGE_RATIO * np.mean(known[[0, 3, 5]]) * np.array([1.0, 0, 0, 1, 0, 1])[:, None]
     best = np.inf
     if -1 not in chosen:
-        best = float(cost(variances(known[:, chosen].sum(axis=1) + ridge), objective))
+        best = float(
+            information_cost(normal_variances(known[:, chosen].sum(axis=1) + ridge), objective)
+        )
     each = np.moveaxis(known, 1, 0).copy()  # sums of what lies together take a fraction of the time
     if whose is None:
         own = [(np.arange(len(near)), known, near)] * len(chosen)
@@ -273,7 +281,7 @@ def exchange(
         if not len(mine):
             continue
         rest = each[others].sum(axis=0) + ridge
-        costs = cost(variances(rest[:, None] + part), objective)
+        costs = information_cost(normal_variances(rest[:, None] + part), objective)
         at = first_least(costs)
         if chosen[slot] < 0 or costs[at] < best * (1 - MAX_TIE_RATIO):
             chosen[slot], best, still = int(mine[at]), float(costs[at]), 1
@@ -304,7 +312,7 @@ def lower_bound(known: Array, n_cameras: int, weights: Array) -> float:
     for _ in range(_BOUND_ROUNDS):
         total = np.einsum("kcm,c->km", known, share)
         xx, xy, xz, yy, yz, _ = total
-        variance = variances(total)
+        variance = normal_variances(total)
         if not np.all(np.isfinite(variance)):
             break
         minor = xx * yy - xy**2

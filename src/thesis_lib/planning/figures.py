@@ -17,9 +17,9 @@ from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     INK_COLOR,
     REFERENCE_COLOR,
-    color,
+    cycle_color,
     in_style,
-    logarithmic,
+    make_logarithmic,
     subplots,
 )
 from thesis_lib.studies.cubes import percent_text
@@ -67,9 +67,9 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
     for i, place in enumerate(where):
         sight = flat(np.stack([place, centre]))
         foot = flat(np.stack([place, [place[0], place[1], centre[2]]]))
-        axes.plot(*sight.T, color=color(i), linewidth=0.6, alpha=0.6)
+        axes.plot(*sight.T, color=cycle_color(i), linewidth=0.6, alpha=0.6)
         axes.plot(*foot.T, ":", color=REFERENCE_COLOR, linewidth=0.6)
-        axes.plot(*sight[0], "o", color=color(i), markersize=9, zorder=4, clip_on=False)
+        axes.plot(*sight[0], "o", color=cycle_color(i), markersize=9, zorder=4, clip_on=False)
         n = str(i + 1)
         axes.annotate(n, sight[0], color="white", size=6.5, ha="center", va="center", zorder=5)
     size = max(np.ptp(where, axis=0).max(), np.ptp(outline, axis=0).max()) / 3
@@ -110,10 +110,12 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
         label=words,
     )
     for i, n in enumerate(np.unique(counts)):
-        axes.plot([], [], "s", color=color(i), markersize=5, label=f"{n} cameras")
+        axes.plot([], [], "s", color=cycle_color(i), markersize=5, label=f"{n} cameras")
         for j, width in enumerate(np.unique(widths)):
             at = (counts == n) & (widths == width)
-            axes.plot(cost[at], predicted[at], _LINE_SYMBOLS[j % 8], color=color(i), markersize=6)
+            axes.plot(
+                cost[at], predicted[at], _LINE_SYMBOLS[j % 8], color=cycle_color(i), markersize=6
+            )
     for j, width in enumerate(np.unique(widths)):
         height = int(cube["height_px"].values[widths == width][0])
         axes.plot(
@@ -132,8 +134,8 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
         axes.plot(
             *at, "o", markersize=14, markerfacecolor="none", color=HIGHLIGHT_COLOR, label=words
         )
-    logarithmic(axes.xaxis, [t for t in _LOG_TICKS if cost.min() / 2 < t < 2 * cost.max()])
-    logarithmic(
+    make_logarithmic(axes.xaxis, [t for t in _LOG_TICKS if cost.min() / 2 < t < 2 * cost.max()])
+    make_logarithmic(
         axes.yaxis, [t for t in _LOG_TICKS if predicted.min() / 2 < t < 2 * predicted.max()]
     )
     axes.set_xlabel("price of all cameras" if priced else "million pixels per second, all cameras")

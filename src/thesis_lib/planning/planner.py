@@ -13,15 +13,22 @@ from pydantic_core import PydanticCustomError
 from thesis_lib.arrays import Array
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import (
-    cost,
-    exchange,
-    information,
+    exchange_cameras,
+    information_cost,
     layout_cost,
     lower_bound,
+    normal_variances,
+    place_information,
     too_near,
-    variances,
 )
-from thesis_lib.planning.positions import Body, Rules, Scene, candidates, first_most, sees_enough
+from thesis_lib.planning.positions import (
+    Body,
+    Rules,
+    Scene,
+    candidate_positions,
+    first_most,
+    sees_enough,
+)
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import Surroundings, best_layouts
 from thesis_lib.studies.request import ParameterError
@@ -42,7 +49,7 @@ class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
-def without(rules: Rules, field: str, reach: float) -> Rules:
+def without_limit(rules: Rules, field: str, reach: float) -> Rules:
     """Drop the limit that a parameter sets; distances keep clear of the body."""
     full: dict[str, dict[str, object]] = {
         "tilt_deg": {"tilt": np.pi / 2},
@@ -58,12 +65,12 @@ def without(rules: Rules, field: str, reach: float) -> Rules:
     return replace(rules, **full[field])  # type: ignore[arg-type]
 
 
-def binding(scene: Scene, step: float) -> list[str]:
+def binding_limits(scene: Scene, step: float) -> list[str]:
     """Parameters each of which alone leaves no place: without its limit there are some."""
     reach = scene.body.reach + max(scene.peaks)
-    eased = {f: replace(scene, rules=without(scene.rules, f, reach)) for f in OPTION_FIELDS}
+    eased = {f: replace(scene, rules=without_limit(scene.rules, f, reach)) for f in OPTION_FIELDS}
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
-    return [field for field, one in eased.items() if len(candidates(one, step))]
+    return [field for field, one in eased.items() if len(candidate_positions(one, step))]
 
 
 def _text(request: PlanRequest, field: str) -> str:
@@ -71,10 +78,10 @@ def _text(request: PlanRequest, field: str) -> str:
     return f"{field}={list(value) if isinstance(value, tuple) else value}"
 
 
-def nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
+def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """No place is allowed: because of which limits."""
     step = np.radians(request.step_deg)
-    found = binding(scene, step)
+    found = binding_limits(scene, step)
     if found:
         text = " or ".join(_text(request, field) for field in found)
         why = f"binding: {text} (any of these eased alone leaves places)"
@@ -83,8 +90,8 @@ def nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
             reach = scene.body.reach + max(scene.peaks)
-            bare = replace(bare, rules=without(bare.rules, field, reach))
-    if not np.any(sees_enough(bare, candidates(bare, step))):
+            bare = replace(bare, rules=without_limit(bare.rules, field, reach))
+    if not np.any(sees_enough(bare, candidate_positions(bare, step))):
         return ImpossibleError(
             f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
             f"{_text(request, 'in_view')}"
@@ -97,7 +104,7 @@ def nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
 
 def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
     """Places there are, but no layout: cameras too close, or a marker that two do not see."""
-    seen = (information(scene, grid)[0] > 0).sum(axis=0)
+    seen = (place_information(scene, grid)[0] > 0).sum(axis=0)
     if seen.min() < 2:
         worst = int(np.argmin(seen))
         return ImpossibleError(
@@ -105,9 +112,9 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
             f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
-    open_ = replace(scene, rules=without(scene.rules, "separation_mm", 0))
-    layout, _ = exchange(
-        information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
+    open_ = replace(scene, rules=without_limit(scene.rules, "separation_mm", 0))
+    layout, _ = exchange_cameras(
+        place_information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
     )
     if -1 not in layout and np.isfinite(layout_cost(open_, grid[layout], request.objective)):
         return ImpossibleError(
@@ -119,7 +126,7 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
     )
 
 
-def unreached(best: Option, request: PlanRequest) -> ImpossibleError:
+def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     """Explain a target out of reach: what it needs, and which limit on places costs most."""
     target, n, scene = request.target_percent, len(best.layout), best.scene
     assert target is not None
@@ -128,7 +135,7 @@ def unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     start = _grid_cost(scene, n, request)
     for field in ("separation_mm", *OPTION_FIELDS):
         reach = scene.body.reach + max(scene.peaks)
-        free = replace(scene, rules=without(scene.rules, field, reach))
+        free = replace(scene, rules=without_limit(scene.rules, field, reach))
         if field == "in_view" or _same(free, scene):
             continue
         eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
@@ -154,14 +161,16 @@ def _same(one: Scene, other: Scene) -> bool:
 
 def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
     """Return the cost of the best layout on a coarse grid; infinite if there is no room."""
-    grid = candidates(scene, np.radians(max(request.step_deg, 15.0)))
+    grid = candidate_positions(scene, np.radians(max(request.step_deg, 15.0)))
     if not len(grid):
         return np.inf
-    known = information(scene, grid)
-    chosen, _ = exchange(known, too_near(scene, grid), [-1] * n, request.objective)
+    known = place_information(scene, grid)
+    chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
     if -1 in chosen:
         return np.inf
-    return float(cost(variances(known[:, chosen].sum(axis=1)), request.objective))
+    return float(
+        information_cost(normal_variances(known[:, chosen].sum(axis=1)), request.objective)
+    )
 
 
 _MAXIMUM_POWER = 40  # power of the variances that weigh markers in the bound of the largest
@@ -258,9 +267,9 @@ def plan(
     total = 0
     for kinds in _aspects(request).values():
         scene = request.scene(body, kinds[0])
-        grid = candidates(scene, np.radians(request.step_deg))
+        grid = candidate_positions(scene, np.radians(request.step_deg))
         if not len(grid):
-            raise nowhere(scene, request)
+            raise explain_nowhere(scene, request)
         total += len(grid)
         options += _options(scene, grid, kinds, request, rate, tell)
     options.sort(key=lambda one: (one.kind, len(one.layout)))
@@ -282,9 +291,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     for one in options:
         around = about.setdefault(one.scene.aspect, Surroundings(one.scene))
         width = one.resolution[0]
-        layout = sound.moved(sounds, around, one.layout, width, goal)
+        layout = sound.move_cameras(sounds, around, one.layout, width, goal)
         field, own = (
-            sound.predicted(sounds, one.scene, each, width, goal) for each in (one.layout, layout)
+            sound.predict_sound_errors(sounds, one.scene, each, width, goal)
+            for each in (one.layout, layout)
         )
         found.append(
             replace(
@@ -293,8 +303,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
                 predicted=own,
                 bound=np.nan,
                 instead=Instead(one, field),
-                expected=float(sound.averaged(sounds, one.scene, layout, width, goal).max()),
-                point=errors.predicted(one.scene, layout, width),
+                expected=float(
+                    sound.average_sound_error(sounds, one.scene, layout, width, goal).max()
+                ),
+                point=errors.predict_errors(one.scene, layout, width),
             )
         )
     return found
@@ -304,8 +316,10 @@ def _verified(one: Option, request: PlanRequest) -> Verified:
     drawn = max(request.trials, 1), request.seed, request.estimator
     asked = one.scene, one.layout, one.resolution[0], *drawn
     if request.goal != "shape":
-        return Verified(*sound.simulated(request.sounds, errors.drawn(*asked), request.goal))
-    found, at = errors.simulated(*asked), first_most(one.point)
+        return Verified(
+            *sound.simulate_sound_errors(request.sounds, errors.draw_errors(*asked), request.goal)
+        )
+    found, at = errors.simulate_layout(*asked), first_most(one.point)
     return Verified(found.error(request.objective, at), found.band(request.objective))
 
 
@@ -352,8 +366,8 @@ def _options(
     made = best_layouts(scene, grid, counts, *asked, placed)
     if all(layout is None for layout in made):
         raise no_room(scene, grid, counts[0], request)
-    known = information(scene, grid)
-    factor = errors.averaged(scene)
+    known = place_information(scene, grid)
+    factor = errors.average_error(scene)
     options = []
     for layout in made:
         if layout is None:
@@ -362,7 +376,7 @@ def _options(
         bound = lower_bound(known, len(layout), _weights(scene, layout, request.objective))
         for kind in kinds:
             width, height = request.resolutions_px[kind]
-            point = errors.predicted(scene, layout, width)
+            point = errors.predict_errors(scene, layout, width)
             pixels = len(layout) * width * height * rate
             price = len(layout) * request.prices[kind] if request.prices else pixels
             options.append(
@@ -374,7 +388,7 @@ def _options(
                     price,
                     factor * np.sqrt(value) / width,
                     point,
-                    errors.counted(point, request.objective),
+                    errors.objective_error(point, request.objective),
                     factor * np.sqrt(bound) / width,
                     scene,
                 )
@@ -384,7 +398,7 @@ def _options(
 
 def _weights(scene: Scene, layout: Array, objective: str) -> Array:
     """Weights of the markers for :func:`lower_bound`: alike, or where the errors are largest."""
-    variance = variances(information(scene, layout).sum(axis=1))
+    variance = normal_variances(place_information(scene, layout).sum(axis=1))
     power = (variance / variance.max()) ** (_MAXIMUM_POWER if objective == "worst" else 0)
     return np.asarray(power / power.sum())
 
@@ -399,4 +413,4 @@ def _cheapest(
     for i in order:
         if max(options[i].error, float(verified[i].simulated.max())) <= target:
             return i
-    raise unreached(options[front[-1]], request)
+    raise explain_unreached(options[front[-1]], request)

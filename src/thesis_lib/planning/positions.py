@@ -163,7 +163,7 @@ def by_rule(layout: Array) -> Array:
     return layout[np.lexsort(_whole(layout).T[::-1])]
 
 
-def rank(layout: Array) -> tuple[int, ...]:
+def rank_layout(layout: Array) -> tuple[int, ...]:
     """Return what decides between layouts of equal cost: the least is taken."""
     return tuple(_whole(by_rule(layout)).ravel().tolist())
 
@@ -212,13 +212,13 @@ class Scene:
     aspect: float  #: Height over width of the sensors
 
 
-def centres(scene: Scene, places: Array) -> Array:
+def camera_centres(scene: Scene, places: Array) -> Array:
     """Return the camera centres in m in the body's frame, shape (places, 3)."""
     out = hemisphere_directions(places[:, 0], places[:, 1]) * places[:, 2:3]
     return out + scene.body.centre
 
 
-def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
+def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
     """Return the cameras at places, each with its own lens and `width` pixels across."""
     size = (width, scene.aspect * width)
     if width != 1:
@@ -226,7 +226,7 @@ def cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
     rig = hemisphere_cameras(places[:, 2], places[:, 0], places[:, 1], width, size)  # type: ignore[arg-type]
     K = rig.K.copy()
     K[:, [0, 1], [0, 1]] *= places[:, 3:4]
-    return replace(rig, K=K, centres=centres(scene, places))
+    return replace(rig, K=K, centres=camera_centres(scene, places))
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ class Sights:
     facing: Array  #: Cosine between its normal and the direction, shape (directions, markers)
 
 
-def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
+def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     """Return the sights in directions (directions, 2) through lenses (directions,)."""
     body, R = scene.body, hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
@@ -255,7 +255,7 @@ def sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     return Sights(inside, towards, -R[:, 2] @ body.normals)
 
 
-def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
+def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
     """Return each marker's distance inside the limits, shape (2, places, markers).
 
     How much farther the place is than it must be for the marker's whole motion to be in the
@@ -269,12 +269,12 @@ def margins(scene: Scene, seen: Sights, distance: Array) -> Array:
     return np.stack([d - seen.inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
 
 
-def clearances(scene: Scene, places: Array) -> Array:
+def region_clearances(scene: Scene, places: Array) -> Array:
     """Return each position's distance outside every forbidden region, shape (regions, places).
 
     In m for boxes and spheres, in rad for sectors: below 0 inside.
     """
-    rules, where = scene.rules, centres(scene, places)
+    rules, where = scene.rules, camera_centres(scene, places)
     rows = [np.linalg.norm(where - s[:3], axis=1) - s[3] for s in rules.spheres]
     rows += [np.max(np.maximum(b[:, 0] - where, where - b[:, 1]), axis=1) for b in rules.boxes]
     for low, high, bottom, top in rules.sectors:
@@ -288,12 +288,12 @@ def clearances(scene: Scene, places: Array) -> Array:
     return np.array(rows).reshape(-1, len(places))
 
 
-def visible(scene: Scene, places: Array) -> Mask:
+def visible_markers(scene: Scene, places: Array) -> Mask:
     """Return which markers each position sees and can read, shape (places, markers)."""
     seen = np.zeros((len(places), scene.body.points.shape[1]), bool)
     for part in _parts(scene, len(places)):
         grid, distance, focal = np.split(places[part], [2, 3], axis=1)
-        found = margins(scene, sights(scene, grid, focal[:, 0]), distance[:, 0])
+        found = marker_margins(scene, lens_sights(scene, grid, focal[:, 0]), distance[:, 0])
         seen[part] = np.all(found >= 0, axis=0)
     return seen
 
@@ -306,15 +306,15 @@ def _parts(scene: Scene, count: int) -> list[slice]:
 
 def sees_enough(scene: Scene, places: Array) -> Mask:
     """Return which positions see the required share of the markers, shape (places,)."""
-    return enough(scene, visible(scene, places))
+    return shows_enough(scene, visible_markers(scene, places))
 
 
-def enough(scene: Scene, seen: Mask) -> Mask:
+def shows_enough(scene: Scene, seen: Mask) -> Mask:
     """Return which positions' views (places, markers) hold the required share, shape (places,)."""
     return seen.mean(axis=1) >= scene.rules.in_view - LIMIT_SLACK
 
 
-def free(scene: Scene, places: Array) -> Mask:
+def are_free(scene: Scene, places: Array) -> Mask:
     """Return which positions are in bounds and outside forbidden regions, shape (places,)."""
     azimuth, elevation, distance = places[:, 0], places[:, 1], places[:, 2]
     low, high = scene.rules.azimuths
@@ -324,18 +324,18 @@ def free(scene: Scene, places: Array) -> Mask:
     for values, (least, most) in limits:
         inside = inside & (values >= least * (1 - LIMIT_SLACK) - LIMIT_SLACK)
         inside = inside & (values <= most * (1 + LIMIT_SLACK) + LIMIT_SLACK)
-    return np.asarray(inside & np.all(clearances(scene, places) >= -LIMIT_SLACK, axis=0))
+    return np.asarray(inside & np.all(region_clearances(scene, places) >= -LIMIT_SLACK, axis=0))
 
 
-def apart(scene: Scene, places: Array, others: Array) -> Mask:
+def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are far enough from all others, shape (places,)."""
     from scipy.spatial.distance import cdist
 
-    gap = cdist(centres(scene, places), centres(scene, others))
+    gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
     return np.asarray(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK), axis=1))
 
 
-def directions(scene: Scene, step: float) -> Array:
+def direction_grid(scene: Scene, step: float) -> Array:
     """Return grid of azimuths and elevations about `step` (rad) apart, shape (directions, 2)."""
     (low, high), (bottom, top) = scene.rules.azimuths, scene.rules.elevations
     turn = full_turn(scene.rules.azimuths)
@@ -350,52 +350,52 @@ def _grid(*axes: Array) -> Array:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def candidates(scene: Scene, step: float) -> Array:
+def candidate_positions(scene: Scene, step: float) -> Array:
     """Return allowed places to choose from, shape (candidates, 4).
 
     For every direction of a grid and every lens, the two nearest allowed of some distances that
     grow from the nearest one that sees enough.
     """
-    grid = directions(scene, step)
+    grid = direction_grid(scene, step)
     limits = scene.rules.distances
     found = []
     for focal in scene.focals:
-        near = nearest(scene, grid, focal)
+        near = nearest_distances(scene, grid, focal)
         steps = np.linspace(0, 1, _TRIED_DISTANCES)
         ladder = [lengths(near * (limits[1] / near) ** t, limits) for t in steps]
-        every = np.stack([at(grid, d, focal) for d in ladder])  # ladder, directions, 4
+        every = np.stack([places_at(grid, d, focal) for d in ladder])  # ladder, directions, 4
         flat = every.reshape(-1, 4)
-        allowed = permitted(scene, flat).reshape(len(ladder), -1)
+        allowed = are_permitted(scene, flat).reshape(len(ladder), -1)
         if limits[0] == limits[1]:
             allowed[1:] = False
         found.append(every[allowed & (np.cumsum(allowed, axis=0) <= 2)])
     return np.concatenate(found)
 
 
-def permitted(scene: Scene, places: Array) -> Mask:
+def are_permitted(scene: Scene, places: Array) -> Mask:
     """Return which positions keep all rules that do not involve other cameras, shape (places,)."""
-    allowed = free(scene, places)
+    allowed = are_free(scene, places)
     allowed[allowed] = sees_enough(scene, places[allowed])
     return allowed
 
 
-def at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
+def places_at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
     """Places in directions (places, 2) from the centre."""
     return np.column_stack([grid, *(np.broadcast_to(one, len(grid)) for one in (distance, focal))])
 
 
-def nearest(scene: Scene, grid: Array, focal: Array | float) -> Array:
+def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
     """Least allowed distance in each direction that sees enough, by halving; else the largest."""
     limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
     last = count_lengths(limits) - 1
     found = np.full(len(grid), last)
     for part in _parts(scene, len(grid)) if last else []:
-        seen, high = sights(scene, grid[part], focal[part]), found[part]
+        seen, high = lens_sights(scene, grid[part], focal[part]), found[part]
         low = np.full(len(high), -1)
         for _ in range(last.bit_length()):
             middle = np.maximum((low + high) // 2, 0)
-            inside = np.all(margins(scene, seen, length_at(middle, limits)) >= 0, axis=0)
-            good = enough(scene, inside)
+            inside = np.all(marker_margins(scene, seen, length_at(middle, limits)) >= 0, axis=0)
+            good = shows_enough(scene, inside)
             high, low = np.where(good, np.minimum(middle, high), high), np.where(good, low, middle)
         found[part] = high
     return length_at(found, limits)

@@ -23,9 +23,9 @@ from thesis_lib.planning.planner import Plan, plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.results import as_cube, camera_table
 from thesis_lib.planning.structure_file import read_body
-from thesis_lib.plotting.style import svg
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import storage
-from thesis_lib.studies.request import given, join_command
+from thesis_lib.studies.request import changed_parameters, join_command
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.web.html import render_html, render_lines
 
@@ -70,14 +70,14 @@ def write_plan(
     made = plan(request, body, tell)
     cube = with_provenance(as_cube(made), request, time.perf_counter() - start)
     file = "" if structure is None else str(structure)
-    cube.attrs["command"] = command(request, file)
+    cube.attrs["command"] = plan_command(request, file)
     if structure is not None:
         cube.attrs["structure_file"] = structure.name
         cube.attrs["structure_sha256"] = hashlib.sha256(structure.read_bytes()).hexdigest()
     lines = summarise_plan(made, file)
-    picture = svg(layout_figure(cube, made.chosen))
+    picture = figure_svg(layout_figure(cube, made.chosen))
     with staging(folder) as part:
-        storage.write(cube, part / "plan.nc", compact=True)
+        storage.write_netcdf(cube, part / "plan.nc", compact=True)
         (part / "plan.csv").write_text(camera_table(cube, made.chosen), encoding="utf-8")
         (part / "plan.svg").write_text(picture, encoding="utf-8")
         (part / "plan.html").write_text(build_page(made, cube, lines, picture), encoding="utf-8")
@@ -85,7 +85,7 @@ def write_plan(
     return lines
 
 
-def command(request: PlanRequest, file: str = "") -> str:
+def plan_command(request: PlanRequest, file: str = "") -> str:
     """Return the command that makes a plan again.
 
     Examples
@@ -94,7 +94,7 @@ def command(request: PlanRequest, file: str = "") -> str:
     'thesis plan -p body=plate -p target_percent=2.0'
     """
     structure = ["--structure", file] if file else []
-    return join_command(["thesis", "plan", *structure], given(request))
+    return join_command(["thesis", "plan", *structure], changed_parameters(request))
 
 
 def study_of(request: PlanRequest, layout: Any, resolution: tuple[int, int]) -> str:
@@ -142,7 +142,7 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
         ratios=simulated / best.predicted,
         kind=quantity if best.instead else kind,
         quantity=quantity,
-        shape_error=errors.counted(best.point, "mean").max() if best.instead else None,
+        shape_error=errors.objective_error(best.point, "mean").max() if best.instead else None,
         cost=partial(_format_cost, plan_),
         study="" if file else study_of(request, best.layout, best.resolution),
         file=file,
@@ -152,7 +152,7 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
 def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
     """Return the plan as one page that loads nothing."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
-    front = svg(front_figure(cube, plan_.request.target_percent))
+    front = figure_svg(front_figure(cube, plan_.request.target_percent))
     notes = ["on the front" if i in plan_.front else "" for i in range(len(plan_.options))]
     notes[plan_.chosen] = "proposed"
     return render_html(

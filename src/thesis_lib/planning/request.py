@@ -27,9 +27,9 @@ from thesis_lib.studies.fields import (
     Starts,
     Step,
     Whole,
-    refuse,
+    refuse_value,
 )
-from thesis_lib.studies.request import Study, beyond, validated
+from thesis_lib.studies.request import Study, distance_limit, validate_values
 from thesis_lib.vibration.structure import Structure
 
 Coordinate = Annotated[Real, Field(ge=-1e5, le=1e5)]
@@ -166,8 +166,8 @@ class PlanRequest(Study):
     def structure(self) -> Structure:
         """The beam or the plate of the thesis, or a plate of another size."""
         if self.body == "beam":
-            return setups.beam()
-        plate = setups.plate()
+            return setups.thesis_beam()
+        plate = setups.thesis_plate()
         if self.plate_mm is None:
             return plate
         length, width, thickness = (side / 1000 for side in self.plate_mm)
@@ -235,7 +235,7 @@ class PlanRequest(Study):
             highest = int(np.argmax(body.frequencies))
             mode = f"mode {body.modes[highest]} has {body.frequencies[highest]:.4g} Hz"
             allowed = f"one of {needed:.4g} Hz or more, since {mode}"
-            refuse("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
+            refuse_value("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
         return min(enough)
 
     def check_with(self, body: Body) -> None:
@@ -244,7 +244,7 @@ class PlanRequest(Study):
             self.refuse("amplitude_mm", "allowed: a number, or a list with one for each mode")
         reach = 1000 * (body.reach + max(self.peaks_m))
         if self.distances_mm[0] <= reach:
-            refuse("distances_mm", list(self.distances_mm), beyond(reach))
+            refuse_value("distances_mm", list(self.distances_mm), distance_limit(reach))
         self.frame_rate(body)
         if self.goal != "shape" and body.name != self.body:
             self.refuse("goal", SOUND_ONLY)
@@ -280,6 +280,6 @@ class PlanRequest(Study):
 
 def plan_request(values: Mapping[str, Any]) -> PlanRequest:
     """Parameters of ``thesis plan`` from plain values; errors as :func:`.registry.validate`."""
-    request = validated(PlanRequest, values)
+    request = validate_values(PlanRequest, values)
     assert isinstance(request, PlanRequest)
     return request

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.planning.errors import predicted
+from thesis_lib.planning.errors import predict_errors
 from thesis_lib.planning.planner import Option, Plan
-from thesis_lib.planning.positions import centres
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.planning.positions import camera_centres
+from thesis_lib.studies.schema import label_values, parse_variables
 
 CAMERA_COLUMNS = (
     "camera",
@@ -48,13 +48,13 @@ def camera_table(cube: xr.Dataset, option: int) -> str:
     return text.getvalue()
 
 
-OF_SOUND = declared("""
+OF_SOUND = parse_variables("""
     shape_plan_error(option, mode) [percent] error of the sound by the law of the layout for the
         shape
 """)
 AXIS_NAMES = ("x", "y", "z")
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     n_cameras(option) [1] number of cameras
     width_px(option) [1] width of the pictures in pixels
     height_px(option) [1] height of the pictures in pixels
@@ -114,7 +114,7 @@ def as_cube(plan: Plan) -> xr.Dataset:
         "camera_distance": places[:, :, 2],
         "focal_length": places[:, :, 3],
         "camera_position": places[:, :, 4:],
-        "point_error": predicted(best.scene, best.layout, best.resolution[0]),
+        "point_error": predict_errors(best.scene, best.layout, best.resolution[0]),
         "marker": body.points.T,
         "normal": body.normals.T,
         "reference_deflection": body.shapes * np.array(plan.request.peaks_m)[:, None],
@@ -134,12 +134,12 @@ def as_cube(plan: Plan) -> xr.Dataset:
             "target_percent": json.dumps(plan.request.target_percent),
         },
     )
-    cube = cube.assign(labelled({name: values[name] for name in VARIABLES}, VARIABLES))
+    cube = cube.assign(label_values({name: values[name] for name in VARIABLES}, VARIABLES))
     instead = [one.instead.field for one in options if one.instead]
     if not instead:
         return cube
     cube.attrs["goal"] = plan.request.goal
-    return cube.assign(labelled({"shape_plan_error": instead}, OF_SOUND))
+    return cube.assign(label_values({"shape_plan_error": instead}, OF_SOUND))
 
 
 def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:
@@ -148,7 +148,13 @@ def _camera_rows(option: Option, plan: Plan) -> np.ndarray[Any, Any]:
     azimuth = np.mod(np.degrees(layout[:, 0]) + 180, 360) - 180
     focal = layout[:, 3] * plan.request.sensor_width_mm / 1000
     return np.column_stack(
-        [azimuth, np.degrees(layout[:, 1]), layout[:, 2], focal, centres(option.scene, layout)]
+        [
+            azimuth,
+            np.degrees(layout[:, 1]),
+            layout[:, 2],
+            focal,
+            camera_centres(option.scene, layout),
+        ]
     )
 
 

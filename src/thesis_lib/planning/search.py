@@ -17,26 +17,26 @@ from numpy.typing import NDArray
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import positions
 from thesis_lib.planning.errors import (
-    allowed,
-    cost,
-    exchange,
-    information,
+    combined_cost,
+    exchange_cameras,
+    information_cost,
+    is_allowed,
+    is_spaced,
     layout_cost,
-    spaced,
-    together,
+    normal_variances,
+    place_information,
     too_near,
-    variances,
 )
 from thesis_lib.planning.positions import (
     MAX_TIE_RATIO,
     Scene,
-    apart,
-    at,
+    are_apart,
+    are_permitted,
     by_rule,
     first_least,
-    nearest,
-    permitted,
-    rank,
+    nearest_distances,
+    places_at,
+    rank_layout,
 )
 from thesis_lib.vision.pinhole import hemisphere_directions
 
@@ -88,17 +88,17 @@ class Surroundings:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.nearest = Once(lambda rows: nearest(scene, rows[:, :2], rows[:, 2]))
-        self.permitted = Once(lambda places: permitted(scene, places))
-        self._information = Once(lambda places: np.moveaxis(information(scene, places), 1, 0))
+        self.nearest = Once(lambda rows: nearest_distances(scene, rows[:, :2], rows[:, 2]))
+        self.permitted = Once(lambda places: are_permitted(scene, places))
+        self._information = Once(lambda places: np.moveaxis(place_information(scene, places), 1, 0))
 
     def information(self, places: Array) -> Array:
-        """As :func:`~thesis_lib.planning.errors.information`, shape (6, places, markers)."""
+        """As :func:`~thesis_lib.planning.errors.place_information`, shape (6, places, markers)."""
         # sums of what does not lie together take ten times as long
         return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
 
 
-def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
+def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
     """Find allowed places about a `step` (rad) from a layout, and who may take which.
 
     A few steps in azimuth and elevation or none, and from there as far as the camera is, a step
@@ -121,7 +121,9 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
     if rules.distances[0] < rules.distances[1]:
         near = about.nearest(np.column_stack([grid, focal]))
         far = [near, distance - by, distance, distance + by]
-    every = np.concatenate([at(grid, positions.lengths(d, rules.distances), focal) for d in far])
+    every = np.concatenate(
+        [places_at(grid, positions.lengths(d, rules.distances), focal) for d in far]
+    )
     camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
     first = first[about.permitted(every[first])]
@@ -130,7 +132,7 @@ def neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, 
     return np.concatenate([layout, every[first]]), whose
 
 
-def turned(scene: Scene, layout: Array, angle: float) -> Array:
+def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
     """Return a layout turned by an angle (rad) about the mean of the markers' normals."""
     mean = scene.body.normals.mean(axis=1)
     axis = mean / max(np.linalg.norm(mean), MAX_TIE_RATIO)
@@ -146,9 +148,9 @@ def turned(scene: Scene, layout: Array, angle: float) -> Array:
     return out
 
 
-def settle(about: Surroundings, layout: Array, objective: str) -> Array:
+def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
-    best = together(about.information(layout), objective)
+    best = combined_cost(about.information(layout), objective)
     for step in SEARCH_STEPS_RAD:
         # one by one they do not leave an arrangement that is better only if all are turned
         for turn, reach in (
@@ -157,26 +159,28 @@ def settle(about: Surroundings, layout: Array, objective: str) -> Array:
             (-step, SEARCH_STEPS_RAD[-1]),
         ):
             for _ in range(_MAX_ROUNDS):
-                start = turned(about.scene, layout, turn) if turn else layout
-                moved = _moved(about, start, reach, objective)
-                value = np.inf if moved is None else together(about.information(moved), objective)
+                start = turn_layout(about.scene, layout, turn) if turn else layout
+                moved = _move_best(about, start, reach, objective)
+                value = (
+                    np.inf if moved is None else combined_cost(about.information(moved), objective)
+                )
                 if moved is None or not value < best * (1 - MAX_TIE_RATIO):
                     break
                 layout, best = moved, value
     return layout
 
 
-def _moved(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:
+def _move_best(about: Surroundings, layout: Array, step: float, objective: str) -> Array | None:
     """Find the best layout about one whose places may be forbidden; None without room."""
-    around, whose = neighbours(about, layout, step)
+    around, whose = find_neighbours(about, layout, step)
     start = [i if whose[i, i] else -1 for i in range(len(layout))]
     near = too_near(about.scene, around)
-    chosen, _ = exchange(about.information(around), near, start, objective, whose)
+    chosen, _ = exchange_cameras(about.information(around), near, start, objective, whose)
     found = around[chosen]
-    return found if -1 not in chosen and spaced(about.scene, found) else None
+    return found if -1 not in chosen and is_spaced(about.scene, found) else None
 
 
-def images(scene: Scene, layout: Array) -> list[Array]:
+def layout_images(scene: Scene, layout: Array) -> list[Array]:
     """Turn a layout by quarters, and mirror it at the planes through the centre."""
     out = []
     for quarter, aside, up in itertools.product(range(4), (1, -1), (1, -1)):
@@ -187,14 +191,16 @@ def images(scene: Scene, layout: Array) -> list[Array]:
     return out
 
 
-def chosen_of(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
+def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
     """Choose the best layout; of equal ones and their images, that of the least rank."""
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + MAX_TIE_RATIO)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
-    turned = [image for one in best for image in images(scene, one) if allowed(scene, image)]
+    turned = [
+        image for one in best for image in layout_images(scene, one) if is_allowed(scene, image)
+    ]
     alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
-    return min(map(by_rule, best + alike), key=rank, default=None)
+    return min(map(by_rule, best + alike), key=rank_layout, default=None)
 
 
 def best_layouts(
@@ -231,21 +237,23 @@ def best_layouts(
     list of ndarray, shape (cameras, 4), or None
         One for each number; None where so many cameras do not find room, or leave a marker unseen.
     """
-    known = information(scene, grid)
+    known = place_information(scene, grid)
     near = too_near(scene, grid)
     about = Surroundings(scene)
     rng = np.random.default_rng(seed)
     found: list[Array | None] = []
     smaller: list[int] = []
     for count in counts:
-        tried = [exchange(known, near, smaller + [-1] * (count - len(smaller)), objective)]
+        tried = [exchange_cameras(known, near, smaller + [-1] * (count - len(smaller)), objective)]
         for _ in range(starts):
             # half of the places lead to another layout than all, which small steps may favour
             half = np.sort(rng.permutation(len(grid))[: max(len(grid) // 2, count)])
             part = near[np.ix_(half, half)]
-            chosen, least = exchange(known[:, half], part, _random(rng, part, count), objective)
+            chosen, least = exchange_cameras(
+                known[:, half], part, _random(rng, part, count), objective
+            )
             tried.append(([int(half[i]) if i >= 0 else -1 for i in chosen], least))
-            tried.append(exchange(known, near, tried[-1][0], objective))
+            tried.append(exchange_cameras(known, near, tried[-1][0], objective))
         whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}
         layouts = [grid[list(one)] for one in whole]
         if whole:
@@ -255,17 +263,19 @@ def best_layouts(
         if before is not None:  # the settled smaller one and what adds most to it
             added = before
             while len(added) < count:
-                rest = np.flatnonzero(apart(scene, grid, added))
+                rest = np.flatnonzero(are_apart(scene, grid, added))
                 if not len(rest):
                     break
-                total = information(scene, added).sum(axis=1)
-                costs = cost(variances(total[:, None] + known[:, rest]), objective)
+                total = place_information(scene, added).sum(axis=1)
+                costs = information_cost(
+                    normal_variances(total[:, None] + known[:, rest]), objective
+                )
                 added = np.concatenate([added, grid[rest[[first_least(costs)]]]])
             if len(added) == count:
                 layouts.append(added)
         finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]
-        settled = [settle(about, one, objective) for one in finite]
-        found.append(chosen_of(scene, settled, objective))
+        settled = [settle_layout(about, one, objective) for one in finite]
+        found.append(choose_layout(scene, settled, objective))
         tell(count)
     return found
 

@@ -15,18 +15,25 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.acoustics.planes import pistons
+from thesis_lib.acoustics.planes import plate_pistons
 from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO, PlateSound
 from thesis_lib.acoustics.radiation import radiation_matrix
-from thesis_lib.acoustics.sources import Medium, Pistons, transfer
+from thesis_lib.acoustics.sources import Medium, Pistons, transfer_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions
-from thesis_lib.planning.positions import MAX_TIE_RATIO, Scene, apart, at, cameras, first_least
+from thesis_lib.planning.positions import (
+    MAX_TIE_RATIO,
+    Scene,
+    are_apart,
+    first_least,
+    place_cameras,
+    places_at,
+)
 from thesis_lib.planning.search import Surroundings
-from thesis_lib.studies.fields import refuse
+from thesis_lib.studies.fields import refuse_value
 from thesis_lib.studies.request import SoundPlanes
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 from thesis_lib.vision import rounding
 
 Sounds = Sequence[PlateSound]
@@ -64,29 +71,29 @@ def sounds_of(
         If a mode is silent where it counts, or too high for the plate's pistons; or if the point is
         nearer than their size, where a sum of pistons is no field.
     """
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     field = SoundPlanes.model_construct(grid=plate.grid)
     planes = tuple(one for one in field.planes if goal != "sound-plane" or one.name == plane)
-    nearest = 1000 * max(pistons(plate).size)
+    nearest = 1000 * max(plate_pistons(plate).size)
     if point_mm is not None and point_mm[2] < nearest:
         least = f"Z of {nearest:.4g} or more, the size of a piston of the plate"
-        refuse("point_mm", list(point_mm), f"allowed: {least}")
+        refuse_value("point_mm", list(point_mm), f"allowed: {least}")
     found = []
     for mode, peak in zip(modes, peaks, strict=True):
         shape = deflection_shape(plate, mode, plate.markers, peak)
         try:
-            omega = resonance(plate, mode)
+            omega = resonance_frequency(plate, mode)
             if point_mm is None:
                 one = PlateSound.of(plate, planes, field.medium, omega, shape)
             else:
                 place = np.array(point_mm) / 1000
-                one = _at_point(pistons(plate), place, field.medium, omega, shape)
+                one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
-            refuse(
+            refuse_value(
                 "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
             )
         if goal in SILENT_TEXTS and np.isnan(one.largest).all():
-            refuse("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
+            refuse_value("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
         found.append(one)
     return tuple(found)
 
@@ -95,14 +102,14 @@ def _at_point(
     parts: Pistons, point: Array, medium: Medium, omega: float, reference: Array
 ) -> PlateSound:
     """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
-    row = transfer(parts, point, omega, medium)
+    row = transfer_pressure(parts, point, omega, medium)
     own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
     largest = np.array([np.nan if own <= MAX_NODAL_PRESSURE_RATIO * disordered else own])
     factor, resistance = np.stack([row.real, row.imag]), radiation_matrix(parts, omega, medium)
     return PlateSound(omega, reference, (), (factor,), largest, resistance)
 
 
-def _expected(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
+def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
     """Errors of the modes in %: of the power, or where the field's is largest of what counts."""
     pairs = zip(sounds, covariances, strict=True)
     if goal == "sound-power":
@@ -110,7 +117,7 @@ def _expected(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array
     return np.array([np.nanmax(sound.expected_plane_errors(C)) for sound, C in pairs])
 
 
-def averaged(
+def average_sound_error(
     sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Errors of the modes' sound in %, averaged over amplitudes and small turns of the layout.
@@ -120,23 +127,25 @@ def averaged(
     """
     squares, rest = [], scene.body.points
     for turn in AVERAGED_TURNS_RAD:
-        P = cameras(scene, layout + [turn, 0, 0, 0], width).P
+        P = place_cameras(scene, layout + [turn, 0, 0, 0], width).P
         C = 2 * rounding.deflection_covariance(P, rest, rest, rest_is_known=True)
-        squares.append(_expected(sounds, [C] * len(sounds), goal) ** 2)
+        squares.append(_predict_modes(sounds, [C] * len(sounds), goal) ** 2)
     return np.asarray(np.sqrt(np.mean(squares, axis=0)))
 
 
-def predicted(
+def predict_sound_errors(
     sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Return errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
-    P, rest = cameras(scene, layout, width).P, scene.body.points
+    P, rest = place_cameras(scene, layout, width).P, scene.body.points
     moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
     covariances = [rounding.deflection_covariance(P, rest, one) for one in moved]
-    return _expected(sounds, covariances, goal)
+    return _predict_modes(sounds, covariances, goal)
 
 
-def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array, Array]:
+def simulate_sound_errors(
+    sounds: Sounds, wrong: Array, goal: Goal = "sound"
+) -> tuple[Array, Array]:
     """Return errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
 
     Returns
@@ -157,7 +166,7 @@ def simulated(sounds: Sounds, wrong: Array, goal: Goal = "sound") -> tuple[Array
     return np.array(rms), np.array(band).T
 
 
-def moved(
+def move_cameras(
     sounds: Sounds, about: Surroundings, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Move the cameras, one by one, by ever smaller steps while the sound gains.
@@ -167,7 +176,7 @@ def moved(
     """
     scene = about.scene
     rules, found = scene.rules, layout
-    best = float(averaged(sounds, scene, found, width, goal).max())
+    best = float(average_sound_error(sounds, scene, found, width, goal).max())
     for step in SOUND_STEPS_RAD:
         still = 0  # cameras since the last move
         for which in _MAX_ROUNDS * list(range(len(layout))):
@@ -179,13 +188,17 @@ def moved(
             up = positions.angles(elevation + step * _SEARCH_DIRECTIONS[:, 1], rules.elevations)
             grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
             near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
-            places = at(grid, near, focal)
+            places = places_at(grid, near, focal)
             others = np.delete(found, which, axis=0)
-            places = places[about.permitted(places) & apart(scene, places, others)]
+            places = places[about.permitted(places) & are_apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
-            costs = np.array([averaged(sounds, scene, one, width, goal).max() for one in tried])
+            costs = np.array(
+                [average_sound_error(sounds, scene, one, width, goal).max() for one in tried]
+            )
             if len(costs) and costs.min() < best * (1 - _MIN_IMPROVEMENT):
                 least = first_least(costs)
                 found, best, still = tried[least], float(costs[least]), 0
-    now, before = (predicted(sounds, scene, one, width, goal).max() for one in (found, layout))
+    now, before = (
+        predict_sound_errors(sounds, scene, one, width, goal).max() for one in (found, layout)
+    )
     return found if now < before * (1 - MAX_TIE_RATIO) else layout

@@ -58,7 +58,7 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     """
     if has_hidden(path.name):  # the plan is named for it
         raise MeshError(f"--structure: given {path.name!r}, allowed: a visible name")
-    mesh = _opened(path)
+    mesh = _open_table(path)
     for name, dims in NEEDED_FIELDS.items():
         if name not in mesh.variables:
             raise _refusal(path, f"has no variable {name}", f"{name}({', '.join(dims)})")
@@ -97,7 +97,7 @@ def _refusal(path: Path, problem: str, needed: str) -> MeshError:
     return MeshError(f"--structure: {path} {problem}, needed: {needed}")
 
 
-def _opened(path: Path) -> xr.Dataset:
+def _open_table(path: Path) -> xr.Dataset:
     if not path.is_file():
         kind = "is a folder" if path.is_dir() else "is not there"
         raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
@@ -203,5 +203,5 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:
     """Write :func:`modes_of` to a netCDF file, whole or not at all; returns the file."""
-    storage.write(modes_of(structure, modes), Path(path))
+    storage.write_netcdf(modes_of(structure, modes), Path(path))
     return Path(path)

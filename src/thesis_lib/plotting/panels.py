@@ -25,10 +25,16 @@ from thesis_lib.plotting.selection import (
     best_and_worst,
     error_bars,
     figure_names,
-    ranking,
-    select,
+    rank_settings,
+    select_settings,
 )
-from thesis_lib.plotting.style import HIGHLIGHT_COLOR, REFERENCE_COLOR, color, logarithmic, placed
+from thesis_lib.plotting.style import (
+    HIGHLIGHT_COLOR,
+    REFERENCE_COLOR,
+    cycle_color,
+    make_logarithmic,
+    place_panels,
+)
 from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -43,7 +49,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     the length of a bar means nothing.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    colors = [color(index) for index in range(n_settings)]
+    colors = [cycle_color(index) for index in range(n_settings)]
     named, top = False, _top(groups)
     floor = _least(groups, top)
     for g, bars in enumerate(groups):
@@ -117,7 +123,9 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
     room = 1.5 if crowded else 1.35
     if floor:
-        logarithmic(axes.yaxis, [step * 10.0**power for power in range(-5, 5) for step in (1, 3)])
+        make_logarithmic(
+            axes.yaxis, [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
+        )
         axes.set_ylim(floor / 1.5, top * (top / floor) ** (room - 1))
     else:
         axes.set_ylim(0, room * top)
@@ -163,8 +171,8 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
             if key in seen:
                 continue
             seen.add(key)
-            _draw(axes, np.array([place, 0 * place]), color=color(index), lw=0.6, alpha=0.6)
-            axes.plot(*_view(place), "o", color=color(index), ms=5, zorder=4)
+            _draw(axes, np.array([place, 0 * place]), color=cycle_color(index), lw=0.6, alpha=0.6)
+            axes.plot(*_view(place), "o", color=cycle_color(index), ms=5, zorder=4)
     _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
     for end, name in (
         ([1.12 * half, 0, 0], "X"),
@@ -242,20 +250,20 @@ def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
 
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setups, deflection shapes, marker errors and bars of a beam."""
-    part = select(cube, case, mode)
+    part = select_settings(cube, case, mode)
     chosen = best_and_worst(part)
     labels = list(part["label"].values)
-    drawing, axes = placed("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    drawing, axes = place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
     setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
     axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
-    for index, word in zip(chosen, ranking(part), strict=False):
+    for index, word in zip(chosen, rank_settings(part), strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
-        axes["b"].plot(x, measured, ".-", color=color(index), lw=1, label=name)
+        axes["b"].plot(x, measured, ".-", color=cycle_color(index), lw=1, label=name)
         error = part["point_error"].values[index]
-        axes["c"].plot(x, error, ".-", color=color(index), lw=1, label=labels[index])
+        axes["c"].plot(x, error, ".-", color=cycle_color(index), lw=1, label=labels[index])
     axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
     axes["c"].set(
         title="(c) error of each marker",

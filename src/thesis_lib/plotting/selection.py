@@ -16,7 +16,7 @@ from thesis_lib.facts.claims import Claim, claims_of
 from thesis_lib.studies import cubes
 
 
-def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
+def select_settings(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
     """Return the settings of one case and one mode."""
     rows = np.flatnonzero(cube["case"].values == case)
     return cube.isel(setting=rows).sel(mode=mode)
@@ -25,17 +25,17 @@ def select(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Return the indices of the settings with the least and the largest typical mean error."""
     name = "mean_error" if "mean_error" in part else "deflection_error"
-    order = np.argsort(cubes.typical(part[name]), kind="stable")
+    order = np.argsort(cubes.typical_error(part[name]), kind="stable")
     return [int(order[0])] if len(order) == 1 else [int(order[0]), int(order[-1])]
 
 
-def ranking(part: xr.Dataset) -> tuple[str, str]:
+def rank_settings(part: xr.Dataset) -> tuple[str, str]:
     """Name the first and the last of :func:`best_and_worst` by what they are ranked by."""
     by = " by median" if part.sizes["trial"] > 1 else ""
     return f"best{by}", f"worst{by}"
 
 
-def stated(
+def claimed_errors(
     cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error"
 ) -> list[Claim | None]:
     """Return the claims of the thesis on an error of each setting of a case, or None.
@@ -68,11 +68,11 @@ class Bars:
 
 def error_bars(cube: xr.Dataset, case: str, mode: int, quantity: str = "mean_error") -> Bars:
     """Return the bars of one error of a case and mode, by the error's name in the tables."""
-    part = select(cube, case, mode)
-    values = cubes.error(part, quantity)
-    predicted, plane = cubes.predicted(part, quantity), cubes.ERROR_VARIABLES[quantity][1]
-    literal, claims = values.isel(trial=0).values, stated(cube, case, mode, quantity)
-    return Bars(literal, predicted.values, cubes.band(values), claims, plane or "")
+    part = select_settings(cube, case, mode)
+    values = cubes.cube_error(part, quantity)
+    predicted, plane = cubes.predicted_value(part, quantity), cubes.ERROR_VARIABLES[quantity][1]
+    literal, claims = values.isel(trial=0).values, claimed_errors(cube, case, mode, quantity)
+    return Bars(literal, predicted.values, cubes.trial_band(values), claims, plane or "")
 
 
 _CLAIMED_FIELDS = ("stated_low", "stated_high", "stated")
@@ -86,16 +86,16 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     per claim, with all that the cube says of it; of a cube of single quantities: each with its
     value and unit.
     """
-    if cubes.listed_by(cube) == "claim":
+    if cubes.list_dimension(cube) == "claim":
         return pd.DataFrame(
             {str(n): v.values for n, v in cube.variables.items() if v.dims == ("claim",)}
         )
-    table = cubes.summary(cube)
+    table = cubes.summarise_errors(cube)
     if "case" not in cube:
         return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
     extra: list[dict[str, Any]] = []
-    number = {name: 0 for name in cubes.errors(cube)}
+    number = {name: 0 for name in cubes.cube_errors(cube)}
     order = {name: _by_setting(cube, name) for name in number}
     for row in table.itertuples():
         extra.append(order[row.error][number[row.error]])
@@ -108,27 +108,30 @@ def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
     modes = cube["mode"].values.tolist()
     is_predicted = error != "max_point_error" or f"predicted_{error}" in cube
     predicted = (
-        cubes.predicted(cube, error).transpose("setting", "mode").values if is_predicted else None
+        cubes.predicted_value(cube, error).transpose("setting", "mode").values
+        if is_predicted
+        else None
     )
     said: dict[tuple[int, int], Claim | None] = {}
     for case in dict.fromkeys(cube["case"].values.tolist()):
         rows = np.flatnonzero(cube["case"].values == case).tolist()
         for mode in modes:
             said |= {
-                (r, mode): c for r, c in zip(rows, stated(cube, case, mode, error), strict=True)
+                (r, mode): c
+                for r, c in zip(rows, claimed_errors(cube, case, mode, error), strict=True)
             }
     return [
         {
             "parameter": str(cube["parameter"].values[s]),
             "predicted": np.nan if predicted is None else float(predicted[s, m]),
-            **_stated(said[s, mode]),
+            **_claimed_value(said[s, mode]),
         }
         for s in range(cube.sizes["setting"])
         for m, mode in enumerate(modes)
     ]
 
 
-def _stated(claim: Claim | None) -> dict[str, Any]:
+def _claimed_value(claim: Claim | None) -> dict[str, Any]:
     if claim is None:
         return dict.fromkeys(_CLAIMED_FIELDS)
     return dict(zip(_CLAIMED_FIELDS, (*claim.ends, claim.stated), strict=True))
@@ -144,7 +147,7 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     ``statistic``, ``setting``, ``point``, ``x_mm``, ``y_mm``, ``value`` and ``unit``; those that do
     not apply are empty.
     """
-    part = select(cube, case, mode)
+    part = select_settings(cube, case, mode)
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
     statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_CLAIMED_FIELDS[:2])
     rows = [
@@ -159,13 +162,13 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
         for name in statistics
         if not pd.isna(row[name])
     ]
-    rows += [row for name in part.data_vars for row in _drawn(part, str(name))]
+    rows += [row for name in part.data_vars for row in _drawn_values(part, str(name))]
     columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
     table = pd.DataFrame(rows, columns=columns)
     return table.astype({"point": "Int64"})
 
 
-def _drawn(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
+def _drawn_values(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
     """Yield the values of one variable of a case and mode, if a figure shows them."""
     values = part[name]
     if "trial" in values.dims:
@@ -216,7 +219,7 @@ def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
     cases has no such files: all that its figures draw is in its one table.
     """
     names: dict[tuple[str, int], str] = {}
-    if "case" not in cube or cubes.listed_by(cube) == "claim":
+    if "case" not in cube or cubes.list_dimension(cube) == "claim":
         return names
     for case in dict.fromkeys(cube["case"].values.tolist()):
         plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"

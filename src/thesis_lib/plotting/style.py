@@ -68,7 +68,7 @@ _LAYOUT_FIELDS = (
 )
 
 
-def color(index: int) -> str:
+def cycle_color(index: int) -> str:
     """Return the colour of the `index`-th setting of a case; they repeat after six."""
     return CYCLE_COLORS[index % len(CYCLE_COLORS)]
 
@@ -88,7 +88,7 @@ def in_style(changed: Any = None) -> Iterator[None]:
         yield
 
 
-def drawable(names: Iterable[Any], otherwise: str) -> list[str]:
+def drawable_names(names: Iterable[Any], otherwise: str) -> list[str]:
     """Replace names by their number where the font lacks some of their letters.
 
     Examples
@@ -112,13 +112,13 @@ def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
     return figure, panels
 
 
-def mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
+def make_mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
     """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
     figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT_FIELDS})
     return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT_FIELDS if k in how})
 
 
-def placed(
+def place_panels(
     names: str,
     size: tuple[float, float],
     edges: tuple[float, float, float, float],
@@ -170,7 +170,7 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
     bar.ax.text(0, 1.04, label, transform=bar.ax.transAxes, fontsize=8)
 
 
-def saved(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
+def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
     without: Mapping[str, None] = {"svg": {"Date": None}, "png": {"Software": None}}[kind]
     content = io.BytesIO()
@@ -197,12 +197,12 @@ def _lay_out(figure: Figure) -> None:
             axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
 
-def svg(figure: Figure, changed: Any = None) -> str:
+def figure_svg(figure: Figure, changed: Any = None) -> str:
     """Return a figure as SVG; equal figures give equal text."""
-    return saved(figure, "svg", changed).decode()
+    return save_figure(figure, "svg", changed).decode()
 
 
-def logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
+def make_logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
     """Make an axis logarithmic, with plain numbers at its ticks."""
     axes = axis.axes
     (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
@@ -265,7 +265,7 @@ TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
 
 
-def slices(cube: xr.Dataset, dim: str) -> Iterator[xr.Dataset]:
+def iterate_slices(cube: xr.Dataset, dim: str) -> Iterator[xr.Dataset]:
     """Iterate over a cube along a dimension."""
     return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
 
@@ -296,8 +296,8 @@ def draw_errors(axes: Axes, x: Any, y: Any, error: Any, ink: str, size: float = 
 
 def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = TICK_STEPS) -> None:
     """Make both axes logarithmic, with these ticks."""
-    logarithmic(axes.xaxis, [float(tick) for tick in x])
-    logarithmic(axes.yaxis, y)
+    make_logarithmic(axes.xaxis, [float(tick) for tick in x])
+    make_logarithmic(axes.yaxis, y)
 
 
 def add_legend(axes: Axes, room: float = 0.0, loc: Any = "upper left", **how: Any) -> None:

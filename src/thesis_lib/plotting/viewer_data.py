@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.plotting.selection import Bars, error_bars, select
+from thesis_lib.plotting.selection import Bars, error_bars, select_settings
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes, schema
-from thesis_lib.studies.fields import unit
+from thesis_lib.studies.fields import unit_of_field
 
 LENS_FIELDS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """Parameters behind images of ideal cameras with whole pixels, which rendered studies lack."""
@@ -41,11 +41,11 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     }
     if structure == "panel":
         cube = _in_cells(cube)
-        size["contours_mm"] = [_rounded(1000 * c) for c in schema.structure_contours(cube)]
+        size["contours_mm"] = [_round_digits(1000 * c) for c in schema.structure_contours(cube)]
     varied = said["varied"]
     data: dict[str, Any] = {
         "structure": {"kind": kind, **size},
-        "parameter": {"name": varied, "label": said["varied_label"], "unit": unit(varied)},
+        "parameter": {"name": varied, "label": said["varied_label"], "unit": unit_of_field(varied)},
         "modes": [
             {"mode": mode, "frequency_hz": round(float(cube["frequency"].sel(mode=mode)), 3)}
             for mode in modes
@@ -103,8 +103,8 @@ def _figures(cube: xr.Dataset, case: str) -> dict[str, str]:
 def _settings(
     cube: xr.Dataset, case: str, modes: list[int], result: Callable[..., dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    parts = {mode: select(cube, case, mode) for mode in modes}
-    names = list(cubes.errors(cube))
+    parts = {mode: select_settings(cube, case, mode) for mode in modes}
+    names = list(cubes.cube_errors(cube))
     bars = {mode: {name: error_bars(cube, case, mode, name) for name in names} for mode in modes}
     settings = []
     for index in range(parts[modes[0]].sizes["setting"]):
@@ -129,19 +129,19 @@ def _bar(bars: Bars, index: int) -> dict[str, Any]:
     claim = bars.claims[index]
     low, median, high = bars.band[:, index]
     return {
-        "mean": _rounded(bars.literal[index]),
-        "median": _rounded(median),
-        "low": _rounded(low),
-        "high": _rounded(high),
-        "predicted": _rounded(bars.predicted[index]),
+        "mean": _round_digits(bars.literal[index]),
+        "median": _round_digits(median),
+        "low": _round_digits(low),
+        "high": _round_digits(high),
+        "predicted": _round_digits(bars.predicted[index]),
         "stated": list(claim.ends) if claim else None,
     }
 
 
 def _shape(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, Any]:
     return {
-        "measured_mm": _rounded(result["measured_deflection"] * 1000, DRAWN_DIGITS),
-        "point_error": _rounded(result["point_error"], DRAWN_DIGITS),
+        "measured_mm": _round_digits(result["measured_deflection"] * 1000, DRAWN_DIGITS),
+        "point_error": _round_digits(result["point_error"], DRAWN_DIGITS),
         **_bar(bars["mean_error"], index),
     }
 
@@ -153,14 +153,14 @@ def _planes(result: xr.Dataset, bars: dict[str, Bars], index: int) -> dict[str, 
     }
     return {
         "planes": planes,
-        "deflection": {"mean": _rounded(result["deflection_error"].isel(trial=0))},
+        "deflection": {"mean": _round_digits(result["deflection_error"].isel(trial=0))},
     }
 
 
 def _add_shapes(data: dict[str, Any], cube: xr.Dataset) -> None:
     for entry in data["modes"]:
         reference = cube["reference_deflection"].sel(mode=entry["mode"])
-        entry["reference_mm"] = _rounded(reference * 1000)
+        entry["reference_mm"] = _round_digits(reference * 1000)
     x, y = (np.unique(np.round(cube[axis].values * 1000, 3)) for axis in ("x", "y"))
     data["x_mm"] = x.tolist()
     if data["structure"]["kind"] == "plate":
@@ -207,10 +207,10 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
 def _fields(parts: list[Array], names: list[str]) -> dict[str, Any]:
     """Encode complex fields (plane, u, z), real and imaginary part, for pages."""
     real, imaginary = (part[:, ::FIELD_STEP, ::FIELD_STEP] for part in parts)
-    return {name: encoded(real[p] + 1j * imaginary[p]) for p, name in enumerate(names)}
+    return {name: encode_field(real[p] + 1j * imaginary[p]) for p, name in enumerate(names)}
 
 
-def encoded(field: ComplexArray) -> dict[str, Any]:
+def encode_field(field: ComplexArray) -> dict[str, Any]:
     """Encode a complex field as signed bytes, on a scale of its own."""
     parts = field.real, field.imag
     scale = max(float(np.abs(part).max()) for part in parts) or 1.0
@@ -219,9 +219,9 @@ def encoded(field: ComplexArray) -> dict[str, Any]:
     return {"scale": float(f"{scale:.6g}"), "re": real, "im": imaginary}
 
 
-def _rounded(values: Any, digits: int = 6) -> Any:
+def _round_digits(values: Any, digits: int = 6) -> Any:
     """Round numbers to some significant digits for JSON; non-finite ones become None."""
     array = np.asarray(values, float)
     if array.ndim == 0:
         return float(f"{float(array):.{digits}g}") if np.isfinite(array) else None
-    return [_rounded(value, digits) for value in array]
+    return [_round_digits(value, digits) for value in array]

@@ -21,7 +21,7 @@ from thesis_lib import __version__
 from thesis_lib.files import sha256
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.effort import Effort
-from thesis_lib.studies.request import Study, command, given
+from thesis_lib.studies.request import Study, changed_parameters, study_command
 from thesis_lib.web.html import render_html
 from thesis_lib.web.markdown import escape_markdown
 
@@ -178,14 +178,16 @@ def fold_out(about: Record, cube: str, numbers: str) -> str:
 
     `cube` and `numbers` are addresses of the cube and of the table of all errors.
     """
-    parameters = {k: json.dumps(v, ensure_ascii=False) for k, v in given(about.study).items()}
+    parameters = {
+        k: json.dumps(v, ensure_ascii=False) for k, v in changed_parameters(about.study).items()
+    }
     block = render_html(
         "runs/templates/provenance.html.j2",
         about=about,
         study=about.study,
         given=parameters,
         version=__version__,
-        command=command(about.study),
+        command=study_command(about.study),
         cube=cube,
         numbers=numbers,
     )

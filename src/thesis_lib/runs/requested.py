@@ -56,7 +56,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     """
     from thesis_lib.figure_sets import outside
     from thesis_lib.figure_sets.registry import CHAPTER_SETS, model_of
-    from thesis_lib.studies.request import ParameterError, check_names, validated
+    from thesis_lib.studies.request import ParameterError, check_names, validate_values
 
     studies, notes = [], []
     try:
@@ -64,7 +64,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
             one
             for name in names
             for one in (
-                outside.load(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
+                outside.load_sets(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
             )
         ]
         models = [model_of(name) for name in dict.fromkeys(expanded)]
@@ -72,7 +72,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
         check_names(models[0], (key for key in values if key not in known))
         for model in models:
             own = {key: value for key, value in values.items() if key in model.model_fields}
-            studies.append(validated(model, own))
+            studies.append(validate_values(model, own))
             notes += [
                 f"{model.name} has no {key}: it runs without" for key in values if key not in own
             ]
@@ -89,7 +89,7 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     from thesis_lib.studies import schedulers
 
     try:
-        schedulers.checked(scheduler)
+        schedulers.check_address(scheduler)
     except ValueError as error:
         raise Refused(f"--scheduler: {error}") from None
     others = [study.name for study in studies if not FIGURE_SETS[study.name].in_pieces]
@@ -99,8 +99,8 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
             "(beam-…, plate-…, sound-…, shape-…), which can be cut into pieces"
         )
     for name in others:
-        click.echo(schedulers.alone(name), err=True)
-    schedulers.check(scheduler)
+        click.echo(schedulers.describe_alone(name), err=True)
+    schedulers.check_scheduler(scheduler)
     os.environ[schedulers.SCHEDULER_VARIABLE] = scheduler
 
 

@@ -46,7 +46,7 @@ def runs_of_trials(trials: int, trial_bytes: int) -> Iterator[slice]:
         yield slice(first, min(first + step, trials + 1))
 
 
-def computed(
+def compute_blocks(
     work: Callable[[Block], Any], blocks: Iterable[Block], scheduler: str = ""
 ) -> Iterator[tuple[Block, Any]]:
     """Yield blocks and what `work` makes of them, in their order.
@@ -58,7 +58,8 @@ def computed(
     blocks : iterable of Block
         What is computed.
     scheduler : str
-        As in :func:`thesis_lib.studies.schedulers.checked`; empty computes here, one after another.
+        As in :func:`thesis_lib.studies.schedulers.check_address`; empty computes here, one after
+        another.
 
     Raises
     ------

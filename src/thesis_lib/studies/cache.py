@@ -24,51 +24,51 @@ from thesis_lib.files import (
     sha256,
     whole_text,
 )
-from thesis_lib.studies.lock import installed_versions
+from thesis_lib.studies.lock import package_versions
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.studies.storage import CubeError, opened, write
+from thesis_lib.studies.storage import CubeError, open_netcdf, write_netcdf
 
 
 def _digest(path: Path) -> Path:
     return path.with_name(f".{path.name}.sha256")
 
 
-def read(path: Path) -> xr.Dataset | None:
+def read_cache(path: Path) -> xr.Dataset | None:
     """Return the dataset cached in a file; None if there is none, or it is damaged (a warning)."""
     if not path.exists():
         return None
     try:
         if _digest(path).read_text(encoding="ascii").strip() == sha256(path):
-            return opened(path)
+            return open_netcdf(path)
     except (OSError, ValueError, CubeError):
         pass
     aside(f"{path} is not what was kept there; it is computed anew")
     return None
 
 
-def keep(path: Path) -> None:
+def trust_file(path: Path) -> None:
     """From now on believe what has been written to a file."""
     whole_text(_digest(path), f"{sha256(path)}\n")
 
 
-def kept(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
+def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
     """Return what a file holds, if it has the key; else compute, write and read it.
 
     Its attribute `run_time_s` says how long it took.
     """
-    data = read(path)
+    data = read_cache(path)
     if data is not None and data.attrs.get("key", "") == key:
         return data
     begun = time.perf_counter()
     cube = compute()
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
-    write(cube.assign_attrs({"key": key} if key else {}), path)
-    keep(path)
-    return opened(path)
+    write_netcdf(cube.assign_attrs({"key": key} if key else {}), path)
+    trust_file(path)
+    return open_netcdf(path)
 
 
-def cached(
+def cached_study(
     study: Study,
     compute: Callable[[Any], xr.Dataset],
     key: str = "",
@@ -89,7 +89,7 @@ def cached(
         is the whole library.
     """
     path = cache_path(study, key or digest_of(library_files()))
-    cube = kept(path, lambda: compute(study))
+    cube = load_or_compute(path, lambda: compute(study))
     return with_provenance(cube, study, float(cube.attrs.pop("run_time_s")), library)
 
 
@@ -106,5 +106,5 @@ def key_of(values: Any, files: Iterable[Path] = ()) -> str:
     takes about a second, tracking it takes minutes.
     """
     stamps = [[file.name, sha256(file)] for file in files]
-    text = json.dumps([values, stamps, library_digest(), installed_versions()])
+    text = json.dumps([values, stamps, library_digest(), package_versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]

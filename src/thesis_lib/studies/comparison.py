@@ -17,9 +17,9 @@ from thesis_lib.studies.cubes import (
     SHORT_LABELS,
     STATISTIC_NAMES,
     band_text,
-    listed_by,
+    list_dimension,
     percent_text,
-    summary,
+    summarise_errors,
 )
 from thesis_lib.studies.published import read_published
 from thesis_lib.text import one_line
@@ -31,7 +31,7 @@ MAX_EQUAL_DIFFERENCES = {
 MAX_LISTED_NAMES = 12  # names in a list
 
 
-def compare(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
+def compare_summaries(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
     """Return two summaries side by side, for the settings and modes that both have.
 
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
@@ -91,11 +91,13 @@ def difference_lines(
 ) -> list[str]:
     """Describe how a cube's errors differ from those of another, or from the published run."""
     if other is not None:
-        return comparison_lines(compare(summary(cube), summary(other)), name)
+        return comparison_lines(
+            compare_summaries(summarise_errors(cube), summarise_errors(other)), name
+        )
     published = read_published(cube.attrs["figure_set"])
     if published is None:
         return ["nothing is published yet to compare with"]
-    return comparison_lines(compare(summary(cube), published), "published")
+    return comparison_lines(compare_summaries(summarise_errors(cube), published), "published")
 
 
 def all_difference_lines(
@@ -108,7 +110,7 @@ def all_difference_lines(
     lines = difference_lines(cube, other, name)
     if other is None:
         known = {*ROW_KEYS, *(name for name, _ in ERROR_VARIABLES.values())}
-        known |= set(LISTED_VARIABLES.get(listed_by(cube), ()))
+        known |= set(LISTED_VARIABLES.get(list_dimension(cube), ()))
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
     found = _Found()
@@ -131,7 +133,7 @@ class _Found:
             where = "only in the first" if name in cube.variables else "only in the second"
             self.skipped.setdefault(where, []).append(name)
             return
-        new, old = (_shared(one, two)[name] for one, two in ((cube, other), (other, cube)))
+        new, old = (_shared_part(one, two)[name] for one, two in ((cube, other), (other, cube)))
         if new.dims != old.dims or new.shape != old.shape:
             self.skipped.setdefault("of another shape", []).append(name)
             return
@@ -156,7 +158,7 @@ class _Found:
             yield f"not compared, since {why}: {_names(names)}"
 
 
-def _shared(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+def _shared_part(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """Return the part of a cube that another has, too: settings, modes, and the first trials."""
     keys = [name for name in ROW_KEYS if name != "mode"]
     if all(name in one.variables for one in (cube, other) for name in keys):

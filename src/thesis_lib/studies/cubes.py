@@ -33,27 +33,27 @@ STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 
-def listed_by(cube: xr.Dataset) -> str:
+def list_dimension(cube: xr.Dataset) -> str:
     """Along which dimension a cube lists its results; empty if it holds errors of settings."""
     return next((name for name in LISTED_VARIABLES if name in cube.dims), "")
 
 
-def errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
+def cube_errors(cube: xr.Dataset) -> dict[str, xr.DataArray]:
     """Return the errors that a cube holds in %, by their names in the tables."""
     return {
-        name: error(cube, name)
+        name: cube_error(cube, name)
         for name, (variable, _) in ERROR_VARIABLES.items()
         if variable in cube
     }
 
 
-def error(cube: xr.Dataset, name: str) -> xr.DataArray:
+def cube_error(cube: xr.Dataset, name: str) -> xr.DataArray:
     """Return one of them."""
     variable, plane = ERROR_VARIABLES[name]
     return cube[variable] if plane is None else cube[variable].sel(plane=plane)
 
 
-def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
+def predicted_value(cube: xr.Dataset, error: str) -> xr.DataArray:
     """Return what is predicted of an error by its name in the tables, in %."""
     variable, plane = ERROR_VARIABLES[error]
     own = f"predicted_{variable}"  # of a cube with errors of several kinds
@@ -61,18 +61,18 @@ def predicted(cube: xr.Dataset, error: str) -> xr.DataArray:
     return values if plane is None else values.sel(plane=plane)
 
 
-def summary(cube: xr.Dataset) -> pd.DataFrame:
+def summarise_errors(cube: xr.Dataset) -> pd.DataFrame:
     """Return each error by setting and mode: trial 0, and median, 5 % and 95 % of the other trials.
 
     Without other trials the latter three are NaN. Of the ledger: the verdict on every claim; of
     a cube that lists quantities: each with its value and unit.
     """
-    if name := listed_by(cube):
+    if name := list_dimension(cube):
         return pd.DataFrame({column: cube[column].values for column in LISTED_VARIABLES[name]})
     rows: list[dict[str, Any]] = []
-    for quantity, values in errors(cube).items():
+    for quantity, values in cube_errors(cube).items():
         literal = values.isel(trial=0).transpose("setting", "mode").values
-        low, median, high = band(values)
+        low, median, high = trial_band(values)
         for s in range(cube.sizes["setting"]):
             for m, mode in enumerate(cube["mode"].values):
                 rows.append(
@@ -92,7 +92,7 @@ def summary(cube: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def band(values: xr.DataArray) -> Any:
+def trial_band(values: xr.DataArray) -> Any:
     """Return the quantiles 5, 50 and 95 % of errors over their trials but the literal run.
 
     They are (3, setting, ...), NaN without such trials. One setting is read at a time.
@@ -105,13 +105,13 @@ def band(values: xr.DataArray) -> Any:
     return bands
 
 
-def typical(values: xr.DataArray) -> Array:
+def typical_error(values: xr.DataArray) -> Array:
     """Median of errors over the trials but the literal run, or that run if there are no trials.
 
     Shape (setting, ...): what settings are ranked by, as one run alone ranks them by its luck.
     """
     literal: Array = values.isel(trial=0).transpose("setting", ...).values
-    median = band(values)[1]
+    median = trial_band(values)[1]
     return np.where(np.isfinite(median), median, literal)
 
 

@@ -50,7 +50,7 @@ class Effort:
         return f"{max(round(self.peak_memory_mb, -1), 10):.0f} MB"
 
 
-def together(efforts: Iterable[Effort]) -> Effort:
+def total_effort(efforts: Iterable[Effort]) -> Effort:
     """Return the effort of figure sets that are run one after another.
 
     Examples
@@ -81,18 +81,18 @@ def peak_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def of(notebook: Path) -> Effort:
+def notebook_effort(notebook: Path) -> Effort:
     """Return the effort that an executed notebook carries."""
     kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
     return Effort(*(float(kept[name]) for name in EFFORT_FIELDS[1:]))
 
 
-def published_path() -> Path:
+def effort_path() -> Path:
     """Return the path of the published run's measured efforts."""
     return shipped() / "data" / "published" / "effort.csv"
 
 
-def read(path: Path | None = None) -> dict[str, Effort]:
+def read_efforts(path: Path | None = None) -> dict[str, Effort]:
     """Return the published efforts by figure set; empty if there are none.
 
     Raises
@@ -100,7 +100,7 @@ def read(path: Path | None = None) -> dict[str, Effort]:
     EffortError
         If the file is damaged, by name and line.
     """
-    path = path or published_path()
+    path = path or effort_path()
     if not path.is_file():
         return {}
     found = {}
@@ -116,9 +116,9 @@ def read(path: Path | None = None) -> dict[str, Effort]:
     return found
 
 
-def write(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Path:
+def write_efforts(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Path:
     """Publish efforts; returns the file."""
-    path = path or published_path()
+    path = path or effort_path()
     rows = [
         (name, f"{one.seconds:.1f}", f"{one.peak_memory_mb:.0f}", f"{one.cube_mb:.2f}")
         for name, one in efforts

@@ -38,7 +38,7 @@ FIELD_UNITS = {
 """Units of fields by the end of their names; of two that fit the first."""
 
 
-def unit(field: str) -> str:
+def unit_of_field(field: str) -> str:
     """Return the unit of a field by the end of its name, or empty.
 
     Examples
@@ -52,7 +52,7 @@ def unit(field: str) -> str:
 # Refusals.
 
 
-def shown(value: Any) -> str:
+def format_given(value: Any) -> str:
     """Return a value as it stands in a refusal, of a long list its length."""
     try:
         text = one_line(json.dumps(value, ensure_ascii=False, default=repr))
@@ -62,20 +62,20 @@ def shown(value: Any) -> str:
         return f"a {type(value).__name__} that is not JSON"
 
 
-def refuse(field: str, given: Any, why: str) -> None:
+def refuse_value(field: str, given: Any, why: str) -> None:
     """Refuse a value in one line, from inside a validator."""
-    message = f"{field}: given {shown(given)}, {why}"
+    message = f"{field}: given {format_given(given)}, {why}"
     raise PydanticCustomError("refused", "{message}", {"message": message})
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
+def nearest_name(name: str, names: Iterable[str]) -> str:
     """Return the name most like `name`, or empty if none is."""
     return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
 
 
-def suggestion(name: str, names: Iterable[str]) -> str:
+def suggest_name(name: str, names: Iterable[str]) -> str:
     """Return words for the name that was probably meant, if there is one."""
-    meant = nearest(name, names)
+    meant = nearest_name(name, names)
     return f" (did you mean {meant}?)" if meant else ""
 
 
@@ -92,18 +92,20 @@ class Fields(BaseModel):
 
     def refuse(self, field: str, why: str) -> None:
         """Refuse the value of a field that does not go with the others."""
-        refuse(field, getattr(self, field), why)
+        refuse_value(field, getattr(self, field), why)
 
 
-def allowed_text(model: type[BaseModel], field: str) -> str:
+def describe_allowed(model: type[BaseModel], field: str) -> str:
     """Return in words what a field allows."""
     info = model.model_fields[field]
     return info.title or describe_type(info.annotation, info.metadata)
 
 
-def permitted(model: type[BaseModel], field: str) -> str:
+def describe_permitted(model: type[BaseModel], field: str) -> str:
     """Return what a field allows, with its unit, as it stands in a refusal."""
-    return f"allowed: {allowed_text(model, field)}" + (f", in {unit(field)}" if unit(field) else "")
+    return f"allowed: {describe_allowed(model, field)}" + (
+        f", in {unit_of_field(field)}" if unit_of_field(field) else ""
+    )
 
 
 def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -> str:
@@ -128,16 +130,16 @@ def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -
                 holder, name = within, str(part)
                 within = _model_in(within.model_fields[name].annotation)
         elif isinstance(inside, Mapping) and part in inside:
-            place, inside = f"{place}[{shown(part)}]", inside[part]
+            place, inside = f"{place}[{format_given(part)}]", inside[part]
     if problem["type"] == "refused":
         return f"{place}.{problem['msg']}".lstrip(".")
     if problem["type"] in unknown:
         own = list((within or holder).model_fields)
-        hint = suggestion(str(problem["loc"][-1]), own)
+        hint = suggest_name(str(problem["loc"][-1]), own)
         return f"{place}: no such field{hint}; there are {', '.join(own)}"
     if problem["type"] == "missing" and not isinstance(problem["loc"][-1], int):
-        return f"{place}: missing, {permitted(holder, name)}"
-    return f"{place}: given {shown(problem['input'])}, {permitted(holder, name)}"
+        return f"{place}: missing, {describe_permitted(holder, name)}"
+    return f"{place}: given {format_given(problem['input'])}, {describe_permitted(holder, name)}"
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

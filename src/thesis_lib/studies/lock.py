@@ -16,7 +16,7 @@ RESULT_PACKAGES = (
 
 
 @cache
-def installed_versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
     """Return the versions of the packages that results are computed with, of those installed."""
     found = {}
     for name in RESULT_PACKAGES:
@@ -31,6 +31,6 @@ def differing_packages() -> list[str]:
     pins = re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE)  # one for each Python
     return [
         f"{name} {here} is installed, the lock has {' or '.join(locked)}"
-        for name, here in installed_versions().items()
+        for name, here in package_versions().items()
         if (locked := [pin for package, pin in pins if package == name]) and here not in locked
     ]

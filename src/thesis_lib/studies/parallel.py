@@ -10,7 +10,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def abreast(
+def map_in_pairs(
     one: Callable[[Item], Result],
     items: Iterable[Item],
     stop: Callable[[], object] = lambda: None,

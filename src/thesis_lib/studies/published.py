@@ -41,15 +41,15 @@ LIST_COLUMNS: dict[str, Columns] = {  # by what a list is of
 PUBLISHED_KEYS = (*cubes.ROW_KEYS, "error"), ("quantity",), ("claim",)
 
 
-def published_path(name: str) -> Path:
+def summary_path(name: str) -> Path:
     """Return the path of a figure set's published figures."""
     return shipped() / "data" / "published" / f"{name}.csv"
 
 
-def publish(cube: xr.Dataset) -> Path:
+def publish_errors(cube: xr.Dataset) -> Path:
     """Make this cube's errors the published ones; returns the file."""
-    path = published_path(cube.attrs["figure_set"])
-    table = cubes.summary(cube)
+    path = summary_path(cube.attrs["figure_set"])
+    table = cubes.summarise_errors(cube)
     whole_file(
         path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
     )
@@ -64,13 +64,13 @@ def read_published(name: str) -> pd.DataFrame | None:
     CubeError
         In one line: the file, the line, what is wrong with it, and what restores it.
     """
-    path = published_path(name)
+    path = summary_path(name)
     if not path.is_file():
         return None
     table = pd.DataFrame(read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS)))
     key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
     if (twice := table.duplicated(key)).any():
-        raise damaged(path, int(twice.idxmax()) + 2, "is there twice")
+        raise damage_refusal(path, int(twice.idxmax()) + 2, "is there twice")
     return table
 
 
@@ -94,22 +94,22 @@ def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
             rows = csv.reader(stream, strict=True)
             header, number = next(rows, []), 1
             if sorted(header) != sorted(columns):
-                raise damaged(path, 1, f"names other columns than {', '.join(columns)}")
+                raise damage_refusal(path, 1, f"names other columns than {', '.join(columns)}")
             for number, row in enumerate(rows, 2):
                 if len(row) != len(header):
-                    raise damaged(path, number, f"has {len(row)} values, not {len(header)}")
+                    raise damage_refusal(path, number, f"has {len(row)} values, not {len(header)}")
                 for name, given in zip(header, row, strict=True):
                     try:
                         found[name].append(columns[name](given))
                     except ValueError:
-                        raise damaged(
+                        raise damage_refusal(
                             path, number, f"has {name} = {one_line(repr(given))}"
                         ) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise damaged(path, number + 1, f"cannot be read ({type(error).__name__})") from None
+        raise damage_refusal(path, number + 1, f"cannot be read ({type(error).__name__})") from None
     return found
 
 
-def damaged(path: Path, line: int, problem: str) -> CubeError:
+def damage_refusal(path: Path, line: int, problem: str) -> CubeError:
     """Return the refusal of a published file."""
     return CubeError(text.damaged(path, line, problem))

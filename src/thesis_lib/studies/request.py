@@ -11,10 +11,10 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from thesis_lib.acoustics.planes import Plane, pistons
+from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.fields import (
     Fields,
@@ -22,17 +22,17 @@ from thesis_lib.studies.fields import (
     Seed,
     Trials,
     Whole,
-    allowed_text,
+    describe_allowed,
+    describe_permitted,
     first_problem,
-    permitted,
-    refuse,
-    shown,
-    suggestion,
-    unit,
+    format_given,
+    refuse_value,
+    suggest_name,
+    unit_of_field,
 )
 from thesis_lib.text import listed, one_line
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import Structure, resonance
+from thesis_lib.vibration.structure import Structure, resonance_frequency
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
@@ -85,7 +85,7 @@ class Study(Fields):
     @property
     def structure(self) -> Structure:
         """Return the structure that is measured."""
-        return setups.beam()
+        return setups.thesis_beam()
 
     @property
     def predicted_by(self) -> str:
@@ -118,11 +118,11 @@ class Study(Fields):
             value = getattr(self, name)
             repeats = isinstance(value, list) and len(set(value)) < len(value)
             if repeats and name != "amplitude_mm":
-                self.refuse(name, permitted(type(self), name))
+                self.refuse(name, describe_permitted(type(self), name))
         return self
 
 
-def beyond(reach: float | str) -> str:
+def distance_limit(reach: float | str) -> str:
     """Return what a distance from a structure must exceed, as refused; `reach` is in mm."""
     number = reach if isinstance(reach, str) else f"{reach:.4g}"
     return f"allowed: more than {number} mm, the reach of the structure and its deflection"
@@ -132,7 +132,7 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
     """Refuse a parameter that a figure set does not have."""
     for name in names:
         if name not in model.model_fields:
-            hint = suggestion(name, model.model_fields)
+            hint = suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
             raise ParameterError(
@@ -141,11 +141,11 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
             )
 
 
-def validated(model: type[Study], values: Mapping[str, Any]) -> Study:
+def validate_values(model: type[Study], values: Mapping[str, Any]) -> Study:
     """Return a model's parameters from plain values, refused in one line."""
     if not isinstance(values, Mapping):  # of a file that is not ours
         raise ParameterError(
-            f"{model.name}: given {shown(values)}, allowed: an object of parameters by name"
+            f"{model.name}: given {format_given(values)}, allowed: an object of parameters by name"
         )
     check_names(model, values)
     try:
@@ -154,15 +154,15 @@ def validated(model: type[Study], values: Mapping[str, Any]) -> Study:
         raise ParameterError(f"{model.name}: {first_problem(model, values, error)}") from None
 
 
-def describe(model: type[Study]) -> list[dict[str, str]]:
+def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
     """Return one row per parameter: name, default, unit, allowed, meaning."""
     defaults = model().model_dump(mode="json")
     return [
         {
             "name": name,
             "default": json.dumps(defaults[name], ensure_ascii=False),
-            "unit": unit(name),
-            "allowed": allowed_text(model, name),
+            "unit": unit_of_field(name),
+            "allowed": describe_allowed(model, name),
             "meaning": info.description or "",
         }
         for name, info in sorted(
@@ -179,7 +179,7 @@ def whole_numbers(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def given(study: Study) -> dict[str, Any]:
+def changed_parameters(study: Study) -> dict[str, Any]:
     """Return the parameters that differ from the defaults.
 
     Examples
@@ -192,7 +192,7 @@ def given(study: Study) -> dict[str, Any]:
     return {key: value for key, value in study.request.items() if value != defaults[key]}
 
 
-def command(study: Study) -> str:
+def study_command(study: Study) -> str:
     """Return the command that runs a study.
 
     Examples
@@ -201,7 +201,7 @@ def command(study: Study) -> str:
     >>> command(camera_study("beam-distance", {"modes": [1]}))
     "thesis run beam-distance -p 'modes=[1]'"
     """
-    return join_command(["thesis", "run", study.folder or study.name], given(study))
+    return join_command(["thesis", "run", study.folder or study.name], changed_parameters(study))
 
 
 def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
@@ -224,7 +224,7 @@ def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
 Markers = Annotated[Whole, Field(ge=2, le=60)]
 Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
 PlanePoints = Annotated[Whole, Field(ge=2, le=500)]
-SOUND_READING = reading("sound")
+SOUND_READING = assumed_values("sound")
 
 
 class PlateMarkers(Fields):
@@ -235,7 +235,7 @@ class PlateMarkers(Fields):
     @property
     def structure(self) -> Structure:
         """Return the structure that is measured."""
-        return setups.plate(self.grid)
+        return setups.thesis_plate(self.grid)
 
 
 class SoundPlanes(PlateMarkers):
@@ -287,8 +287,10 @@ class SoundPlanes(PlateMarkers):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the page warns
-                check_pistons(pistons(plate), resonance(plate, highest), self.medium)
+                check_pistons(
+                    plate_pistons(plate), resonance_frequency(plate, highest), self.medium
+                )
         except ValueError as error:
             known, here = "use more and smaller pistons", "take lower modes or a finer grid"
-            refuse("modes", highest, str(error).replace(known, here))
+            refuse_value("modes", highest, str(error).replace(known, here))
         return self

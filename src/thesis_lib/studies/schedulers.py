@@ -40,7 +40,7 @@ class SchedulerError(RuntimeError):
     """Workers that cannot be had; the message is one line: which, what is wrong, how to go on."""
 
 
-def checked(scheduler: str) -> str:
+def check_address(scheduler: str) -> str:
     """Return the scheduler as it was given, or raise ValueError with what is allowed.
 
     Examples
@@ -60,17 +60,17 @@ def from_environment() -> str:
     """Return the scheduler that ``THESIS_SCHEDULER`` asks for, or empty."""
     given = os.environ.get(SCHEDULER_VARIABLE, "")
     try:
-        return checked(given) if given else ""
+        return check_address(given) if given else ""
     except ValueError as error:
         raise ValueError(f"{SCHEDULER_VARIABLE}: {error}") from None
 
 
-def alone(name: str) -> str:
+def describe_alone(name: str) -> str:
     """Describe a figure set that no scheduler can help."""
     return f"{name} is not cut into pieces: it runs in one process, without the scheduler"
 
 
-def check(scheduler: str) -> None:
+def check_scheduler(scheduler: str) -> None:
     """Refuse, before anything starts, a scheduler that cannot be used."""
     if scheduler != PROCESS_SCHEDULER:
         with _cluster(scheduler):
@@ -152,8 +152,8 @@ def _check_workers(client: Any, scheduler: str) -> None:
             f"scheduler {scheduler}: it has no worker within {MAX_WAIT_S:g} s; "
             f"start some (dask worker {scheduler}), and run the same command again"
         ) from None
-    here = versions()
-    for worker, there in client.run(versions, on_error="return").items():
+    here = common_versions()
+    for worker, there in client.run(common_versions, on_error="return").items():
         if there != here:
             raise SchedulerError(
                 f"scheduler {scheduler}: worker {worker} has {there}, here {here}; "
@@ -161,7 +161,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
             )
 
 
-def versions() -> dict[str, str]:
+def common_versions() -> dict[str, str]:
     """Return what a worker must have in common with the client."""
     packages = {name: version(name) for name in ("numpy", "scipy", "scikit-fem")}
     python = ".".join(platform.python_version_tuple()[:2])

@@ -30,7 +30,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.files import NoCloneError, library_digest, project_root
 from thesis_lib.studies import cubes, effort
-from thesis_lib.studies.fields import unit
+from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.studies.request import Study
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
@@ -57,7 +57,7 @@ class Variable:
         return (*over, *self.dims), np.asarray(values), self.attributes
 
 
-def declared(lines: str) -> dict[str, Variable]:
+def parse_variables(lines: str) -> dict[str, Variable]:
     """Return the variables that some lines declare; what is indented further goes on with a line.
 
     Examples
@@ -80,7 +80,7 @@ def declared(lines: str) -> dict[str, Variable]:
     return found
 
 
-def labelled(
+def label_values(
     values: Mapping[str, Any], table: Mapping[str, Variable], over: Iterable[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], Any, Any]]:
     """Return the values as variables of a dataset, in the order in which they come."""
@@ -156,7 +156,7 @@ def fill_cells(values: Array, place: IntArray, count: int) -> Array:
 
 # Variables and coordinates that many cubes have.
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     measured_deflection(mode, trial, point) [m] measured deflection of the markers
     mean_error(mode, trial) [percent] rms error over the markers
     max_point_error(mode, trial) [percent] largest error of a marker
@@ -167,7 +167,7 @@ VARIABLES = declared("""
     ground_sample_distance() [m/px] length of a pixel at the origin
 """)
 """What every setting of a camera study has; beside these dimensions each is over ``setting``."""
-FIELD_COORDINATES = declared("""
+FIELD_COORDINATES = parse_variables("""
     case_name(case) [1] cases in the order of `case`
     plane(plane) [1] plane
     extreme(extreme) [1] setting of a case
@@ -176,19 +176,19 @@ FIELD_COORDINATES = declared("""
 """)
 SHORT_TYPES = {"measured_deflection": "float32"}
 """Type on disk where it is not float64, in which rounding would not matter."""
-CAMERA_VARIABLES = declared("""
+CAMERA_VARIABLES = parse_variables("""
     camera_distance(setting, camera) [m] camera distance
     camera_azimuth(setting, camera) [degree] camera azimuth
     camera_elevation(setting, camera) [degree] camera elevation
 """)
-REFERENCE_VARIABLE = declared(
+REFERENCE_VARIABLE = parse_variables(
     "reference_deflection(mode, point) [m] reference deflection of the markers"
 )
 
 
-def extremes(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
+def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
     """Per case and mode the settings with the lowest and highest typical deflection error."""
-    error = cubes.typical(plate_cube["mean_error"])
+    error = cubes.typical_error(plate_cube["mean_error"])
     result: dict[str, list[tuple[int, int]]] = {}
     for case in dict.fromkeys(plate_cube["case"].values.tolist()):
         rows = np.flatnonzero(plate_cube["case"].values == case)
@@ -208,7 +208,7 @@ def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, 
         "u": planes[0].u,
         "z": planes[0].z,
     }
-    return labelled(values, FIELD_COORDINATES)
+    return label_values(values, FIELD_COORDINATES)
 
 
 def of_settings(
@@ -219,7 +219,7 @@ def of_settings(
         name: np.array([one[name] for one in results]).astype(SHORT_TYPES.get(name, "float64"))
         for name in table
     }
-    return labelled(values, table, over=["setting"]) | camera_places(settings)
+    return label_values(values, table, over=["setting"]) | camera_places(settings)
 
 
 def camera_places(settings: list[Setting]) -> dict[str, Any]:
@@ -230,10 +230,10 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
         there = slice(len(setting.directions_deg))
         table[0, i, there] = setting.distance_mm / 1000
         table[1:, i, there] = np.transpose(setting.directions_deg)
-    return labelled(dict(zip(CAMERA_VARIABLES, table, strict=True)), CAMERA_VARIABLES)
+    return label_values(dict(zip(CAMERA_VARIABLES, table, strict=True)), CAMERA_VARIABLES)
 
 
-def filmed(
+def rendered_modes(
     coords: dict[str, Any], hertz: Sequence[float], others: xr.Dataset | None = None
 ) -> dict[str, Any]:
     """Return coordinates of modes rendered at these frequencies; trials are recordings."""
@@ -245,12 +245,12 @@ def filmed(
     return coords
 
 
-def drawn_by(others: xr.Dataset | None) -> dict[str, str]:
+def replicate_attribute(others: xr.Dataset | None) -> dict[str, str]:
     """Return the attribute of a rendered cube that says how many other recordings it has."""
     return {"draws": f"{0 if others is None else others.sizes['recording']} recordings"}
 
 
-def coordinates(
+def study_coordinates(
     study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
 ) -> dict[str, Any]:
     """Return the coordinates of a study's cube: settings, modes, trials, points."""
@@ -264,7 +264,7 @@ def coordinates(
     def each(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
         return on("setting", [of(setting) for setting in settings], long_name, units)
 
-    varied = {"mm": "mm", "°": "degree"}.get(unit(study.varied), "1")
+    varied = {"mm": "mm", "°": "degree"}.get(unit_of_field(study.varied), "1")
     return {
         "case": each("case of the thesis, or layout", lambda s: s.case),
         "parameter": each("varied parameter", lambda _: study.varied),
@@ -309,7 +309,7 @@ def with_provenance(
     function of the parameters, the library and the versions of the packages it computes with.
     `library` is the digest of the code that the cube rests on; without it the whole library counts.
     """
-    cube = described(cube, study).assign_attrs(
+    cube = describe_study(cube, study).assign_attrs(
         title=study.title,
         **({"references": f"{THESIS_TITLE}, {study.section}"} if study.section else {}),
         figure_set=study.name,
@@ -324,7 +324,7 @@ def with_provenance(
     return with_origin(cube, f"simulation by thesis_lib {__version__}, figure set {study.name}")
 
 
-def described(cube: xr.Dataset, study: Study) -> xr.Dataset:
+def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     """Add the words of a study and its settings: titles, numbers in the thesis, outline."""
     cube = cube.assign_attrs(
         varied=study.varied,

@@ -40,7 +40,7 @@ class CubeError(ValueError):
     """A file that is not one of our cubes; the message is one line."""
 
 
-def write(
+def write_netcdf(
     cube: xr.Dataset, path: Path, compact: bool = False, steps: Mapping[str, float] | None = None
 ) -> None:
     """Write a cube as netCDF-4, whole or not at all.
@@ -66,7 +66,7 @@ def write(
         by_steps = {n: _in_steps(least) for n, v in rounded.items() if (least := _step(v))}
         encoding |= {n: encoding[n] | how for n, how in by_steps.items()}
         rounded = {n: v for n, v in rounded.items() if n not in {*by_steps, *(steps or {})}}
-        cube = cube.assign({n: _rounded(v) for n, v in rounded.items()})
+        cube = cube.assign({n: _round_mantissa(v) for n, v in rounded.items()})
     for name, step in (steps or {}).items():
         whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
         encoding[name] = encoding.get(name, {}) | whole
@@ -113,12 +113,14 @@ def _in_steps(step: np.float32) -> dict[str, Any]:
     return {"dtype": "int16", "scale_factor": step, "_FillValue": np.int16(-(2**15))}
 
 
-def _rounded(values: xr.Variable) -> xr.Variable:
+def _round_mantissa(values: xr.Variable) -> xr.Variable:
     """Round a variable to ``BITS`` bits of mantissa, and mark it so."""
-    return xr.Variable(values.dims, _nearest(values.values), values.attrs | _said(values))
+    return xr.Variable(
+        values.dims, _nearest(values.values), values.attrs | _rounding_attributes(values)
+    )
 
 
-def _said(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
+def _rounding_attributes(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
     """Return the netCDF library's attributes of a rounded variable."""
     return {_ROUNDED_ATTRIBUTE: np.int32(MANTISSA_BITS[values.dtype])}
 
@@ -155,13 +157,13 @@ def _refuse_bomb(file: h5netcdf.File, path: Path) -> None:
         raise CubeError(f"{path}: not a cube of this project ({size:.3g} MB say {held:.3g} MB)")
 
 
-def attributes(path: Path) -> dict[str, Any]:
+def read_attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a netCDF file as a whole, without its variables."""
     with _HDF5_LOCK, h5netcdf.File(path) as file:
         return dict(file.attrs)
 
 
-def opened(path: Path) -> xr.Dataset:
+def open_netcdf(path: Path) -> xr.Dataset:
     """Read a netCDF file, with one-line errors."""
     if not path.is_file():
         kind = "a folder, not a file" if path.is_dir() else "no such file"

@@ -16,7 +16,7 @@ from thesis_lib.vibration.structure import (
     deflection_shape,
     full_response,
     peak_deflection,
-    resonance,
+    resonance_frequency,
     single_mode_response,
     world_points,
 )
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from thesis_lib.vibration.panel import Panel
 
 __all__ = ["Beam", "Component", "Motion", "Panel", "Plate", "Structure", "deflection_shape",
-           "full_response", "peak_deflection", "resonance", "single_mode_response",
+           "full_response", "peak_deflection", "resonance_frequency", "single_mode_response",
            "world_points"]  # fmt: skip
 
 

@@ -48,7 +48,7 @@ class PlateModes:
     def at(self, points: Array) -> Array:
         """Return the shapes at points (2, n) of the plate, shape (modes, n)."""
         basis = self.basis
-        cells, weights = located(basis.mesh, points)
+        cells, weights = locate_points(basis.mesh, points)
         shapes = np.zeros((points.shape[1], self.coefficients.shape[1]))
         for k, dofs in enumerate(basis.element_dofs):
             one = basis.elem.gbasis(basis.mapping, weights[1:, :, None], k, tind=cells)[0]
@@ -56,7 +56,7 @@ class PlateModes:
         return shapes.T
 
 
-def located(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
+def locate_points(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     """Find the triangle that each point is in, and the weights of its corners there.
 
     Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts

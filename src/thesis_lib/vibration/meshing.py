@@ -20,9 +20,9 @@ from thesis_lib.vibration.polygons import (
     Hole,
     Point,
     ShapeError,
-    area,
-    contains,
-    distances,
+    edge_distances,
+    polygon_area,
+    polygon_contains,
 )
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ MIN_BOUNDARY_RATIO = 0.6  # least distance of a grid point from the boundary, ov
 MIN_TRIANGLES, MAX_TRIANGLES = 200, 60_000  # triangles
 
 
-def pieces(hole: Hole, size: float) -> Array:
+def divide_hole(hole: Hole, size: float) -> Array:
     """Divide a hole's boundary into pieces about `size` long; their corners, (pieces, 2)."""
     if not isinstance(hole, Circle):
         return _cut(hole, size)
@@ -63,7 +63,7 @@ def _rings(circle: Circle, count: int, size: float) -> list[Array]:
     return rings
 
 
-def triangles(
+def triangulate_polygon(
     outline: Sequence[Point], holes: Sequence[Hole], size: float
 ) -> tuple[Array, IntArray]:
     """Return the triangles of a polygon without its holes.
@@ -92,24 +92,24 @@ def triangles(
     """
     from scipy.spatial import Delaunay
 
-    count = abs(area(outline)) / (np.sqrt(3) / 4 * size**2)
+    count = abs(polygon_area(outline)) / (np.sqrt(3) / 4 * size**2)
     if not MIN_TRIANGLES <= count <= MAX_TRIANGLES:
         made = f"this one makes {count:.0f}"
         allowed = f"sizes that make {MIN_TRIANGLES} to {MAX_TRIANGLES} triangles ({made})"
         raise ShapeError("element_size", f"{size:g} m", allowed)
-    loops = [_cut(outline, size), *(pieces(hole, size) for hole in holes)]
+    loops = [_cut(outline, size), *(divide_hole(hole, size) for hole in holes)]
     points = _points(outline, holes, size, loops)
     corners = Delaunay(points.T).simplices
     middle = points[:, corners].mean(axis=2)
-    kept = contains(loops[0], middle)
+    kept = polygon_contains(loops[0], middle)
     for loop in loops[1:]:
-        kept &= ~contains(loop, middle)
+        kept &= ~polygon_contains(loop, middle)
     corners = _anticlockwise(points, corners[kept])
     used, corners = np.unique(corners, return_inverse=True)
     points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
     sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
     once = np.unique(sides, axis=1, return_counts=True)[1] == 1
-    wanted = abs(area(loops[0])) - sum(abs(area(loop)) for loop in loops[1:])
+    wanted = abs(polygon_area(loops[0])) - sum(abs(polygon_area(loop)) for loop in loops[1:])
     missed = abs(np.sum(_twice_areas(points, corners.T)) / 2 - wanted) > 1e-9 * wanted
     if missed or np.count_nonzero(once) != sum(map(len, loops)):
         allowed = "a smaller one, for the region is narrower than an element"
@@ -117,13 +117,13 @@ def triangles(
     return np.ascontiguousarray(points), np.ascontiguousarray(corners)
 
 
-def triangulated(
+def mesh_outline(
     outline: Sequence[Point], holes: Sequence[Hole], size: float, halvings: int = 9
 ) -> MeshTri:
     """Mesh an outline with holes; triangles at re-entrant corners are halved `halvings` times."""
     from skfem import MeshTri  # not needed to check a request
 
-    mesh = MeshTri(*triangles(outline, holes, size))
+    mesh = MeshTri(*triangulate_polygon(outline, holes, size))
     corners = _reentrant(outline, True)
     for hole in holes:
         corners += [] if isinstance(hole, Circle) else _reentrant(hole, False)
@@ -165,12 +165,14 @@ def _points(
 
 def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
     """Return those of points (2, n) in the region that are at least `gap` from its boundaries."""
-    kept = contains(outline, points) & np.all(distances(outline, points) > gap, axis=0)
+    kept = polygon_contains(outline, points) & np.all(edge_distances(outline, points) > gap, axis=0)
     for hole in holes:
         if isinstance(hole, Circle):
             kept &= np.hypot(points[0] - hole.x, points[1] - hole.y) > hole.radius + gap
         else:
-            kept &= ~contains(hole, points) & np.all(distances(hole, points) > gap, axis=0)
+            kept &= ~polygon_contains(hole, points) & np.all(
+                edge_distances(hole, points) > gap, axis=0
+            )
     return points[:, kept]
 
 
@@ -194,5 +196,5 @@ def _reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     turn /= np.hypot(*before.T) * np.hypot(*after.T)
-    sign = np.sign(area(polygon)) * (1 if outer else -1)
+    sign = np.sign(polygon_area(polygon)) * (1 if outer else -1)
     return [tuple(c) for c, t in zip(corners.tolist(), turn * sign, strict=True) if t < -1e-6]

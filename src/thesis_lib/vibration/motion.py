@@ -103,7 +103,7 @@ class Motion:
         )
 
 
-def amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> ComplexArray:
+def steady_amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> ComplexArray:
     """Complex amplitudes in m, time factor e^{+jωt}, of the steady state's part at a frequency."""
     total = np.zeros(np.shape(np.asarray(points, float)[0]), complex)
     for part in motion.components:

@@ -26,7 +26,7 @@ from thesis_lib.vibration.finite_elements import (
     facets_along,
     plate_modes,
 )
-from thesis_lib.vibration.meshing import pieces, triangles, triangulated
+from thesis_lib.vibration.meshing import divide_hole, mesh_outline, triangulate_polygon
 from thesis_lib.vibration.plate import Sheet
 from thesis_lib.vibration.polygons import (
     Circle,
@@ -34,13 +34,13 @@ from thesis_lib.vibration.polygons import (
     Point,
     ShapeError,
     are_apart,
-    area,
-    contains,
-    distances,
-    edges,
+    edge_distances,
     in_hole,
     is_simple,
     is_within,
+    polygon_area,
+    polygon_contains,
+    polygon_edges,
 )
 
 MODES_PER_BATCH = 10  # modes found at a time
@@ -89,10 +89,10 @@ class Panel(Sheet):
     def area(self) -> float:
         """Return the area in m²."""
         cut = (
-            math.pi * hole.radius**2 if isinstance(hole, Circle) else abs(area(hole))
+            math.pi * hole.radius**2 if isinstance(hole, Circle) else abs(polygon_area(hole))
             for hole in self.holes
         )
-        return abs(area(self.outline)) - sum(cut)
+        return abs(polygon_area(self.outline)) - sum(cut)
 
     @property
     def mass(self) -> float:
@@ -117,16 +117,20 @@ class Panel(Sheet):
     def contours(self) -> list[Array]:
         """Closed curves to draw, each (corners, 2) in m: outline anticlockwise, holes clockwise."""
         coarse = max(self.extent)
-        curves = [np.array(self.outline, float), *(pieces(hole, coarse) for hole in self.holes)]
+        curves = [
+            np.array(self.outline, float),
+            *(divide_hole(hole, coarse) for hole in self.holes),
+        ]
         senses = [1, *[-1] * len(self.holes)]
         return [
-            c[:: int(sense * np.sign(area(c)))] for c, sense in zip(curves, senses, strict=True)
+            c[:: int(sense * np.sign(polygon_area(c)))]
+            for c, sense in zip(curves, senses, strict=True)
         ]
 
     def covers(self, points: ArrayLike) -> Mask:
         """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
-        inside = contains(self.outline, points)
+        inside = polygon_contains(self.outline, points)
         for hole in self.holes:
             inside &= ~in_hole(hole, points)
         return inside | self._on_edge(points)
@@ -134,14 +138,14 @@ class Panel(Sheet):
     def _on_edge(self, points: Array) -> Mask:
         """Return which points (2, n) are on the outline or on the straight edge of a hole."""
         straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
-        nearest = np.min([distances(edges, points).min(axis=0) for edges in straight], axis=0)
+        nearest = np.min([edge_distances(edges, points).min(axis=0) for edges in straight], axis=0)
         on: Mask = nearest <= ON_EDGE * max(self.extent)
         return on
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """Return the first natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""
         ratio = self.bending_stiffness / self.mass_per_area
-        return np.sqrt(_found(self, n_modes).eigenvalues[:n_modes] * ratio)
+        return np.sqrt(_find_modes(self, n_modes).eigenvalues[:n_modes] * ratio)
 
     def modal_density(self, omega: ArrayLike) -> Array:
         """Return the modes per rad/s at high frequency, S/(4π) √(m/D), whatever the shape."""
@@ -150,7 +154,7 @@ class Panel(Sheet):
 
     def shape_peak(self, mode: int) -> float:
         """Return the largest absolute value of a mode shape at the corners of the elements."""
-        return float(_found(self, mode).peaks[mode - 1])
+        return float(_find_modes(self, mode).peaks[mode - 1])
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
         """Mode shapes at `points` (2, ...), dimensionless, shape (modes, ...); NaN off the panel.
@@ -166,22 +170,22 @@ class Panel(Sheet):
         values = np.full((len(numbers), flat.shape[1]), np.nan)
         on = self.covers(flat)
         if on.any():
-            found, kept = _found(self, int(numbers.max())), flat[:, on]
+            found, kept = _find_modes(self, int(numbers.max())), flat[:, on]
             values[:, on] = found.at(kept)[numbers - 1]
         return values.reshape((len(numbers), *points.shape[1:]))
 
 
 @lru_cache(maxsize=8)
 def _batch(panel: Panel, batches: int) -> PlateModes:
-    mesh = triangulated(panel.outline, panel.holes, panel.element_size)
+    mesh = mesh_outline(panel.outline, panel.holes, panel.element_size)
     sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
-    for edge, support in zip(edges(panel.outline), panel.supports, strict=True):
+    for edge, support in zip(polygon_edges(panel.outline), panel.supports, strict=True):
         sides[support].append(facets_along(mesh, *edge))
     clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED_EDGE, SIMPLY_SUPPORTED))
     return plate_modes(mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH)
 
 
-def _found(panel: Panel, n_modes: int) -> PlateModes:
+def _find_modes(panel: Panel, n_modes: int) -> PlateModes:
     """At least so many modes, found once."""
     if n_modes < 1:
         raise ShapeError("n_modes", n_modes, "1 or more")
@@ -211,7 +215,7 @@ def _check_polygon(name: str, polygon: Sequence[Point]) -> None:
         raise ShapeError(name, polygon, "at least 3 corners, of finite numbers")
     corners = np.asarray(polygon, float)
     box = float(np.max(np.ptp(corners, axis=0)))
-    if not is_simple(polygon) or abs(area(polygon)) < 1e-9 * box**2:
+    if not is_simple(polygon) or abs(polygon_area(polygon)) < 1e-9 * box**2:
         raise ShapeError(name, polygon, "edges that meet at their common corners alone")
 
 
@@ -238,7 +242,7 @@ def _check_holes(panel: Panel) -> None:
 
 
 def _check_supports(panel: Panel) -> None:
-    sides = edges(panel.outline)
+    sides = polygon_edges(panel.outline)
     if len(panel.supports) != len(sides) or not set(panel.supports) <= set(SUPPORTS):
         allowed = f"one of {', '.join(SUPPORTS)} for each of {len(sides)} edges"
         raise ShapeError("supports", panel.supports, allowed)
@@ -253,4 +257,4 @@ def _check_supports(panel: Panel) -> None:
 
 @lru_cache(maxsize=32)
 def _check_mesh(outline: tuple[Point, ...], holes: tuple[Hole, ...], size: float) -> None:
-    triangles(outline, holes, size)
+    triangulate_polygon(outline, holes, size)

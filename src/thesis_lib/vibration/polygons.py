@@ -45,13 +45,13 @@ class ShapeError(ValueError):
         self.what, self.given, self.allowed = what, given, allowed
 
 
-def area(polygon: ArrayLike) -> float:
+def polygon_area(polygon: ArrayLike) -> float:
     """Signed area of a polygon (corners, 2), positive if anticlockwise: ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ)."""
     x, y = np.asarray(polygon, float).T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
 
 
-def clip(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
+def clip_polygon(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     """Return the part of a polygon (corners, 2) in a box between two corners (2,), as a polygon.
 
     I. E. Sutherland and G. W. Hodgman, Commun. ACM 17 (1974): parts that lie apart are joined by
@@ -75,7 +75,7 @@ def clip(polygon: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     return found
 
 
-def moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
+def polygon_moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
     """Return area, centroid (2,) and variances (2,) of a polygon (corners, 2) about it.
 
     Without an area, the others are 0.
@@ -91,7 +91,7 @@ def moments(polygon: ArrayLike) -> tuple[float, Array, Array]:
     return abs(whole), centre, square - centre**2
 
 
-def contains(polygon: ArrayLike, points: Array) -> Mask:
+def polygon_contains(polygon: ArrayLike, points: Array) -> Mask:
     """Test whether points (2, n) lie in a polygon (corners, 2): count edges to their right.
 
     Of a point on an edge the answer may be either.
@@ -110,10 +110,10 @@ def in_hole(hole: Hole, points: Array) -> Mask:
     """Test whether points (2, n) lie in a hole."""
     if isinstance(hole, Circle):
         return np.hypot(points[0] - hole.x, points[1] - hole.y) < hole.radius
-    return contains(hole, points)
+    return polygon_contains(hole, points)
 
 
-def distances(polygon: ArrayLike, points: Array) -> Array:
+def edge_distances(polygon: ArrayLike, points: Array) -> Array:
     """Distances of points (2, n) from the edges of a polygon (corners, 2), shape (edges, n)."""
     start = np.asarray(polygon, float)[:, :, None]
     along = np.roll(start, -1, axis=0) - start
@@ -125,21 +125,21 @@ def distances(polygon: ArrayLike, points: Array) -> Array:
 
 def is_simple(polygon: Sequence[Point]) -> bool:
     """Test whether no two edges of a polygon meet but neighbours at their common corner."""
-    sides = [(np.array(a, float), np.array(b, float)) for a, b in edges(polygon)]
+    sides = [(np.array(a, float), np.array(b, float)) for a, b in polygon_edges(polygon)]
     n = len(sides)
     folded = any(
         _cross(b - a, c - b) == 0 and np.dot(b - a, c - b) <= 0
         for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)
     )
     apart = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
-    return not folded and not any(meet(*sides[i], *sides[j]) for i, j in apart)
+    return not folded and not any(segments_meet(*sides[i], *sides[j]) for i, j in apart)
 
 
 def _cross(a: Array, b: Array) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
 
-def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+def segments_meet(a: Array, b: Array, c: Array, d: Array) -> bool:
     """Test whether the segments ab and cd have a point in common."""
     turns = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
     if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
@@ -150,7 +150,7 @@ def meet(a: Array, b: Array, c: Array, d: Array) -> bool:
     )
 
 
-def edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
+def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
     """From each corner to the next, and from the last to the first."""
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
@@ -160,9 +160,12 @@ def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
     if isinstance(hole, Circle):
         centre = np.array([[hole.x], [hole.y]])
         return bool(
-            contains(outline, centre)[0] and np.all(distances(outline, centre) > hole.radius)
+            polygon_contains(outline, centre)[0]
+            and np.all(edge_distances(outline, centre) > hole.radius)
         )
-    return bool(np.all(contains(outline, np.array(hole).T))) and not _meet_anywhere(hole, outline)
+    return bool(np.all(polygon_contains(outline, np.array(hole).T))) and not _meet_anywhere(
+        hole, outline
+    )
 
 
 def are_apart(one: Hole, other: Hole) -> bool:
@@ -173,16 +176,19 @@ def are_apart(one: Hole, other: Hole) -> bool:
         centre = np.array([[one.x], [one.y]])
         outside = not in_hole(other, centre)[0]
         assert not isinstance(other, Circle)
-        return bool(outside and np.all(distances(other, centre) > one.radius))
+        return bool(outside and np.all(edge_distances(other, centre) > one.radius))
     if isinstance(other, Circle):
         return are_apart(other, one)
-    nested = contains(one, np.array(other[:1]).T)[0] or contains(other, np.array(one[:1]).T)[0]
+    nested = (
+        polygon_contains(one, np.array(other[:1]).T)[0]
+        or polygon_contains(other, np.array(one[:1]).T)[0]
+    )
     return not nested and not _meet_anywhere(one, other)
 
 
 def _meet_anywhere(one: Sequence[Point], other: Sequence[Point]) -> bool:
     """Test whether two polygons' edges meet anywhere."""
     return any(
-        meet(*map(np.array, edge), *map(np.array, edge_))
-        for edge, edge_ in product(edges(one), edges(other))
+        segments_meet(*map(np.array, edge), *map(np.array, edge_))
+        for edge, edge_ in product(polygon_edges(one), polygon_edges(other))
     )

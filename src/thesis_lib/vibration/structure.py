@@ -61,7 +61,7 @@ def numbers_from_one(modes: Sequence[int]) -> IntArray:
     return numbers
 
 
-def resonance(structure: Structure, mode: int) -> float:
+def resonance_frequency(structure: Structure, mode: int) -> float:
     """Angular frequency ω = ωₙ √(1 − 2ξ²) in rad/s of the displacement resonance of a mode."""
     omega_n = structure.angular_frequencies(mode)[mode - 1]
     return float(omega_n * np.sqrt(1 - 2 * structure.damping**2))
@@ -129,7 +129,7 @@ def single_mode_response(
 
 def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> float:
     """Peak |w| in m over the structure of one mode alone at its resonance, for a force in N."""
-    q = modal_coordinates(structure, resonance(structure, mode), mode, force)[mode - 1]
+    q = modal_coordinates(structure, resonance_frequency(structure, mode), mode, force)[mode - 1]
     return float(abs(q) * structure.shape_peak(mode))
 
 
@@ -189,7 +189,7 @@ def single_mode_distance(structure: Structure, mode: int, n_modes: int = 200) ->
     """
     length, width = structure.extent
     points = np.stack(np.meshgrid(np.linspace(0, length, 121), np.linspace(0, width, 41)))
-    omega = resonance(structure, mode)
+    omega = resonance_frequency(structure, mode)
     full = full_response(structure, points, omega, n_modes)
     single = single_mode_response(structure, mode, points, omega)
     return float(np.max(np.abs(full - single)) / np.max(np.abs(single)))

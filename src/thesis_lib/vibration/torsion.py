@@ -13,14 +13,14 @@ from thesis_lib.vibration.beam import Beam
 POISSON_RATIO = 0.31  # Table 3.1
 
 
-def rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
+def torsional_rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
     """Return GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
     b, h = beam.width, beam.thickness
     shear = beam.youngs_modulus / (2 * (1 + poisson))
     return shear * b * h**3 / 3 * (1 - 0.63 * h / b * (1 - h**4 / (12 * b**4)))
 
 
-def inertia(beam: Beam) -> float:
+def torsional_inertia(beam: Beam) -> float:
     """Return the polar moment of inertia per length, ρbh (b² + h²) / 12, in kg m."""
     b, h = beam.width, beam.thickness
     return beam.density * b * h * (b**2 + h**2) / 12
@@ -29,10 +29,10 @@ def inertia(beam: Beam) -> float:
 def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON_RATIO) -> float:
     """Return the natural angular frequency in rad/s of a torsional mode."""
     wave = (2 * mode - 1) * np.pi / (2 * beam.length)
-    return float(wave * np.sqrt(rigidity(beam, poisson) / inertia(beam)))
+    return float(wave * np.sqrt(torsional_rigidity(beam, poisson) / torsional_inertia(beam)))
 
 
-def twist(
+def tip_twist(
     beam: Beam,
     aside: float,
     omega: float,
@@ -61,7 +61,7 @@ def twist(
     wn = np.array([torsional_frequency(beam, int(k), poisson) for k in n])
     drive = np.sin((2 * n - 1) * np.pi * beam.force_position / (2 * beam.length))
     tip = np.sin((2 * n - 1) * np.pi / 2)
-    modal_inertia = inertia(beam) * beam.length / 2
+    modal_inertia = torsional_inertia(beam) * beam.length / 2
     stiffness = wn**2 - omega**2 + 2j * beam.damping * wn * omega
     angle = np.sum(force * aside * drive * tip / (modal_inertia * stiffness))
     return float(np.abs(angle) * beam.width / 2)

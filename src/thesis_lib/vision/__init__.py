@@ -15,8 +15,20 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.rounding import deflection_covariance, deflection_variance, grid_shifts
-from thesis_lib.vision.triangulation import covariance, gain, triangulate
+from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
 
-__all__ = ["CameraArray", "covariance", "deflection_covariance", "deflection_variance", "gain",
-           "grid_shifts", "ground_sample_distance", "hemisphere_cameras", "intrinsics", "on_sensor",
-           "pixelate", "project", "triangulate"]  # fmt: skip
+__all__ = [
+    "CameraArray",
+    "deflection_covariance",
+    "deflection_variance",
+    "grid_shifts",
+    "ground_sample_distance",
+    "hemisphere_cameras",
+    "intrinsics",
+    "on_sensor",
+    "pixelate",
+    "point_covariance",
+    "project",
+    "triangulate",
+    "triangulation_gain",
+]  # fmt: skip

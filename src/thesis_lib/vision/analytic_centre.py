@@ -28,9 +28,9 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.triangulation import (
     UPPER_INDICES,
-    centred,
-    checked,
-    checked_frames,
+    centre_projections,
+    check_arrays,
+    check_frames,
     triangulate,
 )
 
@@ -79,7 +79,7 @@ def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> 
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    P, uv = checked(P, uv)
+    P, uv = check_arrays(P, uv)
     found = joint_centre(P, uv[:, :, None], half_width_px)
     return Centres(found.points[:, 0], found.feasible)
 
@@ -108,7 +108,7 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    P, uv = checked_frames(P, uv)
+    P, uv = check_frames(P, uv)
     if not 0 < half_width_px < np.inf:
         raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
     start = triangulate(P, uv)
@@ -136,7 +136,7 @@ class _Slabs:
     """
 
     def __init__(self, P: Array, half_width: float) -> None:
-        P, self.middle = centred(P)
+        P, self.middle = centre_projections(P)
         self.half_width = half_width
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
         a = P[:, :, :3]

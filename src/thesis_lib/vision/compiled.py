@@ -35,7 +35,7 @@ _MATRIX_AT, _RIGHT_AT, _INVERSE_AT, _WORK_SIZE = (
 )
 
 
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def _compile_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compiled when first called, and kept on disk for later processes where that is possible.
 
     A product and a sum may be rounded at once; nothing else may be rearranged, so that NaN and
@@ -48,8 +48,8 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return njit(**options)(function)
 
 
-@_compiled
-def solve(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
+@_compile_kernel
+def solve_points(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
     """Points (3, m) in m that fit their images best, written into `points`.
 
     From projection matrices `P` (cameras, 3, 4) for `pixels` (cameras, 2, m) counted from the
@@ -71,7 +71,7 @@ def solve(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> 
             points[k, start : start + size] = block[k * BLOCK_POINTS : k * BLOCK_POINTS + size]
 
 
-@_compiled
+@_compile_kernel
 def _add_linear(P: Array, middle: Array, pixels: Array, images: Array, block: Array) -> None:
     """Take the images, and add the equations (a₁ − u a₃)·X = u b₃ − b₁ and the same for v.
 
@@ -91,7 +91,7 @@ def _add_linear(P: Array, middle: Array, pixels: Array, images: Array, block: Ar
             _add_equations(block, i, of_u, of_v)
 
 
-@_compiled
+@_compile_kernel
 def _add_reprojection(P: Array, images: Array, block: Array) -> None:
     """Add JᵀJ and Jᵀr (eq. 3.19); the rows of J are w (a₁ − h a₃) and w (a₂ − g a₃).
 
@@ -118,7 +118,7 @@ def _add_reprojection(P: Array, images: Array, block: Array) -> None:
             _add_equations(block, i, of_u, of_v)
 
 
-@_compiled
+@_compile_kernel
 def _rows(P: Array) -> tuple[Numbers, Numbers, Numbers]:
     return (
         (P[0, 0], P[0, 1], P[0, 2], P[0, 3]),
@@ -127,7 +127,7 @@ def _rows(P: Array) -> tuple[Numbers, Numbers, Numbers]:
     )
 
 
-@_compiled
+@_compile_kernel
 def _add_equations(block: Array, i: int, of_u: Numbers, of_v: Numbers) -> None:
     """Add two equations (x, y, z)·X = right to the normal equations of point i."""
     (ux, uy, uz, ur), (vx, vy, vz, vr) = of_u, of_v  # sums from the left: one instruction a product
@@ -152,7 +152,7 @@ def _add_equations(block: Array, i: int, of_u: Numbers, of_v: Numbers) -> None:
     )
 
 
-@_compiled
+@_compile_kernel
 def _add_solution(block: Array) -> None:
     """Add the solutions of the 3×3 systems, by LDLᵀ, to the points.
 

@@ -255,12 +255,12 @@ def pair_motion_error(
     """
     check_motion(np.linalg.norm(motion, axis=0), distance)
     azimuth = np.array([aperture, -aperture]) / 2
-    variance = _rounded(distance, focal_px, azimuth, np.full(2, elevation), motion)
+    variance = _rounding_variances(distance, focal_px, azimuth, np.full(2, elevation), motion)
     u, v = np.sqrt(variance.mean(axis=0))
     return pair_deflection_error(distance, focal_px, aperture, elevation, v, u)
 
 
-def _rounded(
+def _rounding_variances(
     distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
 ) -> Array:
     """Return the variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
@@ -303,7 +303,7 @@ def useful_frames(amplitudes_px: ArrayLike) -> Array:
     return np.asarray(1 / (6 * np.mean(swing_error(amplitudes_px) ** 2, axis=-1)))
 
 
-def weighted_error(positions_px: ArrayLike, weights: ArrayLike) -> Array:
+def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
     """Return the rms of a weighted sum of rounding errors on one randomly shifted grid.
 
     The square root of wᵀ C w with the covariance C of

@@ -20,7 +20,7 @@ from scipy.special import j0, j1, jv
 
 from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import gain
+from thesis_lib.vision.triangulation import triangulation_gain
 
 ONE_FRAME = 1 / 12  # variance of one rounded coordinate in px²
 _HARMONIC_COUNT = 2000  # without motion or shake the rest is 1/(2π²k) = 2.5e-5 px²
@@ -122,7 +122,7 @@ def deflection_variance(
         If the shake is negative or not finite.
     """
     motion = np.abs(project(P, deflected) - project(P, rest))
-    variance = gain(P, rest)[2] ** 2 * amplitude_variance(motion, shake_px)
+    variance = triangulation_gain(P, rest)[2] ** 2 * amplitude_variance(motion, shake_px)
     return np.asarray(np.sum(variance, axis=(0, 1)))
 
 
@@ -163,7 +163,7 @@ def _sum(
 ) -> Array:
     """Return Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
     a, s = np.broadcast_arrays(
-        _checked("amplitude_px", amplitude_px), _checked("shake_px", shake_px)
+        _check_counts("amplitude_px", amplitude_px), _check_counts("shake_px", shake_px)
     )
     total = np.zeros(a.shape)
     for first in range(1, _HARMONIC_COUNT + 1, _HARMONICS_PER_PASS):
@@ -174,7 +174,7 @@ def _sum(
     return total
 
 
-def _checked(name: str, lengths: ArrayLike) -> Array:
+def _check_counts(name: str, lengths: ArrayLike) -> Array:
     values = np.asarray(lengths, float)
     wrong = values[~(np.isfinite(values) & (values >= 0))]
     if wrong.size:

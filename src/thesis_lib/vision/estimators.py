@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.interval import interval, joint_interval
+from thesis_lib.vision.interval import interval_estimate, joint_interval
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
@@ -36,7 +36,7 @@ ESTIMATOR_RULES: dict[str, Callable[[Array, Array, float], Array]] = {
     "least-squares": lambda P, uv, noise: triangulate(P, uv),
     "analytic-centre": lambda P, uv, noise: analytic_centre(P, uv).points,
     "joint": lambda P, uv, noise: joint_centre(P, uv).points,
-    "interval": lambda P, uv, noise: interval(P, uv, noise).points,
+    "interval": lambda P, uv, noise: interval_estimate(P, uv, noise).points,
     "joint-interval": lambda P, uv, noise: joint_interval(P, uv, noise).points,
 }
 ESTIMATORS = ("linear", "least-squares", "analytic-centre", "joint")  # that ask for no noise
@@ -61,7 +61,7 @@ def random_hemisphere(
     return hemisphere_cameras(distances, azimuth, elevation, focal_px, size)
 
 
-def moved_markers(rng: np.random.Generator, markers: int) -> Array:
+def move_markers(rng: np.random.Generator, markers: int) -> Array:
     """Return the markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
     points = np.zeros((3, 2, markers))
     points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(CHECK_EXTENT_M)[:, None, None]
@@ -69,7 +69,7 @@ def moved_markers(rng: np.random.Generator, markers: int) -> Array:
     return points
 
 
-def estimates(
+def estimate_points(
     P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS, noise_px: float = 0.0
 ) -> Array:
     """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
@@ -115,10 +115,10 @@ def deflection_errors(
     for layout in range(layouts):
         rng = np.random.default_rng([seed, layout, len(distances)])
         P = random_hemisphere(rng, distances, focal_px, size).P
-        points = moved_markers(rng, markers)
+        points = move_markers(rng, markers)
         uv = project(P, points)
         uv += noise_px * rng.standard_normal(uv.shape)
-        height = estimates(P, np.rint(uv), rules, noise_px)[:, 2]
+        height = estimate_points(P, np.rint(uv), rules, noise_px)[:, 2]
         wrong = height[:, 1] - height[:, 0] - (points[2, 1] - points[2, 0])
         errors[layout] = np.sqrt(np.mean(wrong**2, axis=-1))
     return errors
@@ -151,7 +151,7 @@ def over_layouts(errors: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(errors), axis=0)))
 
 
-def exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
+def fit_exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
     """Exponents p of errors ~ Nᵖ, fitted in logarithms to errors (counts, ...), shape (...)."""
     slope = np.polyfit(np.log(np.asarray(counts, float)), np.log(np.asarray(errors, float)), 1)[0]
     return np.asarray(slope)

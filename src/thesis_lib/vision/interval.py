@@ -45,9 +45,9 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import (
     UPPER_INDICES,
-    checked,
-    checked_frames,
-    jacobian,
+    check_arrays,
+    check_frames,
+    image_jacobian,
     triangulate,
 )
 
@@ -80,14 +80,14 @@ class Posterior:
     feasible: Mask
 
 
-def interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
+def interval_estimate(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Posterior:
     """Return the posterior means of points whose noisy images were rounded to whole pixels.
 
     Of `P` and `uv` as for :func:`thesis_lib.vision.analytic_centre.analytic_centre`, and the
     standard deviation `sigma_px` of every image coordinate before it was rounded, in px; a
     ValueError if that is negative or no number.
     """
-    P, uv = checked(P, uv)
+    P, uv = check_arrays(P, uv)
     found = joint_interval(P, uv[:, :, None], sigma_px)
     points, covariance = found.points[:, 0], found.covariance[:, :, 0]
     return Posterior(points, covariance, found.evidence, found.feasible)
@@ -99,7 +99,7 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
     (3, frames, ...), `evidence` and `feasible` (...).
     """
-    P, uv = checked_frames(P, uv)
+    P, uv = check_frames(P, uv)
     if not 0 <= sigma_px < np.inf:
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number from 0, in px")
     n, frames = len(P), uv.shape[2]
@@ -129,7 +129,7 @@ def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Arr
     frames, m = start.shape[1:]
     about = start.copy()
     about[:2] = start[:2].mean(axis=1, keepdims=True)
-    J = jacobian(P, about.reshape(3, -1)).reshape(-1, 3, frames * m).swapaxes(0, 1)
+    J = image_jacobian(P, about.reshape(3, -1)).reshape(-1, 3, frames * m).swapaxes(0, 1)
     middle = (pixels - project(P, about)).reshape(J.shape[1:])  # of the pixels, from `about`
     squares = np.stack([J[i] * J[j] for i, j in zip(*UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
@@ -138,7 +138,7 @@ def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Arr
     x, C, plain = start, start, start
     for sweep in range(_MAX_SWEEPS + 1):
         right = np.einsum("ikm,km->im", J, nu)
-        x, C, volume = _solved(np.einsum("akm,km->am", squares, tau), right, frames)
+        x, C, volume = _solve(np.einsum("akm,km->am", squares, tau), right, frames)
         u = np.einsum("ikm,im->km", J, x)
         if sweep == 0:
             plain = C
@@ -210,7 +210,7 @@ def _tail_coefficients() -> list[float]:
     return chebyshev.cheb2poly(chebyshev.chebfit(t, scaled, 20))[::-1].tolist()
 
 
-def _solved(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
+def _solve(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
     """Means (3, frames × m), upper triangles (6, frames × m) of covariances, log volumes (m,).
 
     The matrix is an arrow: eliminating z of every frame leaves a 2×2 system for x and y, which all

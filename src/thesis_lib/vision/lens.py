@@ -49,7 +49,7 @@ class Camera:
         return self.K @ np.column_stack([self.R_camera_world, self.t])
 
 
-def distort(xy: ArrayLike, distortion: ArrayLike) -> Array:
+def distort_coordinates(xy: ArrayLike, distortion: ArrayLike) -> Array:
     """Return the distorted normalised coordinates of undistorted ones, both (2, ...)."""
     x, y = np.asarray(xy, float)
     k1, k2, p1, p2, k3 = np.asarray(distortion, float)
@@ -64,7 +64,7 @@ def distort(xy: ArrayLike, distortion: ArrayLike) -> Array:
 
 
 def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
-    """Return the derivative of :func:`distort`, shape (2, 2, ...): [i, j] = ∂x'ᵢ/∂xⱼ."""
+    """Return the derivative of :func:`distort_coordinates`, (2, 2, ...): [i, j] = ∂x'ᵢ/∂xⱼ."""
     x, y = np.asarray(xy, float)
     k1, k2, p1, p2, k3 = np.asarray(distortion, float)
     r2 = x * x + y * y
@@ -76,7 +76,7 @@ def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
     return np.stack([np.stack([xx, mixed]), np.stack([mixed, yy])])
 
 
-def undistort(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
+def undistort_coordinates(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
     """Undistorted normalised coordinates of distorted ones, by Newton's method, both (2, ...).
 
     Six steps reach rounding error for distortions that a lens for measuring has; a point beyond
@@ -89,11 +89,11 @@ def undistort(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
     with np.errstate(all="ignore"):
         for _ in range(steps):
             (a, b), (c, d) = distortion_jacobian(guess, distortion)
-            ex, ey = target - distort(guess, distortion)
+            ex, ey = target - distort_coordinates(guess, distortion)
             determinant = a * d - b * c
             guess += np.stack([d * ex - b * ey, a * ey - c * ex]) / determinant
         (a, b), (c, d) = distortion_jacobian(guess, distortion)
-        missed = np.abs(target - distort(guess, distortion)).max(axis=0)
+        missed = np.abs(target - distort_coordinates(guess, distortion)).max(axis=0)
         r2 = np.sum(guess**2, axis=0)
         k1, k2, _, _, k3 = np.asarray(distortion, float)
         upright = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)) > 0  # else the image is on the other side
@@ -114,32 +114,32 @@ def from_pixels(K: ArrayLike, uv: ArrayLike) -> Array:
     return np.stack([(u - K[0, 2] - K[0, 1] * y) / K[0, 0], y])
 
 
-def project(camera: Camera, points: ArrayLike) -> Array:
+def project_points(camera: Camera, points: ArrayLike) -> Array:
     """Images (2, ...) in px of world points (3, ...) in m; NaN for points behind the camera."""
     X = np.asarray(points, float)
     x, y, z = np.tensordot(camera.R_camera_world, X, axes=1) + camera.t.reshape(
         (3,) + (1,) * (X.ndim - 1)
     )
     z = np.where(z > 0, z, np.nan)
-    return to_pixels(camera.K, distort(np.stack([x / z, y / z]), camera.distortion))
+    return to_pixels(camera.K, distort_coordinates(np.stack([x / z, y / z]), camera.distortion))
 
 
-def undistorted(camera: Camera, uv: ArrayLike) -> Array:
+def undistort_pixels(camera: Camera, uv: ArrayLike) -> Array:
     """Pixels that the camera would see without distortion, (2, ...): what P and K speak of."""
-    return to_pixels(camera.K, undistort(from_pixels(camera.K, uv), camera.distortion))
+    return to_pixels(camera.K, undistort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 
-def undistorted_tracks(camera: Camera, tracks: ArrayLike) -> Array:
+def undistort_tracks(camera: Camera, tracks: ArrayLike) -> Array:
     """Remove the distortion of tracks: pixels (frames, 2, markers)."""
-    return undistorted(camera, np.asarray(tracks, float).swapaxes(0, 1)).swapaxes(0, 1)
+    return undistort_pixels(camera, np.asarray(tracks, float).swapaxes(0, 1)).swapaxes(0, 1)
 
 
-def distorted(camera: Camera, uv: ArrayLike) -> Array:
+def distort_pixels(camera: Camera, uv: ArrayLike) -> Array:
     """Return the pixels that the camera sees of those without distortion, (2, ...)."""
-    return to_pixels(camera.K, distort(from_pixels(camera.K, uv), camera.distortion))
+    return to_pixels(camera.K, distort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 
-def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+def resize_camera(camera: Camera, size: tuple[int, int]) -> Camera:
     """Return the camera after its images are resampled to another size (section 5.2.1)."""
     scale = np.array([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
     return replace(camera, K=scale[:, None] * camera.K, size=size)

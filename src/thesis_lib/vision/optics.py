@@ -56,7 +56,7 @@ def image_distance(focal: ArrayLike, distance: ArrayLike) -> Array:
     return f * z / (z - f)
 
 
-def magnification(focal: ArrayLike, distance: ArrayLike) -> Array:
+def image_magnification(focal: ArrayLike, distance: ArrayLike) -> Array:
     """Return the size of a sharp image over that of its object, Z′/Z = f/(Z − f) (Appendix A)."""
     f, z = np.asarray(focal, float), np.asarray(distance, float)
     return f / (z - f)
@@ -71,7 +71,7 @@ def blur_circle(
     (f/N) · f/(d − f) · |Z − d| / Z.
     """
     z, d = np.asarray(distance, float), np.asarray(focused, float)
-    return np.asarray(focal, float) / f_number * magnification(focal, d) * np.abs(z - d) / z
+    return np.asarray(focal, float) / f_number * image_magnification(focal, d) * np.abs(z - d) / z
 
 
 def hyperfocal_distance(focal: ArrayLike, f_number: ArrayLike, circle: ArrayLike) -> Array:
@@ -107,7 +107,7 @@ def depth_of_field(
 # Two parallel cameras (Appendix B).
 
 
-def disparity(depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
+def stereo_disparity(depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
     """Difference u₁ − u₂ = b f / Z in px of the two images of a point at depth Z (Appendix B)."""
     return np.asarray(baseline, float) * focal_px / np.asarray(depth, float)
 
@@ -125,7 +125,7 @@ def depth_error(
     return z**2 / (np.asarray(baseline, float) * focal_px) * np.asarray(disparity_error, float)
 
 
-def rounded_depth(
+def round_depth(
     depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike, shifts: ArrayLike
 ) -> Array:
     """Return depths that two parallel cameras find in whole pixels of a point midway between them.
@@ -142,7 +142,7 @@ def rounded_depth(
     ndarray, shape (trials, ...)
         Depths in the unit of Z; NaN where the disparity is at most 1 px.
     """
-    true = disparity(depth, baseline, focal_px)
+    true = stereo_disparity(depth, baseline, focal_px)
     images = np.stack([true, -true]) / 2
     shift = np.reshape(shifts, (*np.shape(shifts), *(1,) * true.ndim))
     left, right = np.moveaxis(pixelate(images + shift) - shift, 1, 0)
@@ -174,7 +174,7 @@ def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
     return flat[:, :2] / flat[:, 2:]
 
 
-def homogeneous(points: ArrayLike) -> Array:
+def append_one(points: ArrayLike) -> Array:
     """Coordinates (..., n) with a last one of 1 beside them, shape (..., n + 1) (eq. 2.10, C.1)."""
     x = np.asarray(points, float)
     return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)
@@ -187,7 +187,7 @@ def from_homogeneous(points: ArrayLike) -> Array:
         return x[..., :-1] / x[..., -1:]
 
 
-def join(first: ArrayLike, second: ArrayLike) -> Array:
+def join_homogeneous(first: ArrayLike, second: ArrayLike) -> Array:
     """Line through two points, or common point of two lines, of the projective plane (Appendix C).
 
     Both are triples: a point lies on a line if their product is zero. Parallel lines meet in a
@@ -237,7 +237,7 @@ def bayer_mosaic(picture: ArrayLike, pattern: str = "RGGB") -> Array:
     return np.where(bayer_masks(rgb.shape[:2], pattern), rgb, 0.0).sum(axis=-1)
 
 
-def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
+def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
     """Return three colours at every pixel, by bilinear interpolation, shape (rows, columns, 3).
 
     Missing values are means of the two or four nearest pixels of their colour, weighted at the
@@ -251,12 +251,12 @@ def demosaic(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
         kernel = _GREEN_WEIGHTS if colour == 1 else _RED_OR_BLUE
         mask = masks[..., colour].astype(float)
         with np.errstate(invalid="ignore"):  # a picture of one row lacks a colour: NaN
-            mean = _filtered(raw * mask, kernel) / _filtered(mask, kernel)
+            mean = _filter(raw * mask, kernel) / _filter(mask, kernel)
         result[..., colour] = np.where(masks[..., colour], raw, mean)
     return result
 
 
-def _filtered(values: Array, kernel: Array) -> Array:
+def _filter(values: Array, kernel: Array) -> Array:
     """Return the correlation with a 3×3 kernel; zeros beyond the border."""
     rows, columns = values.shape
     padded = np.pad(values, 1)

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.vision.interval import LEAST_PX, interval, pixel_mass
-from thesis_lib.vision.triangulation import covariance
+from thesis_lib.vision.interval import LEAST_PX, interval_estimate, pixel_mass
+from thesis_lib.vision.triangulation import point_covariance
 
 MOST_PX = 1.0  # noise that is looked for
 _SIGMA_STEPS = 16  # of an integral over σ
@@ -30,7 +30,7 @@ _REACH_SIGMAS = 10  # σ beyond a pixel's faces, where the integral ends
 _LIKELIHOOD_FALL = 1.92
 
 
-def information(sigma_px: float) -> float:
+def pixel_information(sigma_px: float) -> float:
     """Fisher information in 1/px² of a coordinate with noise that was rounded to whole pixels.
 
     Raises
@@ -51,7 +51,7 @@ def least_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float) -> Array:
 
     That of a deflection is the sum of those at rest and deflected.
     """
-    return covariance(P, points, information(sigma_px) ** -0.5)
+    return point_covariance(P, points, pixel_information(sigma_px) ** -0.5)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Noise:
     most: float
 
 
-def estimated_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
+def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
     """Noise that images had before they were rounded, from how they disagree with each other.
 
     Parameters
@@ -94,7 +94,7 @@ def estimated_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
         raise ValueError("uv: given no point that all cameras see, needs 1 or more")
 
     def evidence(sigma: float) -> float:
-        return float(np.sum(interval(P, images, sigma).evidence))
+        return float(np.sum(interval_estimate(P, images, sigma).evidence))
 
     low, high = 0.0, MOST_PX
     best, top = 0.0, -np.inf

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import gain
+from thesis_lib.vision.triangulation import triangulation_gain
 
 _SERIES_TERMS = 1000  # of a Fourier series
 
@@ -156,11 +156,11 @@ def deflection_variance(
     ndarray, shape (...)
         Variance in m².
     """
-    g_d = _along(gain(P, deflected), normals)
+    g_d = _along(triangulation_gain(P, deflected), normals)
     if rest_is_known:
         squares = np.sum(g_d**2, axis=(0, 1))
         return np.asarray(squares / 12 + noise_px**2 * squares)
-    g_r = _along(gain(P, rest), normals)
+    g_r = _along(triangulation_gain(P, rest), normals)
     f = noisy_difference_variance(project(P, deflected) - project(P, rest), noise_px)
     rounded = np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1))
     return np.asarray(rounded + noise_px**2 * np.sum(g_d**2 + g_r**2, axis=(0, 1)))
@@ -217,7 +217,7 @@ def deflection_covariance(
         points, signs = points[:, :1], signs[:1]
     n_markers = points.shape[2]
     images = project(P, points).reshape(-1, len(signs) * n_markers)
-    gains = (gain(P, points)[2] * signs[:, None]).reshape(images.shape)
+    gains = (triangulation_gain(P, points)[2] * signs[:, None]).reshape(images.shape)
     total = np.zeros((images.shape[1],) * 2)
     for a, g in zip(images, gains, strict=True):
         total += error_covariance(a[:, None] - a, noise_px) * (g[:, None] * g)

@@ -11,7 +11,7 @@ from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 LEAST_SQUARES = "least-squares"
 
 
-def assurance(measured: Array, reference: Array) -> Array:
+def assurance_criterion(measured: Array, reference: Array) -> Array:
     """Return modal assurance criterion of shapes (..., markers) over the markers that are known.
 
     (Σ w φ)² / (Σ w² Σ φ²): 1 for shapes that differ in size alone; NaN without known markers.
@@ -22,7 +22,7 @@ def assurance(measured: Array, reference: Array) -> Array:
         return np.asarray(np.sum(m * r, -1) ** 2 / (np.sum(m * m, -1) * np.sum(r * r, -1)))
 
 
-def heights(
+def point_heights(
     P: Array, uv: Array, estimator: str, normals: Array | None = None, noise_px: float = 0.0
 ) -> Array:
     """Heights in m of points from rounded images (cameras, 2, ...), by one of the estimators.
@@ -33,7 +33,7 @@ def heights(
     return points[2] if normals is None else np.einsum("k...m,km->...m", points, normals)
 
 
-def measure(
+def measure_deflections(
     cameras: CameraArray,
     points: Array,
     shifts: Array,
@@ -76,7 +76,7 @@ def measure(
     images = project(P, points[:, seen])[:, :, :, None] + shift
     if noise is not None:
         images += np.moveaxis(noise[:, :, :, seen], 0, 3)
-    height = heights(P, pixelate(images) - shift, estimator, normals, noise_px)
+    height = point_heights(P, pixelate(images) - shift, estimator, normals, noise_px)
     if rest_is_known:
         return height - (
             points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)

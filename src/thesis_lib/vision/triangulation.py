@@ -55,13 +55,13 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     ValueError
         If fewer than two cameras are given, or the shapes do not match.
     """
-    P, uv = checked(P, uv)
+    P, uv = check_arrays(P, uv)
     n = len(P)
     pixels = uv.reshape(n, 2, -1)
     points = np.empty((3, pixels.shape[2]))
-    solve = _compiled_solve() if points.shape[1] > _COMPILED_ABOVE else None
+    solve = _load_compiled() if points.shape[1] > _COMPILED_ABOVE else None
     if solve is not None:
-        solve(*map(np.ascontiguousarray, (*centred(P), pixels)), steps, points)
+        solve(*map(np.ascontiguousarray, (*centre_projections(P), pixels)), steps, points)
         return points.reshape((3,) + uv.shape[2:])
     block = max(1, min(_BLOCK_POINTS, _BLOCK_VALUES // n, pixels.shape[2]))
     solver = _NormalEquations(P, block)
@@ -72,16 +72,16 @@ def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
     return points.reshape((3,) + uv.shape[2:])
 
 
-def _compiled_solve() -> Callable[..., Any] | None:
+def _load_compiled() -> Callable[..., Any] | None:
     """Return the compiled solver if numba is installed."""
     try:
-        from thesis_lib.vision.compiled import solve
+        from thesis_lib.vision.compiled import solve_points
     except ImportError:
         return None
-    return solve
+    return solve_points
 
 
-def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
+def check_arrays(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
     """Return both as arrays of numbers; a shape that is wrong is a ValueError."""
     P, uv = np.asarray(P, float), np.asarray(uv, float)
     if P.ndim != 3 or P.shape[1:] != (3, 4) or len(P) < 2:
@@ -91,15 +91,15 @@ def checked(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
     return P, uv
 
 
-def checked_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
+def check_frames(P: ArrayLike, uv: ArrayLike) -> tuple[Array, Array]:
     """Check projections and pixels of several images of every point."""
-    P, uv = checked(P, uv)
+    P, uv = check_arrays(P, uv)
     if uv.ndim < 3 or uv.shape[2] < 1:
         raise ValueError(f"uv: given shape {uv.shape}, needs (cameras, 2, frames, ...)")
     return P, uv
 
 
-def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
+def image_jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     """Return the derivative of the image coordinates with respect to the world point.
 
     Of `P` and `points` as for :func:`thesis_lib.vision.pinhole.project`: ∂(u, v)/∂(X, Y, Z) in
@@ -115,13 +115,13 @@ def jacobian(P: ArrayLike, points: ArrayLike) -> Array:
     return J.reshape((len(P), 2, 3) + X.shape[1:])
 
 
-def gain(P: ArrayLike, points: ArrayLike) -> Array:
+def triangulation_gain(P: ArrayLike, points: ArrayLike) -> Array:
     """Return the first-order response of the refined point to its image coordinates, (JᵀJ)⁻¹Jᵀ.
 
-    Of `P` and `points` as for :func:`jacobian`: ∂(X, Y, Z)/∂(u, v) in m/px, shape
+    Of `P` and `points` as for :func:`image_jacobian`: ∂(X, Y, Z)/∂(u, v) in m/px, shape
     (3, cameras, 2, ...).
     """
-    J = jacobian(P, points)
+    J = image_jacobian(P, points)
     trailing = J.shape[3:]
     rows = np.moveaxis(J.reshape(2 * len(J), 3, -1), 2, 0)
     columns = np.swapaxes(rows, 1, 2)
@@ -129,7 +129,7 @@ def gain(P: ArrayLike, points: ArrayLike) -> Array:
     return np.asarray(G, float).reshape((3, len(J), 2) + trailing)
 
 
-def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
+def point_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
     """Return first-order covariance σ² (JᵀJ)⁻¹ of the refined points for independent pixel noise.
 
     Parameters
@@ -146,12 +146,12 @@ def covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
     ndarray, shape (3, 3, ...)
         Covariance in m².
     """
-    G = gain(P, points)
+    G = triangulation_gain(P, points)
     result: Array = sigma_px**2 * np.einsum("ick...,jck...->ij...", G, G)
     return result
 
 
-def centred(P: Array) -> tuple[Array, Array]:
+def centre_projections(P: Array) -> tuple[Array, Array]:
     """Return the projection matrices for pixels counted from the principal point, and that point.
 
     The point is in px, shape (2, cameras, 1).
@@ -166,7 +166,7 @@ class _NormalEquations:
 
     def __init__(self, P: Array, block: int) -> None:
         n = len(P)
-        P, self.middle = centred(P)
+        P, self.middle = centre_projections(P)
         a, b = P[:, :, :3], P[:, :, 3:]
         outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER_INDICES[0], UPPER_INDICES[1]]
         constant = outer[:, 0, 0] + outer[:, 1, 1]

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from thesis_lib.facts.readings import assumptions
+from thesis_lib.facts.readings import list_assumptions
 from thesis_lib.files import whole_text
 from thesis_lib.templates import render
 
@@ -30,11 +30,11 @@ def _describe_gap(item: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def list_assumptions(subjects: tuple[str, ...]) -> str:
+def format_assumptions(subjects: tuple[str, ...]) -> str:
     """List the gaps whose first subject is one of these."""
     items = [
         _describe_gap(item)
-        for item in assumptions()
+        for item in list_assumptions()
         if next(subject for subject in ASSUMPTION_SUBJECTS if subject in item["subjects"])
         in subjects
     ]
@@ -42,7 +42,7 @@ def list_assumptions(subjects: tuple[str, ...]) -> str:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    name: partial(list_assumptions, subjects) for name, subjects in CHAPTER_SUBJECTS.items()
+    name: partial(format_assumptions, subjects) for name, subjects in CHAPTER_SUBJECTS.items()
 }
 
 

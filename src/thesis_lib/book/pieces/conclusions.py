@@ -29,14 +29,14 @@ from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import readings, setups
 from thesis_lib.facts.claims import read_trends
 from thesis_lib.facts.setups import Direction, Setting
-from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, shapes
+from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, mode_shapes
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.entries import from_cube
 from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
-from thesis_lib.plotting.selection import error_bars, select, stated
+from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
 from thesis_lib.templates import render
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
@@ -94,7 +94,7 @@ def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
     """Find the best elevation in the laboratory, and the elevations that are too low."""
     if (cube := opened.get("lab-elevation")) is None:
         return None
-    elevations = select(cube, "three-rows", 1)["value"].values
+    elevations = select_settings(cube, "three-rows", 1)["value"].values
     error = error_bars(cube, "three-rows", 1).band[1]
     best, steepest = int(np.nanargmin(error)), int(np.argmax(elevations))
     lowest = int(np.flatnonzero(np.isfinite(error))[0])
@@ -137,13 +137,14 @@ def count_trends(opened: Cubes) -> str:
         for e in parts[FACTOR_WORDS["wider"]]
         if e.verdict == "agrees" and e.stated in LEVEL_TRENDS
     ]
-    totals = ledger.totals([*entries.values()])
+    totals = ledger.count_verdicts([*entries.values()])
     return render(
         __file__,
         "conclusions-counted",
         verdicts=list(VERDICTS),
         parts=[
-            (name, len(part), list(ledger.totals(part).values())) for name, part in parts.items()
+            (name, len(part), list(ledger.count_verdicts(part).values()))
+            for name, part in parts.items()
         ],
         all={"count": len(entries), "numbers": list(totals.values())},
         differing=[e for e in entries.values() if e.verdict == "differs"],
@@ -214,13 +215,13 @@ def tabulate_experiment(opened: Cubes) -> str:
     for name, factor in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
         if (cube := opened.get(name)) is None:
             continue
-        claim = stated(cube, "matched", 1)
+        claim = claimed_errors(cube, "matched", 1)
         for case in dict.fromkeys(cube["case"].values.tolist()):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
             alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN_ERRORS),))
             (effect,) = estimate_effects(opened, alone)
-            part = select(cube, case, 1)
+            part = select_settings(cube, case, 1)
             drawn = part["mean_error"].transpose("setting", "trial").values[:, 1:]
             labels = part["label"].values
             claimed = [c.stated for c in (claim[0], claim[-1]) if c and case == "matched"]
@@ -312,8 +313,8 @@ def equal_pixels() -> Iterator[EqualPixels]:
     """
     for name, make in STRUCTURES.items():
         study = camera_study(f"{name}-arrays")
-        settings, points = study.settings(), shapes(make(), study.peaks_m[0])
-        for case in setups.pairs():
+        settings, points = study.settings(), mode_shapes(make(), study.peaks_m[0])
+        for case in setups.camera_pairs():
             whole = [one for one in settings if one.case == case][-1]
             directions, n = whole.directions_deg, len(whole.directions_deg)
             pairs = [directions[i : i + 2] for i in range(0, n, 2)]
@@ -331,7 +332,7 @@ def _law_error(rig: CameraArray, points: Array) -> float:
 
 def _scale_rig(setting: Setting, directions: Sequence[Direction], finer: float) -> CameraArray:
     """Return cameras of a setting in some directions, with `finer` times its pixels across."""
-    reading = readings.reading("beam")
+    reading = readings.assumed_values("beam")
     across = finer * setting.resolution_px[0]
     focal = reading["focal_length_mm"] / reading["sensor_width_mm"] * across
     width, height = (round(finer * side) for side in setting.resolution_px)
@@ -381,13 +382,13 @@ def tabulate_wishes(opened: Cubes) -> str:
 
 
 def _case_errors(cube: xr.Dataset, case: str) -> dict[str, Any]:
-    labels = select(cube, case, 1)["label"].values
+    labels = select_settings(cube, case, 1)["label"].values
     return {"labels": labels, "errors": error_bars(cube, case, 1).band[1]}
 
 
 def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
     """Return the best and the worst pair of the experiment's cameras, and the error of all."""
-    part = select(cube, "literal-all", 1)
+    part = select_settings(cube, "literal-all", 1)
     error = error_bars(cube, "literal-all", 1).band[1]
     pairs = np.flatnonzero(part["n_cameras"].values == 2)
     ends = {"best": pairs[np.argmin(error[pairs])], "worst": pairs[np.argmax(error[pairs])]}
@@ -400,25 +401,25 @@ def _compare_pairs(cube: xr.Dataset) -> dict[str, Any]:
 def _compare_sets(cube: xr.Dataset) -> dict[str, Any]:
     """Return the median error of pairs of the rendered cameras, and of all."""
     error = error_bars(cube, "subsets", 1).band[1]
-    numbers = select(cube, "subsets", 1)["n_cameras"].values
+    numbers = select_settings(cube, "subsets", 1)["n_cameras"].values
     few, many = (np.nanmedian(error[numbers == n]) for n in (2, numbers.max()))
     return {"sets": len(error), "most": numbers.max(), "pairs": few, "all": many}
 
 
 def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
     cases = dict.fromkeys(cube["case"].values.tolist())
-    return [select(cube, case, 1).isel(setting=-1) for case in cases]
+    return [select_settings(cube, case, 1).isel(setting=-1) for case in cases]
 
 
 def _mode_errors(cube: xr.Dataset) -> dict[str, Any]:
     modes = cube["mode"].values.tolist()
     errors = [(mode, error_bars(cube, "known", mode).band[1][0]) for mode in modes]
-    return {"errors": errors, "label": select(cube, "known", modes[-1])["label"].values[0]}
+    return {"errors": errors, "label": select_settings(cube, "known", modes[-1])["label"].values[0]}
 
 
 def _read_torsion(cube: xr.Dataset) -> dict[str, Any]:
     mode = int(cube["mode"].values[-1])
-    std = select(cube, "known", mode)["torsion_standard_error"].values[0]
+    std = select_settings(cube, "known", mode)["torsion_standard_error"].values[0]
     size = float(cube["torsion_reference"])
     return {"mode": mode, "size_um": 1e6 * size, "std_um": 1e6 * float(std)}
 

@@ -11,16 +11,16 @@ from matplotlib.patches import Circle
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.optics.tables import flows
+from thesis_lib.figure_sets.optics.tables import pixel_flows
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     INK_COLOR,
     REFERENCE_COLOR,
-    color,
+    cycle_color,
     draw_map,
-    logarithmic,
+    make_logarithmic,
     subplots,
 )
 from thesis_lib.vibration import deflection_shape
@@ -28,7 +28,7 @@ from thesis_lib.vibration.structure import (
     Structure,
     modal_coordinates,
     peak_deflection,
-    resonance,
+    resonance_frequency,
 )
 
 WIDTHS_PX = (320, 640, 1280, 1920)
@@ -36,16 +36,16 @@ WIDTHS_PX = (320, 640, 1280, 1920)
 
 def draw_response() -> Figure:
     """Draw the response of two points of the beam, and the shapes behind its peaks."""
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     drawing, (left, right) = subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
     hertz = np.geomspace(3, 200, 900)
     points = np.array([[0.45, 1.0], [0.5, 0.5]]) * [[beam.length], [beam.width]]
     moved = modal_coordinates(beam, 2 * np.pi * hertz, 20)
     response = np.abs(moved.T @ beam.mode_shapes(range(1, 21), points))
     for i, word in enumerate(("45 % of the length", "the tip")):
-        left.plot(hertz, 1000 * response[:, i], color=color(i), label=word)
-    logarithmic(left.xaxis, [5, 10, 20, 50, 100, 200])
-    logarithmic(left.yaxis, [1e-4, 1e-3, 0.01, 0.1, 1, 10])
+        left.plot(hertz, 1000 * response[:, i], color=cycle_color(i), label=word)
+    make_logarithmic(left.xaxis, [5, 10, 20, 50, 100, 200])
+    make_logarithmic(left.yaxis, [1e-4, 1e-3, 0.01, 0.1, 1, 10])
     left.set(
         title="(a) two points, a force of 1 N", xlabel="frequency in Hz", ylabel="motion in mm"
     )
@@ -61,19 +61,19 @@ def draw_response() -> Figure:
 def draw_deflections() -> Figure:
     """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
-    bodies: dict[str, Structure] = {"beam": setups.beam(), "plate": setups.plate()}
+    bodies: dict[str, Structure] = {"beam": setups.thesis_beam(), "plate": setups.thesis_plate()}
     for i, (word, body) in enumerate(bodies.items()):
         modes = range(1, 6)
-        hertz = [resonance(body, mode) / (2 * np.pi) for mode in modes]
+        hertz = [resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
         peak = [1000 * peak_deflection(body, mode) for mode in modes]
-        axes.plot(hertz, peak, "o-", color=color(i), label=f"{word}, force of 1 N")
+        axes.plot(hertz, peak, "o-", color=cycle_color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
         span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
         axes.axhline(span, color=INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
         words = f"a pixel of {width} across, 500 mm away"
         axes.text(1900, span * 1.15, words, color=INK_COLOR, fontsize=8, ha="right")
-    logarithmic(axes.xaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
-    logarithmic(axes.yaxis, [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10])
+    make_logarithmic(axes.xaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
+    make_logarithmic(axes.yaxis, [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10])
     axes.set(xlabel="natural frequency in Hz", ylabel="largest deflection in mm")
     axes.legend(loc="lower left")
     return drawing
@@ -82,11 +82,11 @@ def draw_deflections() -> Figure:
 def draw_rates() -> Figure:
     """Draw frames per second against pixels of a frame, at the same pixels per second."""
     drawing, axes = subplots(figsize=(6.4, 2.6), layout="constrained")
-    widths, fps = np.array([(width, rate) for width, _, rate in flows()]).T
+    widths, fps = np.array([(width, rate) for width, _, rate in pixel_flows()]).T
     axes.plot(widths, fps, "o-", color=CYCLE_COLORS[0], label="frames per second")
     axes.plot(widths, fps / 2, "s--", color=CYCLE_COLORS[4], label="highest frequency, Hz")
-    logarithmic(axes.xaxis, WIDTHS_PX)
-    logarithmic(axes.yaxis, [20, 50, 100, 200, 500, 1000, 2000])
+    make_logarithmic(axes.xaxis, WIDTHS_PX)
+    make_logarithmic(axes.yaxis, [20, 50, 100, 200, 500, 1000, 2000])
     axes.set(xlabel="pixels across a frame", ylabel="per second")
     axes.legend()
     return drawing
@@ -94,12 +94,14 @@ def draw_rates() -> Figure:
 
 def draw_beam_modes() -> Figure:
     """Draw the three shapes of the beam that are measured, each marker a dot."""
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     drawing, axes = subplots(figsize=(6.4, 2.4), layout="constrained")
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
         hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
-        axes.plot(1000 * beam.markers[0], w, ".-", color=color(i), label=_mode_label(mode, hertz))
+        axes.plot(
+            1000 * beam.markers[0], w, ".-", color=cycle_color(i), label=_mode_label(mode, hertz)
+        )
     axes.axhline(0, color=REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
     axes.legend()
@@ -108,7 +110,7 @@ def draw_beam_modes() -> Figure:
 
 def draw_plate_modes() -> Figure:
     """Draw the three shapes of the plate that are measured, a cell for each marker."""
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     x, y = (np.unique(np.round(each, 9)) * 1000 for each in plate.markers)
     drawing, axes = subplots(1, 3, figsize=(7.2, 2.0), layout="constrained", sharey=True)
     for axis, mode in zip(axes, (1, 2, 3), strict=True):
@@ -124,7 +126,7 @@ def draw_plate_modes() -> Figure:
 def draw_alias() -> Figure:
     """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
     drawing, axes = subplots(figsize=(6.4, 2.2), layout="constrained")
-    hertz, rate = resonance(setups.beam(), 2) / (2 * np.pi), 60.0
+    hertz, rate = resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
     slow = hertz - rate * np.round(hertz / rate)
     for one, style in ((hertz, "-"), (slow, "--")):
@@ -163,7 +165,7 @@ def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
     for elevation in (0, 30, 60):
         rim = Circle((0, 0), np.cos(np.radians(elevation)), fill=False, ec="#d4d4d4", lw=0.6)
         axes.add_patch(rim)
-    length = setups.beam().length * 500 / far
+    length = setups.thesis_beam().length * 500 / far
     axes.plot([-length, length], [0, 0], color=REFERENCE_COLOR, lw=3, solid_capstyle="butt")
     seen: set[object] = set()
     for i, setting in enumerate(settings):
@@ -174,7 +176,9 @@ def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
             seen.add(place)
             azimuth, elevation = np.radians(direction)
             radius = np.cos(elevation) * setting.distance_mm / far
-            axes.plot(radius * np.sin(azimuth), radius * np.cos(azimuth), "o", ms=4, color=color(i))
+            axes.plot(
+                radius * np.sin(azimuth), radius * np.cos(azimuth), "o", ms=4, color=cycle_color(i)
+            )
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
 
 

@@ -22,10 +22,10 @@ from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts.claims import Claim, Trend
 from thesis_lib.ledger.series import Series
-from thesis_lib.ledger.trends import Finding, judge
+from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import UNCHANGED
 from thesis_lib.plotting import selection
-from thesis_lib.plotting.selection import select
+from thesis_lib.plotting.selection import select_settings
 from thesis_lib.studies import cubes
 
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
@@ -126,7 +126,7 @@ class Curve:
         test = "falls" if better > 0 else "rises"
         quantity, case, mode = self.quantity, self.case, self.mode
         trend = Trend("", 7, "7", (case,), (mode,), (quantity,), "", "", "", (), test)
-        found = judge(trend, [Series(quantity, case, mode, self.values, self.errors)])
+        found = judge_trend(trend, [Series(quantity, case, mode, self.values, self.errors)])
         assert found is not None  # the trend is about this very series
         return found
 
@@ -139,9 +139,9 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
         for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
             for mode in cube["mode"].values.tolist():
-                part = select(cube, case, mode)
+                part = select_settings(cube, case, mode)
                 for quantity in quantities:
-                    of = selection.stated(cube, case, mode, quantity)
+                    of = selection.claimed_errors(cube, case, mode, quantity)
                     claimed = np.array([_read_claimed_value(claim) for claim in of])
                     curve = _read_curve(part, group, case, quantity, claimed, factor)
                     if curve:
@@ -154,8 +154,10 @@ def _read_curve(
     """Read one curve, or None on a plane that has no reference."""
     elevations = part["camera_elevation"].isel(camera=0)
     values = (elevations if factor is FACTORS["lower"] else part["value"]).values.astype(float)
-    errors = cubes.error(part, quantity).transpose("setting", "trial").values[:, 1:].astype(float)
-    predicted = cubes.predicted(part, quantity).values.astype(float)
+    errors = (
+        cubes.cube_error(part, quantity).transpose("setting", "trial").values[:, 1:].astype(float)
+    )
+    predicted = cubes.predicted_value(part, quantity).values.astype(float)
     finite = np.flatnonzero(np.isfinite(errors).all(axis=1))
     order = finite[np.argsort(values[finite], kind="stable")]
     if len(order) < 2 or not errors.shape[1]:

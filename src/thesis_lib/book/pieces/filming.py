@@ -10,9 +10,14 @@ import numpy as np
 
 from thesis_lib.book.pieces import benchmarks
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
-from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX, Assessment, assess, describe
+from thesis_lib.measure.feasibility.assess import (
+    CENTRE_NOISE_PX,
+    Assessment,
+    assess_manifest,
+    describe_assessment,
+)
 from thesis_lib.measure.feasibility.draft import draft_manifest
-from thesis_lib.measure.feasibility.prediction import alias
+from thesis_lib.measure.feasibility.prediction import alias_frequency
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.templates import render
@@ -87,7 +92,8 @@ def state_rule() -> str:
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
     assessed = {
-        name: assess(draft_manifest(EXAMPLE_PLATE | phone)) for name, phone in PHONE_CAMERAS.items()
+        name: assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
+        for name, phone in PHONE_CAMERAS.items()
     }
     steady_s = assessed["full HD"].rig.steady_s
     return render(
@@ -98,7 +104,7 @@ def answer_for_plate() -> str:
         known_hz=CHECK_LIMITS["alias"] / steady_s,
         command=format_command(EXAMPLE_PLATE),
         for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
-        check=describe(assessed["full HD"]),
+        check=describe_assessment(assessed["full HD"]),
     )
 
 
@@ -125,7 +131,7 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assess
         )
         for i, azimuth in enumerate(azimuths_deg)
     )
-    return assess(example.model_copy(update={"cameras": cameras}))
+    return assess_manifest(example.model_copy(update={"cameras": cameras}))
 
 
 def _std_um(of: Assessment) -> tuple[float, float]:
@@ -192,7 +198,7 @@ def tabulate_alias() -> str:
         "film-alias",
         rate_hz=FRAME_RATE_HZ,
         frequency_hz=ALIASED_HZ,
-        alias_hz=alias(ALIASED_HZ, FRAME_RATE_HZ),
+        alias_hz=alias_frequency(ALIASED_HZ, FRAME_RATE_HZ),
         turns=CHECK_LIMITS["alias"],
         turns_loss=_amplitude_loss(CHECK_LIMITS["alias"]),
         steady_s=STEADY_S,
@@ -202,7 +208,7 @@ def tabulate_alias() -> str:
 
 def tabulate_focus() -> str:
     """Tabulate the depths that apertures keep sharp."""
-    camera, outlook = _example_camera(), assess(example_manifest(example_rig())).table
+    camera, outlook = _example_camera(), assess_manifest(example_manifest(example_rig())).table
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
     circles_mm = [
         CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX
@@ -230,7 +236,11 @@ def describe_markers() -> str:
 
 def show_check() -> str:
     """Show what the command reports of the example."""
-    return render(__file__, "film-check", lines=describe(assess(example_manifest(example_rig()))))
+    return render(
+        __file__,
+        "film-check",
+        lines=describe_assessment(assess_manifest(example_manifest(example_rig()))),
+    )
 
 
 PIECES: dict[str, Callable[[], str]] = {

@@ -14,16 +14,16 @@ from thesis_lib.book.pieces.conclusions import equal_pixels
 from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
 from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.parametric.sound import audible
+from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.tables import coarse, with_readable
+from thesis_lib.figure_sets.planner.tables import coarse_options, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
 from thesis_lib.laboratory.replicates import PLACE_STD_M, TURN_STD_RAD
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import from_cube
-from thesis_lib.plotting.selection import error_bars, select, stated
+from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
 from thesis_lib.studies import cubes
 from thesis_lib.templates import render
 
@@ -78,10 +78,10 @@ def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     for cube in chapter:
         for case in dict.fromkeys(cube["case"].values.tolist()):
             modes = cube["mode"].values.tolist()
-            labels = select(cube, case, modes[0])["label"].values
+            labels = select_settings(cube, case, modes[0])["label"].values
             cells = {}
             for mode in modes:
-                for error in cubes.errors(cube):
+                for error in cubes.cube_errors(cube):
                     bars = error_bars(cube, case, mode, error)
                     if error == "max_point_error" or np.isnan(bars.literal).all():
                         continue
@@ -101,7 +101,7 @@ def _list_met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]
     for cube in chapter:
         name = cube.attrs["figure_set"]
         own = met.setdefault(name, {})
-        for check in verdicts.check(cube, claims.claims_of(name)):
+        for check in verdicts.check_claims(cube, claims.claims_of(name)):
             own.setdefault(cubes.SHORT_LABELS[check.claim.quantity], []).append(check.inside)
     return met
 
@@ -111,7 +111,7 @@ def _list_met_values(opened: Cubes, subject: str = "beam", quantity: str = "") -
     return [
         check.inside
         for cube in of_subject(opened, subject)
-        for check in verdicts.check(cube, claims.claims_of(cube.attrs["figure_set"]))
+        for check in verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
         if quantity in ("", check.claim.quantity)
     ]
 
@@ -136,8 +136,8 @@ def _explain_scatter(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     """Estimate the scatter of centres that would give what the thesis states of a first setting."""
     found = []
     for cube in chapter:
-        by = {m: select(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
-        if claim := stated(cube, "matched", 1)[0]:
+        by = {m: select_settings(cube, m, 1).isel(setting=0) for m in ("matched", "literal")}
+        if claim := claimed_errors(cube, "matched", 1)[0]:
             scatter = {method: float(part["centre_scatter"]) for method, part in by.items()}
             wanted = scatter["literal"] * claim.high / float(by["literal"]["predicted_error"])
             label = by["literal"]["label"].item()
@@ -175,7 +175,7 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
     """Tabulate how far one rounding scatters, by mode and plane."""
     chapter = of_chapter(opened, "sound")
     rows = []
-    for mode, plane in audible(chapter[0]):
+    for mode, plane in audible_planes(chapter[0]):
         spread, law, known = [], [], []
         for cube in chapter:
             part = cube.sel(mode=mode, plane=plane)
@@ -192,16 +192,16 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
 def tabulate_sound_layouts(opened: Cubes) -> str:
     """Tabulate the rms field error over the rms deflection error: how the layout changes κ."""
     chapter = of_chapter(opened, "sound")
-    pairs = audible(chapter[0])
+    pairs = audible_planes(chapter[0])
     free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
     rows = []
     times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
     for cube in chapter:
         for case in dict.fromkeys(cube["case"].values.tolist()):
-            square = _square_share(select(cube, case, pairs[0][0]))
+            square = _square_share(select_settings(cube, case, pairs[0][0]))
             cells = []
             for (mode, plane), alone in zip(pairs, free, strict=True):
-                part = select(cube, case, mode)
+                part = select_settings(cube, case, mode)
                 field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
                 shape = part["deflection_error"].transpose("setting", "trial").values
                 ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
@@ -269,7 +269,7 @@ def describe_laboratory(opened: Cubes) -> str:
     """Describe the thesis's chain and the best one, with all cameras and pixels."""
     cube = opened["experiment-resolution"]
     thesis, best = (
-        _trial_median(select(cube, method, 1).isel(setting=-1)["mean_error"])
+        _trial_median(select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
     )
     return render(
@@ -277,7 +277,7 @@ def describe_laboratory(opened: Cubes) -> str:
         "laboratory-result",
         thesis=thesis,
         best=best,
-        claim=stated(cube, "matched", 1)[-1],
+        claim=claimed_errors(cube, "matched", 1)[-1],
         met=_list_met_values(opened, "experiment", "mean_error"),
     )
 
@@ -314,7 +314,7 @@ def describe_planner(opened: Cubes) -> str:
     gains = []
     for body, question in THESIS_QUESTIONS.items():
         own = cube["thesis_expected"].sel(structure=body).min("thesis_case").values
-        planned = coarse(cube, question)["expected_error"].values
+        planned = coarse_options(cube, question)["expected_error"].values
         gain = 100 * (1 - planned[: len(own)] / own)
         gains.append({"name": body, "first": gain[0], "last": gain[-1]})
     counts, readable = cube["count"].values.astype(int), with_readable(cube)

@@ -23,15 +23,15 @@ from thesis_lib.book.pieces.fact_figures import FACT_FIGURES
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.plotting.selection import error_bars, select
+from thesis_lib.plotting.selection import error_bars, select_settings
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     INK_COLOR,
-    color,
+    cycle_color,
+    figure_svg,
     in_style,
-    logarithmic,
+    make_logarithmic,
     subplots,
-    svg,
 )
 
 DRAWN_MODE = 3  # of the curves over what is varied
@@ -80,22 +80,24 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
     cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), densify_law(of, cube)
     for i, case in enumerate(cases):
-        part = select(cube, case, DRAWN_MODE)
+        part = select_settings(cube, case, DRAWN_MODE)
         bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
         (low, _, high), rms = bars.band[:, order], _rms_over_trials(part)[order]
         shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
-        style = {"color": color(i), "markersize": 4}
+        style = {"color": cycle_color(i), "markersize": 4}
         name = f"case {case.replace(chr(39), '′')}"
-        axes.vlines(at, low, high, color=color(i), linewidth=1)
+        axes.vlines(at, low, high, color=cycle_color(i), linewidth=1)
         axes.plot(at, rms, "osD^v*"[i], label=name, **style)
         if fine is None:
-            axes.plot(at, bars.predicted[order], "_", color=color(i), markersize=10)
+            axes.plot(at, bars.predicted[order], "_", color=cycle_color(i), markersize=10)
         else:
-            law = select(fine, case, DRAWN_MODE).sortby("value")
-            axes.plot(law["value"] * shift, law["predicted_error"], color=color(i), linewidth=1)
-    logarithmic(axes.xaxis, TICKS_OF_SETS.get(of, np.unique(cube["value"]).tolist()))
-    logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
+            law = select_settings(fine, case, DRAWN_MODE).sortby("value")
+            axes.plot(
+                law["value"] * shift, law["predicted_error"], color=cycle_color(i), linewidth=1
+            )
+    make_logarithmic(axes.xaxis, TICKS_OF_SETS.get(of, np.unique(cube["value"]).tolist()))
+    make_logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
     axes.set(xlabel=AXIS_LABELS[of], ylabel=f"mean error in mode {DRAWN_MODE}, %")
     if len(cases) > 1:
         drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
@@ -106,19 +108,19 @@ def draw_elevations(cube: xr.Dataset) -> Figure:
     """Draw the error over elevation: median and band of the trials, by case."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
-        part, bars = select(cube, case, 1), error_bars(cube, case, 1)
+        part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         low, median, high = bars.band
         axes.errorbar(
             part["value"].values,
             median,
             [median - low, high - median],
             fmt="osD^v"[i] + "-",
-            color=color(i),
+            color=cycle_color(i),
             markersize=4,
             linewidth=1,
             label=case.replace("-", " "),
         )
-    logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
+    make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
     axes.set(xlabel="elevation in °", ylabel="mean error, %", xlim=(0, None))
     axes.legend()
     return drawing
@@ -128,7 +130,7 @@ def draw_distances(cube: xr.Dataset) -> Figure:
     """Draw the error over distance and over aperture: rms and band of the trials, and the law."""
     drawing, panels = subplots(1, 2, figsize=(7.2, 2.8), layout="constrained", sharey=True)
     for axes, case, unit in zip(panels, ("distance", "aperture"), ("mm", "°"), strict=True):
-        part, bars = select(cube, case, 1), error_bars(cube, case, 1)
+        part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         values, (low, _, high) = part["value"].values, bars.band
         axes.vlines(values, low, high, color=CYCLE_COLORS[0])
         axes.plot(
@@ -136,8 +138,8 @@ def draw_distances(cube: xr.Dataset) -> Figure:
         )
         law = {"color": INK_COLOR, "markersize": 14, "label": "law, one noise for all"}
         axes.plot(values, bars.predicted, "_", **law)
-        logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
-        logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2])
+        make_logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
+        make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2])
         axes.set(xlabel=f"{case} in {unit}")
     panels[0].set_ylabel("mean error, %")
     panels[0].legend()
@@ -152,13 +154,18 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
     )
     for axes, mode in zip(panels[0], modes, strict=True):
         for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
-            part, bars = select(cube, case, mode), error_bars(cube, case, mode)
+            part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
             style = "--" if case == "known" else "-"
             axes.plot(
-                part["value"], bars.band[1], "osD^"[i] + style, color=color(i), ms=4, label=case
+                part["value"],
+                bars.band[1],
+                "osD^"[i] + style,
+                color=cycle_color(i),
+                ms=4,
+                label=case,
             )
-        logarithmic(axes.xaxis, cube["frame_rate"].values.tolist())
-        logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30])
+        make_logarithmic(axes.xaxis, cube["frame_rate"].values.tolist())
+        make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
     panels[0][0].set_ylabel("mean error, %")
     panels[0][-1].legend()
@@ -170,7 +177,7 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     cases = list(dict.fromkeys(cube["case"].values.tolist()))
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(cases):
-        part = select(cube, case, 1)
+        part = select_settings(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
         axes.plot(place, _rms_over_trials(part), "o-", color=CYCLE_COLORS[0])
         axes.plot(place, part["rounded_error"], "_", color=CYCLE_COLORS[4], markersize=8)
@@ -180,7 +187,7 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     ]
     axes.legend(handles=handles, loc="upper center", ncols=2)
     axes.set_xticks(range(len(cases)), cases)
-    logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
+    make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30, 100])
     axes.set(ylabel="error of the deflection, %", ylim=(None, 400))
     axes.set_xlabel("what is varied, from its first setting to its last")
     return drawing
@@ -189,7 +196,7 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
 def _draw_own(*of: Any) -> Figure:
     """Draw a figure set's own figure by its name, and what else it is given, of its cube."""
     *which, cube = of
-    drawing = display.picture(cube, *which)
+    drawing = display.draw_picture(cube, *which)
     assert drawing is not None
     return drawing
 
@@ -207,7 +214,7 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     },
     "layouts-elevation.svg": ("lab-elevation", draw_elevations),
     "layouts-far.svg": ("lab-layout", draw_distances),
-    "layouts-sets.svg": ("lab-layout", partial(display.figure, case="subsets", mode=1)),
+    "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
     "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, "claim")),
     "motions-ways.svg": ("lab-modes", draw_few_frames),
     "motions-aliases.svg": ("lab-modes", partial(_draw_own, "aliases", 2)),
@@ -231,12 +238,12 @@ def write_illustrations(
         file = folder / name
         if name in FACT_FIGURES:
             with in_style():
-                text = svg(FACT_FIGURES[name]())
+                text = figure_svg(FACT_FIGURES[name]())
         elif OF_CUBES[name][0] in cubes:
             of, draw = OF_CUBES[name]
             style = display.picture_style(of)
             with in_style(style):
-                text = svg(draw(cube_file.read(cubes[of])), style)
+                text = figure_svg(draw(cube_file.read_cube(cubes[of])), style)
         else:
             missing.write_placeholder(file, OF_CUBES[name][0])
             continue

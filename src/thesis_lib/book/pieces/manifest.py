@@ -23,7 +23,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     Reuse,
     Structure,
 )
-from thesis_lib.studies.fields import allowed_text, unit
+from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render
 
 MANIFEST_PARTS: dict[str, type[BaseModel]] = {
@@ -63,7 +63,7 @@ def list_fields(part: str) -> str:
             "name": name,
             "default": _format_default(model, name),
             "meaning": field.description,
-            "allowed": allowed_text(model, name),
+            "allowed": describe_allowed(model, name),
         }
         for name, field in model.model_fields.items()
     ]
@@ -73,7 +73,7 @@ def list_fields(part: str) -> str:
 def _format_default(model: type[BaseModel], name: str) -> str:
     """Return a field's default with its unit, or that it is required."""
     if model.model_fields[name].is_required():
-        return "required" + (f", in {unit(name)}" if unit(name) else "")
+        return "required" + (f", in {unit_of_field(name)}" if unit_of_field(name) else "")
     required = any(field.is_required() for field in model.model_fields.values())
     whole: Any = None if required else model()
     field = model.model_fields[name]
@@ -81,8 +81,8 @@ def _format_default(model: type[BaseModel], name: str) -> str:
     if isinstance(value, BaseModel):
         return "its fields below"
     if value is None:
-        return "null" + (f", else in {unit(name)}" if unit(name) else "")
-    return f"{_format_value(value)} {unit(name)}".rstrip()
+        return "null" + (f", else in {unit_of_field(name)}" if unit_of_field(name) else "")
+    return f"{_format_value(value)} {unit_of_field(name)}".rstrip()
 
 
 def _format_value(value: Any) -> str:

@@ -46,7 +46,7 @@ class Opened(Mapping[str, xr.Dataset]):
             raise KeyError(name)
         self.used.add(name)
         if name not in self._read:
-            self._read[name] = cube_file.read(self._files[name])
+            self._read[name] = cube_file.read_cube(self._files[name])
         return self._read[name]
 
     def __contains__(self, name: object) -> bool:

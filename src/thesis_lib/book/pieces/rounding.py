@@ -10,7 +10,7 @@ from thesis_lib.templates import render
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
-from thesis_lib.vision.triangulation import gain
+from thesis_lib.vision.triangulation import triangulation_gain
 
 ROUNDING_SET = "beam-distance"
 
@@ -23,7 +23,7 @@ def describe_example(opened: Cubes) -> str:
     shape = deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
     rest, deflected = (world_points(structure, w)[:, -1] for w in (0 * shape, shape))
     moved = project(cameras.P, deflected) - project(cameras.P, rest)
-    variance, g = difference_variance(moved), 1e3 * gain(cameras.P, deflected)[2]
+    variance, g = difference_variance(moved), 1e3 * triangulation_gain(cameras.P, deflected)[2]
     rows = [
         dict(camera=i + 1, axis=axis, moved=moved[i, j], variance=variance[i, j], gain=g[i, j])
         for i in range(len(moved))

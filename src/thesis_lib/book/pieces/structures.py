@@ -14,21 +14,21 @@ from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES
 from thesis_lib.planning import errors
-from thesis_lib.planning.positions import at
-from thesis_lib.planning.report import command, write_plan
+from thesis_lib.planning.positions import places_at
+from thesis_lib.planning.report import plan_command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import Study, describe
+from thesis_lib.studies.request import Study, describe_parameters
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import (
     Structure,
     modal_overlap,
     peak_deflection,
-    resonance,
+    resonance_frequency,
     single_mode_distance,
 )
 from thesis_lib.vision import cone_law
@@ -53,7 +53,7 @@ def show_plan(_: Cubes) -> str:
         "planner-example",
         sizes_mm=EXAMPLE_PLAN.plate_mm,
         amplitude_mm=EXAMPLE_PLAN.amplitude_mm,
-        command=command(EXAMPLE_PLAN),
+        command=plan_command(EXAMPLE_PLAN),
         printed=printed,
         cameras=cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]],
         small_mm=SMALL_MM,
@@ -66,9 +66,9 @@ def _small_motion_error(cameras: pd.DataFrame) -> float:
     scene = EXAMPLE_PLAN.scene()
     scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
     grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
-    layout = at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
-    point = errors.predicted(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
-    return float(errors.counted(point, "mean").max())
+    layout = places_at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
+    point = errors.predict_errors(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
+    return float(errors.objective_error(point, "mean").max())
 
 
 def tabulate_modes(structure: Structure, unit: str, scale: float) -> str:
@@ -78,7 +78,7 @@ def tabulate_modes(structure: Structure, unit: str, scale: float) -> str:
             "number": mode,
             "hertz": structure.angular_frequencies(mode)[-1] / (2 * np.pi),
             "peak": peak_deflection(structure, mode),
-            "overlap": modal_overlap(structure, resonance(structure, mode)),
+            "overlap": modal_overlap(structure, resonance_frequency(structure, mode)),
             "distance": single_mode_distance(structure, mode),
         }
         for mode in EXAMPLE_MODES
@@ -89,7 +89,7 @@ def tabulate_modes(structure: Structure, unit: str, scale: float) -> str:
 def describe_beam_cameras(_: Cubes) -> str:
     """Describe lens, sensor and amplitude of the beam's cameras, unless a study varies them."""
     width, height = camera_study("beam-distance").settings()[0].resolution_px
-    return render(__file__, "beam-cameras", lens=reading("beam"), width=width, height=height)
+    return render(__file__, "beam-cameras", lens=assumed_values("beam"), width=width, height=height)
 
 
 def tabulate_motion(_: Cubes) -> str:
@@ -106,8 +106,8 @@ def tabulate_marker_grids(_: Cubes) -> str:
     plane = camera_study("sound-distance").planes[0]  # type: ignore[attr-defined]
     rows = []
     for grid in MARKER_GRIDS:
-        plate = setups.plate(grid)
-        operator = planes.operator(plate, plane, resonance(plate, 1))
+        plate = setups.thesis_plate(grid)
+        operator = planes.plane_operator(plate, plane, resonance_frequency(plate, 1))
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(operator.field(shape)))
         ratio = float(np.linalg.norm(full_factor(operator)) * plate.shape_peak(1) / largest)
@@ -119,15 +119,15 @@ def tabulate_marker_grids(_: Cubes) -> str:
 
 def tabulate_levels(_: Cubes) -> str:
     """Tabulate levels of a force of 1 N, and what the 10 mm of the study would mean."""
-    request, plate = camera_study("sound-distance"), setups.plate()
-    parts = planes.pistons(plate)
+    request, plate = camera_study("sound-distance"), setups.thesis_plate()
+    parts = planes.plate_pistons(plate)
     modes = []
     for mode in EXAMPLE_MODES:
-        omega, peak = resonance(plate, mode), peak_deflection(plate, mode)
+        omega, peak = resonance_frequency(plate, mode), peak_deflection(plate, mode)
         velocity = omega * peak * plate.mode_shapes([mode], plate.markers)[0]
         velocity = velocity / plate.shape_peak(mode)
         largest = max(
-            np.max(np.abs(planes.operator(plate, plane, omega).field(velocity)))
+            np.max(np.abs(planes.plane_operator(plate, plane, omega).field(velocity)))
             for plane in request.planes  # type: ignore[attr-defined]
         )
         of_study, level = request.peaks_m[mode - 1], float(radiation.pressure_level(largest))
@@ -145,7 +145,7 @@ def tabulate_levels(_: Cubes) -> str:
 
 def tabulate_costs(_: Cubes) -> str:
     """Tabulate what each figure set costs, as measured in the published run."""
-    known = effort.read()
+    known = effort.read_efforts()
     costs = [(name, known[name]) for name in STUDIES if name in known]
     return render(__file__, "effort", costs=costs)
 
@@ -153,22 +153,22 @@ def tabulate_costs(_: Cubes) -> str:
 def list_parameters(_: Cubes) -> str:
     """List the parameters of every figure set, to be folded out."""
     names = [name for chapter in CHAPTER_SETS.values() for name in chapter]
-    figure_sets = [(name, describe(STUDIES[name])) for name in names]
+    figure_sets = [(name, describe_parameters(STUDIES[name])) for name in names]
     return render(__file__, "parameters", figure_sets=figure_sets)
 
 
 def tabulate_parameters(model: type[Study], without: Sequence[str] = ()) -> str:
     """Tabulate every parameter of a request with its default, unit, meaning and bounds."""
-    rows = [row for row in describe(model) if row["name"] not in without]
+    rows = [row for row in describe_parameters(model) if row["name"] not in without]
     return render(__file__, "parameter-table", rows=rows)
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     "planner-example": show_plan,
     "planner-parameters": lambda _: tabulate_parameters(PlanRequest, ["cube"]),
-    "beam-model": lambda _: tabulate_modes(setups.beam(), "mm", 1e3),
+    "beam-model": lambda _: tabulate_modes(setups.thesis_beam(), "mm", 1e3),
     "beam-cameras": describe_beam_cameras,
-    "plate-model": lambda _: tabulate_modes(setups.plate(), "nm", 1e9),
+    "plate-model": lambda _: tabulate_modes(setups.thesis_plate(), "nm", 1e9),
     "sound-markers": tabulate_marker_grids,
     "motion-needed": tabulate_motion,
     "sound-levels": tabulate_levels,

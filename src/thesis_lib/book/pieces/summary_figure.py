@@ -15,7 +15,7 @@ from thesis_lib import files
 from thesis_lib.book.pieces.factors import FACTORS, Curve, Factor, read_curves
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.plotting.style import CYCLE_COLORS, in_style, subplots, svg
+from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, subplots
 
 FIGURE_FILE = "conclusions.svg"
 PANEL_GROUPS = dict(
@@ -130,6 +130,6 @@ def list_used_cubes(made: Iterable[Path]) -> list[Path]:
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    opened = {path.stem: cube_file.read(path) for path in list_used_cubes(made)}
-    text = svg(draw_summary(opened))
+    opened = {path.stem: cube_file.read_cube(path) for path in list_used_cubes(made)}
+    text = figure_svg(draw_summary(opened))
     files.whole_text(folder / FIGURE_FILE, text)

@@ -59,7 +59,7 @@ LABORATORY_PIECES = {  # pieces: figure set, and its template
 
 def _fill_laboratory(figure_set: str, template: str, opened: Cubes) -> str:
     """Fill in a piece about what is rendered beyond chapter 5."""
-    return display.text(opened[figure_set], template)
+    return display.fill_text(opened[figure_set], template)
 
 
 def _fill_optics(name: str, opened: Cubes) -> str:
@@ -94,7 +94,7 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **structures.PIECES,
     **rounding.PIECES,
     **{name: partial(_fill_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
-    "sound-sum": sound.sums,
+    "sound-sum": sound.compare_sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions.PIECES,
     **{name: partial(_fill_benchmark, name) for name in benchmark_tables.PIECES},

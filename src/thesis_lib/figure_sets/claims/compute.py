@@ -19,22 +19,22 @@ from thesis_lib.facts import claims
 from thesis_lib.facts.claims import Claim
 from thesis_lib.figure_sets.claims import own_runs
 from thesis_lib.figure_sets.claims.parameters import Claims
-from thesis_lib.figure_sets.cube_file import built
+from thesis_lib.figure_sets.cube_file import read_built
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.entries import Entry, Opener, as_cube, entries, explain_differences
+from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
 from thesis_lib.ledger.series import Series
-from thesis_lib.ledger.verdicts import claim_from_errors, meets
+from thesis_lib.ledger.verdicts import claim_from_errors, meets_claim
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 SIMULATED_CHAPTERS = (3, 4, 6)  # simulated
 FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 THESIS_DRAWS = 50  # trials that stand for the thesis
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     power_claims(chapter) [1] stated values
     power_expected(chapter) [1] stated values met if the thesis were a draw of the model
     power_scaled(chapter, factor) [1] stated values met by errors times a factor
@@ -45,7 +45,7 @@ VARIABLES = declared("""
 def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
     """Return the ledger's entries, from the cubes of figure sets and the series of its own runs."""
     commands = {name: source.commands for name, source in own_runs.own_sources().items()}
-    return entries(open_cube, own, STUDIES, commands)
+    return list_entries(open_cube, own, STUDIES, commands)
 
 
 def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
@@ -54,7 +54,7 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
 
     def open_cube(study: Study) -> xr.Dataset:
         if study.name not in opened:
-            made = built(study)
+            made = read_built(study)
             cube = cube_of(study) if isinstance(made, str) else made
             opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
         return opened[study.name]
@@ -64,9 +64,9 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     return as_cube(found, other.merge(tested))
 
 
-def met(claim: Claim, band: Array, factor: float = 1.0) -> bool:
+def meet_all(claim: Claim, band: Array, factor: float = 1.0) -> bool:
     """Return whether bands (2, settings) in %, each times a factor, all meet the claim."""
-    return all(meets(claim, *(factor * ends)) for ends in band.T)
+    return all(meets_claim(claim, *(factor * ends)) for ends in band.T)
 
 
 def compute_power(
@@ -81,16 +81,16 @@ def compute_power(
     scaled = np.zeros((len(SIMULATED_CHAPTERS), len(FACTOR_LEVELS)), int)
     for claim in stated:
         cube = cube_of(claim.figure_set) if claim.chapter in SIMULATED_CHAPTERS else ""
-        if isinstance(cube, str) or isinstance(verdicts.judge(cube, claim), str):
+        if isinstance(cube, str) or isinstance(verdicts.judge_claim(cube, claim), str):
             continue
         at = SIMULATED_CHAPTERS.index(claim.chapter)
-        errors = verdicts.errors(cube, claim)
-        band = cubes.band(errors)[::2]
+        errors = verdicts.claim_errors(cube, claim)
+        band = cubes.trial_band(errors)[::2]
         trials = errors.transpose("setting", "trial").values[:, 1 : 1 + THESIS_DRAWS]
         total[at] += 1
-        expected[at] += np.mean([met(claim_from_errors(claim, one), band) for one in trials.T])
-        scaled[at] += [met(claim, band, factor) for factor in FACTOR_LEVELS]
+        expected[at] += np.mean([meet_all(claim_from_errors(claim, one), band) for one in trials.T])
+        scaled[at] += [meet_all(claim, band, factor) for factor in FACTOR_LEVELS]
     values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
-    factor = labelled({"factor": list(FACTOR_LEVELS)}, VARIABLES)
+    factor = label_values({"factor": list(FACTOR_LEVELS)}, VARIABLES)
     coords = {"chapter": ("chapter", list(SIMULATED_CHAPTERS)), **factor}
-    return xr.Dataset(labelled(values, VARIABLES), coords)
+    return xr.Dataset(label_values(values, VARIABLES), coords)

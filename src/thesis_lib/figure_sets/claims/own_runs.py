@@ -24,11 +24,11 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger.series import Series, series_of
-from thesis_lib.studies.request import Study, command
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.request import Study, study_command
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
-from thesis_lib.vision.simulation import measure, percent_errors
+from thesis_lib.vision.simulation import measure_deflections, percent_errors
 
 TILTS_DEG = (0, 15, 30, 45)
 WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs
@@ -36,7 +36,7 @@ LOW_DEG, HIGH_DEG, FAR_RATIO = 10, 60, 2
 ASKEW_PLATE = "plate-askew"
 ASKEW_MODES = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     errors(series, setting, trial) [percent] error of the random trials
     values(series, setting) [1] value of what is varied
     source(series) [1] own run
@@ -57,7 +57,7 @@ class Source:
     @property
     def commands(self) -> list[str]:
         """Commands that build the same cubes."""
-        return [command(study) for study in self.requests]
+        return [study_command(study) for study in self.requests]
 
 
 def _read_one(name: Callable[[str], str], made: Sequence[xr.Dataset]) -> list[Series]:
@@ -127,7 +127,7 @@ def _layouts(structure: str, layouts: dict[str, Any], **more: Any) -> CameraStud
 
 def _corners(structure: str) -> Source:
     """Return sixteen layouts: few or many, low or high, wide or narrow, near or far."""
-    near = setups.table(structure, "arrays")["distance_mm"]
+    near = setups.setup_table(structure, "arrays")["distance_mm"]
     layouts: dict[str, Any] = {}
     for n, phi, half in product(("few", "many"), ("low", "high"), ("wide", "narrow")):
         halves = WIDE_DEG if half == "wide" else NARROW_DEG
@@ -152,14 +152,14 @@ def _structure_sources(structure: str) -> dict[str, Source]:
         f"{structure}-arrays",
         {"cases": ["4b", "4d"], "pair_order": {"4b": "reversed", "4d": "printed"}},
     )
-    pairs = setups.pairs()
+    pairs = setups.camera_pairs()
     arc = [camera for pair in pairs["4b"] for camera in pair]
     tilts = {f"tilt {tilt}": [tilt_directions(arc, tilt)] for tilt in TILTS_DEG}
     grown = [list(camera) for pair in pairs["4a"] for camera in pair]
     singly = {"4a-singly": [grown[:n] for n in range(2, len(grown) + 1)]}
-    distances = setups.table(structure, "distance")["distances_mm"]
+    distances = setups.setup_table(structure, "distance")["distances_mm"]
     aperture = partial(camera_study, f"{structure}-aperture")
-    elevations = setups.table(structure, "aperture")["elevations_deg"]
+    elevations = setups.setup_table(structure, "aperture")["elevations_deg"]
     low = [aperture({"cases": ["2a", "2c"], "elevation_deg": phi}) for phi in elevations]
     other = {"4b": "4b-reversed", "4d": "4d-printed"}
     return {
@@ -189,7 +189,7 @@ def _askew(study: CameraStudy) -> list[Series]:
     for setting in settings:
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
-        measured = measure(cameras, points, shifts)
+        measured = measure_deflections(cameras, points, shifts)
         _, rms, most = percent_errors(measured, shapes[1:])
         mean.append(rms[:, 1:])
         largest.append(most[:, 1:])
@@ -233,7 +233,7 @@ def run(study: OwnRuns) -> xr.Dataset:
         "mode": [series.mode for _, series in found],
     }
     made = {"errors": errors, "values": values}
-    return xr.Dataset(labelled(made, VARIABLES), labelled(coords, VARIABLES))
+    return xr.Dataset(label_values(made, VARIABLES), label_values(coords, VARIABLES))
 
 
 def read_own(made: xr.Dataset) -> dict[str, list[Series]]:

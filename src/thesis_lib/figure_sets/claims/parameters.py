@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from thesis_lib.facts.readings import ADOPTED_READING, READINGS
-from thesis_lib.studies.fields import Seed, Shifts, refuse
+from thesis_lib.studies.fields import Seed, Shifts, refuse_value
 from thesis_lib.studies.request import Study
 
 
@@ -45,7 +45,7 @@ class OtherReadings(Ledger):
     @model_validator(mode="after")
     def _check_readings(self) -> OtherReadings:
         if unknown := [name for name in self.readings if name not in READINGS]:
-            refuse("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
+            refuse_value("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
         return self
 
 

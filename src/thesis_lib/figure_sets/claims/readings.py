@@ -26,16 +26,16 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
-from thesis_lib.studies.parallel import abreast
-from thesis_lib.studies.request import command
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.request import study_command
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import deflection_shape, resonance
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
 CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
 VALUE_OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
     reading_inside(reading, chapter) [1] number of claims that the band of the trials meets
     reading_meets(reading, value) [1] 1 if the band of the trials meets a stated value under a
@@ -59,7 +59,7 @@ def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
 def format_command(reading: Reading) -> str:
     """Return the command that runs chapter 3 under an interpretation."""
     study = camera_study("beam-arrays", reading_parameters(reading, "beam-arrays"))
-    return command(study).replace("beam-arrays", "ch3", 1)
+    return study_command(study).replace("beam-arrays", "ch3", 1)
 
 
 def measure_claimed(study: CameraStudy) -> xr.Dataset:
@@ -90,7 +90,7 @@ def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
 def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
     """Return the sound of a mode, which many interpretations share."""
     shape = deflection_shape(plate, mode, plate.markers, peak)
-    return PlateSound.of(plate, planes, medium, resonance(plate, mode), shape)
+    return PlateSound.of(plate, planes, medium, resonance_frequency(plate, mode), shape)
 
 
 def judge_interpretation(
@@ -121,7 +121,7 @@ def judge_interpretation(
                 cube = select_plane_errors(study, plates[plate])
             else:
                 cube = plates[name] = measure_claimed(study)
-            same[study.digest] = verdicts.check(cube, claims_of(name))
+            same[study.digest] = verdicts.check_claims(cube, claims_of(name))
         found += same[study.digest]
     return found
 
@@ -145,7 +145,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
         judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
         made = [judge(chosen[0])]  # first alone: the others share with it
-        made += abreast(judge, chosen[1:])
+        made += map_in_pairs(judge, chosen[1:])
     chapters = list(CHAPTER_OF_GROUP.values())
     shape = (len(chosen), len(chapters))
     counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)
@@ -178,7 +178,7 @@ def run(study: OtherReadings) -> xr.Dataset:
         "outcome": list(VALUE_OUTCOMES),
         "value": [claim.id for claim in simulated],
     }
-    return xr.Dataset(labelled(values, VARIABLES), labelled(coords, VARIABLES))
+    return xr.Dataset(label_values(values, VARIABLES), label_values(coords, VARIABLES))
 
 
 def log_residual(made: Sequence[Check]) -> float:

@@ -94,7 +94,7 @@ def totals_table(cube: xr.Dataset) -> Markdown:
 
 
 def _count(found: list[Entry]) -> dict[str, Any]:
-    return {"count": len(found), "verdicts": ledger.totals(found)}
+    return {"count": len(found), "verdicts": ledger.count_verdicts(found)}
 
 
 def power_table(cube: xr.Dataset) -> Markdown:
@@ -122,7 +122,7 @@ def power_table(cube: xr.Dataset) -> Markdown:
     )
 
 
-def rules() -> Markdown:
+def list_rules() -> Markdown:
     """List the tolerances, which are equal for all claims."""
     return _fill(
         "rules",
@@ -137,7 +137,7 @@ def rules() -> Markdown:
     )
 
 
-def differing(cube: xr.Dataset) -> Markdown:
+def list_differing(cube: xr.Dataset) -> Markdown:
     """List the claims that differ by what they have in common; bookkeeping is folded away."""
     found = [e for e in from_cube(cube) if e.verdict in ("differs", "undefined")]
     groups = {}

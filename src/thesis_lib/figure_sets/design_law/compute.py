@@ -26,18 +26,18 @@ from thesis_lib.figure_sets.design_law.sweeps import (
     STRUCTURES,
     SWEPT_FINDINGS,
     SWEPT_MODES,
-    arrays,
-    findings,
-    pairs,
+    fit_arrays,
+    fit_findings,
+    pair_errors,
     thesis_study,
 )
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import pixelate, project
-from thesis_lib.vision.triangulation import covariance, gain, triangulate
+from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
 
 CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
 MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
@@ -46,7 +46,7 @@ DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
 # What differs by less is equal on some processors and not on others
 MAX_PROCESSOR_DIFFERENCE = 1e-13
 
-VARIABLES = declared(f"""
+VARIABLES = parse_variables(f"""
     motion_error(motion) [px] rms rounding error of a motion by the law
     drawn_motion_error(motion) [px] rms rounding error of a motion, drawn
     drawn_motion_error_std(motion) [px] standard error of the drawn rounding error of a motion
@@ -135,7 +135,7 @@ VARIABLES = declared(f"""
     value(quantity) [1] value to compare, in the unit that the variable unit names
     unit(quantity) [1] unit of the value
 """)
-COORDINATES = declared("""
+COORDINATES = parse_variables("""
     motion(motion) [px] motion of an image
     of_structure(setting) [1] what is measured
     of_part(setting) [1] what the study varies
@@ -181,17 +181,17 @@ def run(study: DesignLaw) -> xr.Dataset:
         _motions,
         _settings,
         _cone,
-        findings,
-        arrays,
-        pairs,
+        fit_findings,
+        fit_arrays,
+        pair_errors,
         equal_pixels,
-        dither.estimated,
+        dither.simulate_estimators,
         noisy_shares,
-        dither.dithered,
+        dither.simulate_dither,
     )
     for part in parts:
-        cube = cube.assign(labelled(part(study), VARIABLES))
-    return cube.assign(labelled(summary(cube, study), VARIABLES))
+        cube = cube.assign(label_values(part(study), VARIABLES))
+    return cube.assign(label_values(summarise_law(cube, study), VARIABLES))
 
 
 def _coordinates(study: DesignLaw) -> dict[str, Any]:
@@ -208,7 +208,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "axis": ["X", "Y", "Z"],
         "finding": list(SWEPT_FINDINGS),
         "structure": list(STRUCTURES),
-        "array": list(setups.pairs()),
+        "array": list(setups.camera_pairs()),
         "amplitudes": ["of the thesis", "averaged"],
         "tilt": list(ELEVATIONS_DEG),
         "opening": list(APERTURES_DEG),
@@ -226,7 +226,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "shake": dither.SHAKES_PX,
         "disc": dither.DISC_DIAMETERS_PX,
     }
-    return labelled(values, COORDINATES)
+    return label_values(values, COORDINATES)
 
 
 # (a) The law.
@@ -261,7 +261,10 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
             scale = 100 / np.abs(deflections).max(axis=1)
             for setting in request.settings():
                 P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
-                each = np.mean(np.sum(gain(P, points)[2] ** 2, axis=(0, 1)), axis=-1) / 12
+                each = (
+                    np.mean(np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1)), axis=-1)
+                    / 12
+                )
                 naive.append(scale * np.sqrt(each[1:] + each[0]))
     return {
         "law_error": np.concatenate(law),
@@ -286,7 +289,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     for angle in np.radians(CONE_ANGLES_DEG):
         P = cone_cameras(distance, angle, n, focal, study.resolution_px).P
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
-        exact.append(covariance(P, np.zeros(3), MOTION_PX))
+        exact.append(point_covariance(P, np.zeros(3), MOTION_PX))
         found = triangulate(P, pixelate(project(P, points) + shift) - shift)
         drawn.append(estimators.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
     variances = np.diagonal(closed, axis1=1, axis2=2)
@@ -302,7 +305,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     }
 
 
-def summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
+def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     """Return the published and compared quantities, one number and unit to a row."""
     rows: list[tuple[str, float, str]] = []
 
@@ -335,7 +338,7 @@ def summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
             taken, words = part.sel(amplitudes=kind), f"amplitudes {kind}, {one}"
             of(f"best aperture, {words}", taken["best_aperture"], "degree")
             of(f"error at 60 degrees over the least, {words}", taken["wide_gain"])
-        for array in setups.pairs():
+        for array in setups.camera_pairs():
             of(f"exponent of number in {array}, {one}", part["array_exponent"].sel(array=array))
     for count in study.counts:
         for rate in study.frame_rates_hz:
@@ -349,7 +352,7 @@ def summary(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                 of(f"error of the fit, {name}, {here}", drawn["drawn_fit_error"], "percent")
     for name in estimators.ESTIMATORS:
         part = cube.sel(rule=name)
-        power = estimators.exponent(cube["crowd"].values, part["crowd_error"].values)
+        power = estimators.fit_exponent(cube["crowd"].values, part["crowd_error"].values)
         of(f"exponent of number, random layouts, {name}", power)
         for along, unit in (("crowd", "cameras"), ("noise", "px noise"), ("stand", "m")):
             for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):

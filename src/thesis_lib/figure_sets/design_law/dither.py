@@ -31,7 +31,7 @@ SINUSOID_FRAMES = 997  # frames of a sinusoid, for all phases
 DRAWS_PER_TRIAL = 5  # for each trial
 
 
-def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
+def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
     """Deflection errors over random layouts: number of cameras, noise of pixels, distances."""
     layouts = min(MAX_LAYOUTS, study.trials)
 
@@ -53,7 +53,7 @@ def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
     compared = [estimators.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
         "tolerated_noise": [
-            tolerance(
+            noise_tolerance(
                 n,
                 min(NOISY_LAYOUTS, layouts),
                 study.seed,
@@ -61,19 +61,19 @@ def estimated(study: DesignLaw) -> dict[str, ArrayLike]:
             )
             for n, errors in clean.items()
         ],
-        **_named("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
-        **_named("noise_error", [rms_with_std(errors) for errors in noisy]),
+        **_name_errors("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
+        **_name_errors("noise_error", [rms_with_std(errors) for errors in noisy]),
         "stand_error": [apart(stand) for stand in STAND_DISTANCES_M],
     }
 
 
-def _named(name: str, found: list[tuple[Array, Array]]) -> dict[str, ArrayLike]:
+def _name_errors(name: str, found: list[tuple[Array, Array]]) -> dict[str, ArrayLike]:
     """Return drawn errors as a variable and their standard errors as another."""
     errors, stds = zip(*found, strict=True)
     return {name: np.array(errors), f"{name}_std": np.array(stds)}
 
 
-def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
+def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
     """Return the noise in px before the rounding that leaves the analytic centre half of its gain.
 
     The gain is how much less than that of least squares its error is, relative to it. Errors
@@ -102,7 +102,7 @@ def tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = Non
     return float("inf")
 
 
-def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
+def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
     """Compute the residual rounding error by motion, shake and size: closed forms, and drawn."""
     random = np.random.default_rng([study.seed, 1])
     draws = DRAWS_PER_TRIAL * study.trials
@@ -125,7 +125,7 @@ def dithered(study: DesignLaw) -> dict[str, ArrayLike]:
 
     def drawn(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
         found = [rms_with_std(of(float(one))) for one in np.asarray(values)]
-        return _named(f"drawn_{of.__name__}_error", found)
+        return _name_errors(f"drawn_{of.__name__}_error", found)
 
     return {
         "swing_error": np.sqrt(dither.amplitude_variance(SWINGS_PX)),

@@ -18,9 +18,9 @@ from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     INK_COLOR,
     REFERENCE_COLOR,
-    color,
+    cycle_color,
     log_axes,
-    logarithmic,
+    make_logarithmic,
     subplots,
 )
 from thesis_lib.vision import dither
@@ -93,7 +93,7 @@ def settings(cube: xr.Dataset) -> Figure:
         x, marker = simulated[rows].ravel(), "os"[number % 2]
         law, naive = (cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive"))
         style = {"ls": "none", "marker": marker, "ms": 3}
-        left.plot(x, law, color=color(2 * number), label=f"{one}, the law", **style)
+        left.plot(x, law, color=cycle_color(2 * number), label=f"{one}, the law", **style)
         right.plot(
             x,
             naive / x,
@@ -103,9 +103,9 @@ def settings(cube: xr.Dataset) -> Figure:
             label=f"{one}, independent roundings",
             **style,
         )
-        right.plot(x, law / x, color=color(2 * number), label=f"{one}, the law", **style)
+        right.plot(x, law / x, color=cycle_color(2 * number), label=f"{one}, the law", **style)
     log_axes(left, PERCENT_TICKS, PERCENT_TICKS)
-    logarithmic(right.xaxis, PERCENT_TICKS)
+    make_logarithmic(right.xaxis, PERCENT_TICKS)
     words = "rms error over the trials in %"
     left.set(
         title="(a) predicted against simulated",
@@ -128,9 +128,13 @@ def cone(cube: xr.Dataset) -> Figure:
         (("Z", "along the normal, z"), ("X", "across it, x = y"))
     ):
         closed, drawn = (1000 * cube[f"cone{k}_error"].sel(axis=axis) for k in ("", "_drawn"))
-        axes.plot(angle, closed, color=color(number), lw=1.6, label=words)
+        axes.plot(angle, closed, color=cycle_color(number), lw=1.6, label=words)
         axes.plot(
-            angle[::DRAWN_ANGLE_STEP], drawn[::DRAWN_ANGLE_STEP], "o", color=color(number), ms=3.5
+            angle[::DRAWN_ANGLE_STEP],
+            drawn[::DRAWN_ANGLE_STEP],
+            "o",
+            color=cycle_color(number),
+            ms=3.5,
         )
     other = 1000 * cube["cone_drawn_error"].sel(axis="Y")[::DRAWN_ANGLE_STEP]
     axes.plot(angle[::DRAWN_ANGLE_STEP], other, "o", color=CYCLE_COLORS[1], ms=3.5, mfc="none")
@@ -145,7 +149,7 @@ def cone(cube: xr.Dataset) -> Figure:
     axes.set(
         xlabel="angle θ of the cone from the normal in °", ylabel="rms error in mm", xlim=(0, 90)
     )
-    logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
+    make_logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
     axes.legend(loc="upper right")
     return drawing
 
@@ -166,19 +170,21 @@ def findings(cube: xr.Dataset) -> Figure:
         for s, one in enumerate(cube["structure"].values):
             part = cube.sel(finding=name, structure=one)
             x = part["swept"].values
-            axis.plot(x, part["exact_error"], color=color(2 * s), lw=0.6, alpha=0.7)
-            axis.plot(x, part["expected_error"], color=color(2 * s), lw=1.8, label=one)
-            axis.plot(x, part["centre_error"], ":", color=color(2 * s), lw=1.3)
+            axis.plot(x, part["exact_error"], color=cycle_color(2 * s), lw=0.6, alpha=0.7)
+            axis.plot(x, part["expected_error"], color=cycle_color(2 * s), lw=1.8, label=one)
+            axis.plot(x, part["centre_error"], ":", color=cycle_color(2 * s), lw=1.3)
             if name == "aperture":
-                axis.plot(x, part["noisy_error"], "--", color=color(2 * s), lw=1)
+                axis.plot(x, part["noisy_error"], "--", color=cycle_color(2 * s), lw=1)
                 axis.axvline(
-                    float(part["best_aperture"].isel(amplitudes=1)), color=color(2 * s), lw=0.8
+                    float(part["best_aperture"].isel(amplitudes=1)),
+                    color=cycle_color(2 * s),
+                    lw=0.8,
                 )
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
-        logarithmic(axis.yaxis, PERCENT_TICKS)
-    logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
-    logarithmic(axes["resolution"].xaxis, [320, 640, 1280, 1920])
-    logarithmic(axes["number"].xaxis, [3, 6, 12, 24, 48])
+        make_logarithmic(axis.yaxis, PERCENT_TICKS)
+    make_logarithmic(axes["distance"].xaxis, [500, 750, 1000, 1500])
+    make_logarithmic(axes["resolution"].xaxis, [320, 640, 1280, 1920])
+    make_logarithmic(axes["number"].xaxis, [3, 6, 12, 24, 48])
     for row in grid:
         row[0].set_ylabel("error in % of the peak")
     axes["distance"].legend(loc="upper left")
@@ -200,7 +206,7 @@ def _arrays(axes: Axes, cube: xr.Dataset) -> None:
     names = cube["array"].values
     for s, one in enumerate(cube["structure"].values):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
-        axes.bar(place, cube["array_exponent"].sel(structure=one), 0.34, color=color(2 * s))
+        axes.bar(place, cube["array_exponent"].sel(structure=one), 0.34, color=cycle_color(2 * s))
     axes.axhline(-0.5, color=HIGHLIGHT_COLOR, lw=1)
     axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
     axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
@@ -213,7 +219,7 @@ def shares(cube: xr.Dataset) -> Figure:
     n = cube["count"].values
     order = np.argsort(n)
     for k, rate in enumerate(cube["rate"].values):
-        part, style = cube.isel(rate=k, count=order), {"color": color(k)}
+        part, style = cube.isel(rate=k, count=order), {"color": cycle_color(k)}
         frame, film, sensor = grid
         law = {"marker": "_", "ms": 9, "mew": 1.5, "ls": "none"}
         frame.plot(n[order], part["frame_error"], **law, **style)
@@ -247,13 +253,13 @@ def shares(cube: xr.Dataset) -> Figure:
         ("(a) one frame, %", "(b) amplitude from all frames, %", "(c) pixels across each sensor"),
         strict=True,
     ):
-        logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
+        make_logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
         axes.set(title=title, xlabel="number of cameras N")
     least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
     for axes in grid[:2]:
-        logarithmic(axes.yaxis, PERCENT_TICKS)
+        make_logarithmic(axes.yaxis, PERCENT_TICKS)
         axes.set_ylim(0.75 * least, 150)
-    logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
+    make_logarithmic(grid[2].yaxis, [100, 200, 500, 1000, 2000])
     for e, name in enumerate(cube["estimator"].values):
         grid[1].plot(
             [],
@@ -279,7 +285,7 @@ def estimators(cube: xr.Dataset) -> Figure:
     drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     n = cube["crowd"].values
     for k, name in enumerate(cube["rule"].values):
-        part, style = cube.sel(rule=name), {"color": color(k), "marker": "osD^"[k % 4]}
+        part, style = cube.sel(rule=name), {"color": cycle_color(k), "marker": "osD^"[k % 4]}
         left.plot(n, 1e6 * part["crowd_error"], ms=4, lw=1.3, label=name, **style)
         right.plot(cube["noise"], 1e6 * part["noise_error"], ms=4, lw=1.3, **style)
     first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
@@ -308,24 +314,24 @@ def noisy(cube: xr.Dataset) -> Figure:
     def lines(axes: Axes, part: xr.DataArray, x: Array, label: str, number: int) -> None:
         for name, (marker, line) in zip(part["approach"].values, styles, strict=True):
             axes.plot(x, part.sel(approach=name), ls=line, marker=marker, ms=3.5,
-                      mfc="none", color=color(number),
+                      mfc="none", color=cycle_color(number),
                       label=label if marker == "" else None)  # fmt: skip
 
     for k, noise in enumerate(SHOWN_NOISES_PX):
         at = {"image_noise": noise, "count": counts}
         lines(left, drawn.sel(at), counts, f"{noise:g} px" if noise else "no noise", k)
         if noise:
-            left.plot(counts, least.sel(at), ":", color=color(k), lw=1.2)
+            left.plot(counts, least.sel(at), ":", color=cycle_color(k), lw=1.2)
     places = np.where(noises > 0, noises, 0.5 * np.min(noises[noises > 0], initial=1))
     for k, count in enumerate((counts[0], counts[len(counts) // 2], counts[-1])):
         lines(right, drawn.sel(count=count), places, f"{count} cameras", k)
     few = least.sel(count=counts[0]).values
     right.plot(noises[noises > 0], few[noises > 0], ":", color=INK_COLOR, lw=1.2, label="bound")
     for axes, title in ((left, "(a) error of a deflection, µm"), (right, "(b) the same, µm")):
-        logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
+        make_logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
         axes.set(title=title)
         axes.set_ylim(0.9 * min(float(drawn.min()), few[noises > 0].min()), None)
-    logarithmic(left.xaxis, [2, 4, 8, 16, 32, 64])
+    make_logarithmic(left.xaxis, [2, 4, 8, 16, 32, 64])
     left.set_xlabel("number of cameras N")
     right.set_xscale("log")
     right.set_xticks(places, [f"{noise:g}" for noise in noises])
@@ -368,7 +374,7 @@ def dithering(cube: xr.Dataset) -> Figure:
         axes.plot(many, closed, color=CYCLE_COLORS[0], lw=1.6, label="closed form")
         axes.plot(x, cube[f"drawn_{name}_error"], "o", color=INK_COLOR, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
-        logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+        make_logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     grid[1].plot(
         shake,
         np.sqrt(dither.mean_variance(0.0, shake)),
@@ -378,7 +384,7 @@ def dithering(cube: xr.Dataset) -> Figure:
         label="endless frames",
     )
     grid[1].set_ylim(0.01, 0.5)
-    logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
+    make_logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
     for axes in grid[:2]:
         axes.legend(loc="lower left", fontsize=7)
     return drawing

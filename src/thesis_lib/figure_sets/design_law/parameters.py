@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.fields import (
     Angle,
@@ -23,7 +23,7 @@ from thesis_lib.studies.fields import (
     Several,
     Shifts,
     Whole,
-    refuse,
+    refuse_value,
 )
 from thesis_lib.studies.request import Study
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
@@ -45,10 +45,10 @@ class DesignLaw(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
-    sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
+    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
     resolution_px: SensorSize = Field(
-        tuple(setups.table("beam", "distance")["resolution_px"]),
+        tuple(setups.setup_table("beam", "distance")["resolution_px"]),
         description="width and height of the sensors, of the cone and where numbers are compared",
     )
     cone_distance_mm: Positive = Field(1000.0, description="distance of cameras on a cone")
@@ -57,12 +57,12 @@ class DesignLaw(Study):
         6, description="cameras where the angle of the cone varies"
     )
     amplitude_mm: Positive = Field(
-        reading("beam")["amplitude_mm"],
+        assumed_values("beam")["amplitude_mm"],
         description="peak of the beam's vibration at equal pixel rates",
     )
     small_amplitude_mm: Positive = Field(0.02, description="peak of a vibration far below a pixel")
     pixels_per_second: Annotated[Real, Field(ge=1e4, le=1e13)] = Field(
-        float(2 * math.prod(FULL_HD) * setups.table("experiment", "rig")["frame_rate_hz"]),
+        float(2 * math.prod(FULL_HD) * setups.setup_table("experiment", "rig")["frame_rate_hz"]),
         description="pixels per second of all cameras together; the default is two cameras of "
         "chapter 5",
     )
@@ -111,11 +111,11 @@ class DesignLaw(Study):
     @model_validator(mode="after")
     def _check_together(self) -> DesignLaw:
         peak = max(self.amplitude_mm, self.small_amplitude_mm)
-        bodies = setups.beam(), setups.plate()
+        bodies = setups.thesis_beam(), setups.thesis_plate()
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
             allowed = f"more than {farther:.4g} mm, the reach of beam and plate and the amplitude"
-            refuse("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
+            refuse_value("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             self.refuse(

@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.figure_sets.design_law.sweeps import exact, shapes
+from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes
 from thesis_lib.vision import cone_law, estimators, rounding
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.estimators import rms_with_std
-from thesis_lib.vision.interval import interval
+from thesis_lib.vision.interval import interval_estimate
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 from thesis_lib.vision.pixel_noise import least_covariance
-from thesis_lib.vision.triangulation import gain, triangulate
+from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 Estimator = Callable[[Array, Array], Array]
 
@@ -32,7 +32,7 @@ Estimator = Callable[[Array, Array], Array]
 ESTIMATORS: dict[str, Estimator] = {
     "least squares": triangulate,
     "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
-    "interval": lambda P, uv: interval(P, uv).points,
+    "interval": lambda P, uv: interval_estimate(P, uv).points,
 }
 
 MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
@@ -50,16 +50,16 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
     widths, heights, frame_rate = study.shared
     focal = study.focal_length_mm / study.sensor_width_mm * widths
     angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
-    peak, beam = study.amplitude_mm / 1000, setups.beam()
-    points = shapes(beam, peak)
+    peak, beam = study.amplitude_mm / 1000, setups.thesis_beam()
+    points = mode_shapes(beam, peak)
     law, view, fit = (np.empty(widths.shape) for _ in range(3))
     drawn, drawn_fit = np.empty((2, 2, len(ESTIMATORS), *widths.shape))  # rms and standard error
     for at, setting in zip(np.ndindex(widths.shape), study.settings(), strict=True):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-        filmed = film(float(frame_rate[at]), study)
-        images, number = seen(rig, filmed, study.seed)
-        law[at] = exact(rig, points)
-        fit[at] = fitted_by_law(rig, filmed)
+        filmed = sample_vibration(float(frame_rate[at]), study)
+        images, number = round_images(rig, filmed, study.seed)
+        law[at] = exact_rms(rig, points)
+        fit[at] = predict_amplitude_error(rig, filmed)
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         frames = one_frame(rig, points, study)
         for e, estimate in enumerate(ESTIMATORS.values()):
@@ -85,7 +85,9 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         "drawn_frame_error_std": percent * drawn[1],
         # That of one frame is of two roundings; an amplitude has 2/n of the variance of one.
         "independent_fit_error": centre / np.sqrt(frame_rate * study.duration_s),
-        "useful_frames": cone_law.useful_frames(motion[..., None] * spread(MAX_FITTED_TRIALS)),
+        "useful_frames": cone_law.useful_frames(
+            motion[..., None] * spread_factors(MAX_FITTED_TRIALS)
+        ),
         "fit_error": percent * fit,
         "drawn_fit_error": percent * drawn_fit[0],
         "drawn_fit_error_std": percent * drawn_fit[1],
@@ -115,16 +117,16 @@ class Film:
     fit: Array
 
 
-def spread(n: int) -> Array:
+def spread_factors(n: int) -> Array:
     """Return the factors from half to one and a half, whose mean is one."""
     return 0.5 + (np.arange(n) + 0.5) / n
 
 
-def film(frame_rate: float, study: DesignLaw) -> Film:
+def sample_vibration(frame_rate: float, study: DesignLaw) -> Film:
     """Sample the vibration as a camera does, with random phases."""
     trials, n_frames = min(study.trials, MAX_FITTED_TRIALS), round(frame_rate * study.duration_s)
     random = np.random.default_rng(study.seed)
-    peaks = study.amplitude_mm / 1000 * spread(trials)
+    peaks = study.amplitude_mm / 1000 * spread_factors(trials)
     start = random.uniform(0, 2 * np.pi, (trials, 1))
     turn = 2 * np.pi * study.frequency_hz * np.arange(n_frames) / frame_rate + start
     points = np.zeros((3, trials, n_frames))
@@ -133,7 +135,7 @@ def film(frame_rate: float, study: DesignLaw) -> Film:
     return Film(points, peaks, np.linalg.pinv(basis))
 
 
-def seen(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
+def round_images(rig: CameraArray, filmed: Film, seed: int) -> tuple[Array, IntArray]:
     """Round the images (cameras, 2, m) of a film, equal ones once, and return their indices.
 
     The latter has the shape (trials, frames). All frames of a camera share one pixel grid, so that
@@ -166,14 +168,14 @@ def amplitude_errors(filmed: Film, height: Array) -> Array:
     return np.asarray(np.linalg.norm(waves, axis=1) - filmed.peaks)
 
 
-def fitted_by_law(rig: CameraArray, filmed: Film) -> float:
+def predict_amplitude_error(rig: CameraArray, filmed: Film) -> float:
     """Return the rms amplitude error in m by the law, to first order: errors repeat by the frame.
 
     On a cone all cameras see the same motion, in v alone.
     """
     v = project(rig.P[:1], filmed.points)[0, 1]
-    each = cone_law.weighted_error(v, filmed.fit[:, 0])
-    g = gain(rig.P, np.zeros(3))[2]
+    each = cone_law.error_of_sum(v, filmed.fit[:, 0])
+    g = triangulation_gain(rig.P, np.zeros(3))[2]
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
 
@@ -209,14 +211,16 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])
-        points = estimators.moved_markers(random, min(DRAWS_PER_TRIAL * study.trials, MAX_DRAWS))
+        points = estimators.move_markers(random, min(DRAWS_PER_TRIAL * study.trials, MAX_DRAWS))
         shifts = rounding.grid_shifts(study.seed, points.shape[2], len(rig))[1:]
         shift = np.moveaxis(shifts, 0, 2)[:, :, None]
         images = project(rig.P, points) + shift
         noise = random.standard_normal(images.shape)
         for k, sigma in enumerate(NOISES_PX):
             pixels = np.rint(images + sigma * noise) - shift
-            z = estimators.estimates(rig.P, pixels, list(TRACKING_APPROACHES.values()), sigma)[:, 2]
+            z = estimators.estimate_points(
+                rig.P, pixels, list(TRACKING_APPROACHES.values()), sigma
+            )[:, 2]
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
             drawn[i, k], drawn_std[i, k] = estimators.rms_with_std(wrong.T)
             if sigma:
@@ -228,7 +232,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         for k, (sigma, told, share) in enumerate(ASSUMED_MISTAKES.values()):
             aside = (lottery < share / 2).astype(float) - (lottery > 1 - share / 2)
             pixels = np.rint(images + sigma * noise + OUTLIER_PX * aside) - shift
-            found = interval(rig.P, pixels, told)
+            found = interval_estimate(rig.P, pixels, told)
             centre = analytic_centre(rig.P, pixels).points
             z = np.stack([triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
@@ -239,14 +243,14 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         "noisy_share_error": drawn,
         "noisy_share_error_std": drawn_std,
         "least_share_error": least,
-        "share_tolerance": [[halved(of) for of in gain.T] for gain in gains],
+        "share_tolerance": [[half_gain_noise(of) for of in gain.T] for gain in gains],
         "mistaken_error": mistaken,
         "mistaken_error_std": mistaken_std,
         "feasible_fraction": agreeing,
     }
 
 
-def halved(gains: Array) -> float:
+def half_gain_noise(gains: Array) -> float:
     """Return the noise (px) that halves the first of the gains at `NOISES`; NaN without one."""
     below = np.flatnonzero(gains < gains[0] / 2)
     if gains[0] < _MIN_GAIN or not below.size:

@@ -11,18 +11,21 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
 from thesis_lib.vision import cone_law, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
-from thesis_lib.vision.estimators import exponent, rms_with_std
+from thesis_lib.vision.estimators import fit_exponent, rms_with_std
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
-from thesis_lib.vision.triangulation import gain, triangulate
+from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 SWEPT_MODES = (1, 2, 3)
-STRUCTURES: dict[str, Callable[[], Structure]] = {"beam": setups.beam, "plate": setups.plate}
+STRUCTURES: dict[str, Callable[[], Structure]] = {
+    "beam": setups.thesis_beam,
+    "plate": setups.thesis_plate,
+}
 SWEPT_FINDINGS = ("distance", "resolution", "number", "elevation", "aperture")
 SWEEP_STEPS = 61  # of a sweep
 WIDE_DEG = 60.0  # aperture from which on the rest is counted
@@ -67,11 +70,11 @@ class Rig:
         return float(error)
 
 
-def swept(structure: str, finding: str) -> Array:
+def sweep_values(structure: str, finding: str) -> Array:
     """Return the values of a sweep over the range of the thesis: mm, px, cameras or degrees."""
     if finding == "number":
         return np.arange(3.0, SWEEP_STEPS + 3.0)
-    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
     if finding == "aperture":
         return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, SWEEP_STEPS)
     if finding == "elevation":
@@ -83,13 +86,13 @@ def swept(structure: str, finding: str) -> Array:
     return np.rint(values) if finding == "resolution" else values
 
 
-def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
+def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
     """Return the cameras of one step; all else is as in the thesis's study of it."""
     focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
     if finding == "number":
         angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
         return Rig(distance, size, focal, count=int(value), angle=float(angle))
-    printed = setups.table(structure, "aperture" if finding == "elevation" else finding)
+    printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
     distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
     if finding == "resolution":
         size = int(value), round(value * 9 / 16)
@@ -101,37 +104,37 @@ def rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
     return Rig(distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation)))
 
 
-def shapes(structure: Structure, peak: float) -> Array:
+def mode_shapes(structure: Structure, peak: float) -> Array:
     """Return the markers (3, 1 + modes, m) in m at rest and in each mode with a peak in m."""
     bent = [deflection_shape(structure, mode, structure.markers, peak) for mode in SWEPT_MODES]
     return world_points(structure, np.array([np.zeros_like(bent[0]), *bent]))
 
 
-def noisy(cameras: CameraArray, points: Array) -> float:
+def noise_error(cameras: CameraArray, points: Array) -> float:
     """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
-    g = gain(cameras.P, points)[2]
+    g = triangulation_gain(cameras.P, points)[2]
     return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
 
 
-def expected(cameras: CameraArray, points: Array) -> float:
+def predicted_rms(cameras: CameraArray, points: Array) -> float:
     """Return the rms deflection error in m of markers (3, 1 + modes, m) by the law of rounding.
 
     Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
     """
-    g = gain(cameras.P, points[:, 0])[2]
+    g = triangulation_gain(cameras.P, points[:, 0])[2]
     images = project(cameras.P, points)
     moved = images[:, :, 1:] - images[:, :, :1]
     variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
     return float(np.sqrt(np.mean(np.sum(g[:, :, None] ** 2 * variance, axis=(0, 1)))))
 
 
-def exact(cameras: CameraArray, points: Array) -> float:
+def exact_rms(cameras: CameraArray, points: Array) -> float:
     """Return the rms error in m of markers (3, 1 + modes, m), the first of which are at rest."""
     variance = rounding.deflection_variance(cameras.P, points[:, :1], points[:, 1:])
     return float(np.sqrt(np.mean(variance)))
 
 
-def findings(study: DesignLaw) -> dict[str, ArrayLike]:
+def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return the distance, resolution, number, elevation and aperture, each by itself."""
     shape = (len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS)
     values, averaged, usual, small, centre, noise, noisy_centre = (
@@ -139,21 +142,21 @@ def findings(study: DesignLaw) -> dict[str, ArrayLike]:
     )
     best, gained = np.empty((2, len(STRUCTURES))), np.empty((2, len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
-        peak = float(reading(name)["amplitude_mm"]) / 1000
+        peak = float(assumed_values(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
-        points, tiny = shapes(make(), peak), shapes(make(), tiny_peak)
+        points, tiny = mode_shapes(make(), peak), mode_shapes(make(), tiny_peak)
         for f, finding in enumerate(SWEPT_FINDINGS):
-            values[f, s] = swept(name, finding)
+            values[f, s] = sweep_values(name, finding)
             for i, value in enumerate(values[f, s]):
-                one = rig(study, name, finding, value)
+                one = step_rig(study, name, finding, value)
                 cameras = one.cameras()
-                averaged[f, s, i] = 100 * expected(cameras, points) / peak
-                usual[f, s, i] = 100 * exact(cameras, points) / peak
-                small[f, s, i] = 100 * exact(cameras, tiny) / tiny_peak
+                averaged[f, s, i] = 100 * predicted_rms(cameras, points) / peak
+                usual[f, s, i] = 100 * exact_rms(cameras, points) / peak
+                small[f, s, i] = 100 * exact_rms(cameras, tiny) / tiny_peak
                 centre[f, s, i] = 100 * one.centre_error() / peak
-                noise[f, s, i] = 100 * noisy(cameras, points[:, 0]) / peak
+                noise[f, s, i] = 100 * noise_error(cameras, points[:, 0]) / peak
                 noisy_centre[f, s, i] = 100 * one.centre_error(noisy=True) / peak
-        for k, error in enumerate((exact, expected)):
+        for k, error in enumerate((exact_rms, predicted_rms)):
             best[k, s], gained[k, s] = best_aperture(study, name, points, error)
     return {
         "swept": values,
@@ -176,7 +179,7 @@ def best_aperture(
     """Return aperture in whole degrees of the least error, and the error at `WIDE_DEG` over it."""
 
     def error(aperture: float) -> float:
-        return law(rig(study, structure, "aperture", aperture).cameras(), points)
+        return law(step_rig(study, structure, "aperture", aperture).cameras(), points)
 
     # Every degree: with amplitudes as they are the law has many dips.
     apertures = np.arange(10.0, 181.0)
@@ -192,7 +195,7 @@ def _exponents(values: Array, errors: Array) -> Array:
         if SWEPT_FINDINGS[f] != "aperture":
             low = SWEPT_FINDINGS[f] == "elevation"
             base = np.cos(np.radians(values[f, s])) if low else values[f, s]
-            found[f, s] = exponent(base, errors[f, s])
+            found[f, s] = fit_exponent(base, errors[f, s])
     return found
 
 
@@ -202,17 +205,17 @@ def thesis_study(study: DesignLaw, structure: str, part: str) -> Any:
     return camera_study(f"{structure}-{part}", {name: getattr(study, name) for name in names})
 
 
-def arrays(study: DesignLaw) -> dict[str, ArrayLike]:
+def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
     """Fit the exponent in the number of cameras of the thesis's growing arrays."""
-    found = np.empty((len(setups.pairs()), len(STRUCTURES)))
+    found = np.empty((len(setups.camera_pairs()), len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
-        points = shapes(make(), float(reading(name)["amplitude_mm"]) / 1000)
+        points = mode_shapes(make(), float(assumed_values(name)["amplitude_mm"]) / 1000)
         settings = thesis_study(study, name, "arrays").settings()
-        for c, case in enumerate(setups.pairs()):
+        for c, case in enumerate(setups.camera_pairs()):
             grown = [setting for setting in settings if setting.case == case]
             lens = study.focal_length_mm, study.sensor_width_mm
-            errors = [expected(one.cameras(*lens), points) for one in grown]
-            found[c, s] = exponent([len(one.directions_deg) for one in grown], errors)
+            errors = [predicted_rms(one.cameras(*lens), points) for one in grown]
+            found[c, s] = fit_exponent([len(one.directions_deg) for one in grown], errors)
     return {"array_exponent": found}
 
 
@@ -222,7 +225,7 @@ SWING_PX = 1.0  # range of random motions: every fraction of a pixel alike
 DRAWS_PER_TRIAL = 20  # for each trial
 
 
-def pairs(study: DesignLaw) -> dict[str, ArrayLike]:
+def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return deflections of the centre, seen by a pair: closed forms, and drawn by triangulation.
 
     Rounded on grids that rest and moved image share, and with noise of the same 1/6 px² that every

@@ -12,7 +12,7 @@ import xarray as xr
 from IPython.display import Markdown
 
 from thesis_lib.arrays import IntArray
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.design_law import dither as design_dither
 from thesis_lib.figure_sets.design_law.shares import (
     ASSUMED_MISTAKES,
@@ -24,17 +24,17 @@ from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDE_RANGE, CONE_MOTIO
 from thesis_lib.templates import render
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
-from thesis_lib.vision.estimators import exponent
+from thesis_lib.vision.estimators import fit_exponent
 
 SHOWN_NOISES_PX = (0.0, 0.05, 0.1, 0.3)
 
 
-def show(cube: xr.Dataset, name: str) -> Markdown:
+def show_table(cube: xr.Dataset, name: str) -> Markdown:
     """Show one of :data:`TABLES` in a notebook."""
     return Markdown(TABLES[name](cube))
 
 
-def asked(cube: xr.Dataset, name: str) -> Any:
+def table_parameter(cube: xr.Dataset, name: str) -> Any:
     """Return a parameter of the run."""
     return json.loads(cube.attrs["parameters"])[name]
 
@@ -58,7 +58,7 @@ def _structures(cube: xr.Dataset) -> list[str]:
     return [str(one) for one in cube["structure"].values]
 
 
-def settings(cube: xr.Dataset) -> str:
+def list_settings(cube: xr.Dataset) -> str:
     """Compare the law and independent roundings with the simulation."""
     rows = []
     for one in _structures(cube):
@@ -70,22 +70,29 @@ def settings(cube: xr.Dataset) -> str:
     return _fill("settings", cube, rows=rows, worst=cube.isel(worst))
 
 
-def cone(cube: xr.Dataset) -> str:
+def list_cone_errors(cube: xr.Dataset) -> str:
     """List the errors at the centre of a cone."""
-    width, focal = asked(cube, "resolution_px")[0], asked(cube, "focal_length_mm")
-    largest = CONE_MOTION_PX * asked(cube, "sensor_width_mm") / (focal * width)
+    width, focal = (
+        table_parameter(cube, "resolution_px")[0],
+        table_parameter(cube, "focal_length_mm"),
+    )
+    largest = CONE_MOTION_PX * table_parameter(cube, "sensor_width_mm") / (focal * width)
     return _fill(
         "cone", cube, ("cone_drawn_error",), largest_motion=largest, max_motion=MAX_MOTION_FRACTION
     )
 
 
-def exponents(cube: xr.Dataset) -> str:
+def list_exponents(cube: xr.Dataset) -> str:
     """List exponents of the findings at the centre, over all markers, and far below a pixel."""
     known = cube["centre_exponent"].notnull().all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
     motions = [
         100
-        * (AMPLITUDE_RANGE[1] * reading(one)["amplitude_mm"] / float(nearest.sel(structure=one)))
+        * (
+            AMPLITUDE_RANGE[1]
+            * assumed_values(one)["amplitude_mm"]
+            / float(nearest.sel(structure=one))
+        )
         for one in _structures(cube)
     ]
     return _fill(
@@ -99,7 +106,7 @@ def exponents(cube: xr.Dataset) -> str:
     )
 
 
-def findings(cube: xr.Dataset) -> str:
+def list_findings(cube: xr.Dataset) -> str:
     """List the thesis's five findings: claim, law, measured exponent, and its limits."""
     low = cube.sel(finding="elevation")
     gains = []
@@ -124,14 +131,16 @@ def findings(cube: xr.Dataset) -> str:
     )
 
 
-def estimated(cube: xr.Dataset) -> str:
+def list_estimators(cube: xr.Dataset) -> str:
     """List errors of the estimators by number of cameras, and their exponents."""
-    powers = [exponent(cube["crowd"], cube["crowd_error"].sel(rule=n)) for n in cube["rule"].values]
+    powers = [
+        fit_exponent(cube["crowd"], cube["crowd_error"].sel(rule=n)) for n in cube["rule"].values
+    ]
     distance = design_dither.CROWD_DISTANCE_M
     return _fill("estimators", cube, ("crowd_error",), exponents=powers, distance=distance)
 
 
-def dithered(cube: xr.Dataset) -> str:
+def list_dither(cube: xr.Dataset) -> str:
     """List the remaining error of one rounded coordinate at a few motions, shakes and sizes."""
     picks = {
         "swing": ("amplitude", (0.25, 0.5, 1, 2, 5)),
@@ -149,7 +158,7 @@ def dithered(cube: xr.Dataset) -> str:
     return _fill("dither", cube, drawn, rows=rows, whole=whole, frames=frames)
 
 
-def shares(cube: xr.Dataset, short: bool = False) -> str:
+def list_shares(cube: xr.Dataset, short: bool = False) -> str:
     """List errors at equal pixels per second; `short` of some counts, with the claim in words."""
     counts: list[int] = cube["count"].values.tolist()
     slow, fast = float(cube["rate"].min()), float(cube["rate"].max())
@@ -180,7 +189,7 @@ def most_followed(cube: xr.Dataset, rate: float) -> int:
     return int(fits.max(initial=0))
 
 
-def noisy(cube: xr.Dataset) -> str:
+def list_noisy(cube: xr.Dataset) -> str:
     """List errors with noise, by each estimator, and the noise that leaves half of the gain."""
     return _noisy("noisy", cube, np.sort(cube["count"].values))
 
@@ -198,7 +207,7 @@ def _noisy(name: str, cube: xr.Dataset, counts: IntArray, **values: Any) -> str:
     )
 
 
-def _doubled(cube: xr.Dataset) -> IntArray:
+def _double_counts(cube: xr.Dataset) -> IntArray:
     """Return the numbers of cameras that are the least times a power of two."""
     counts = np.sort(cube["count"].values)
     times = np.log2(counts / counts[0])
@@ -220,7 +229,7 @@ def few_noisy(cube: xr.Dataset) -> str:
     return _noisy(
         "few-noisy",
         cube,
-        _doubled(cube),
+        _double_counts(cube),
         few=few,
         many=many,
         noise=SHOWN_NOISES_PX[1],
@@ -239,11 +248,11 @@ def few_noisy(cube: xr.Dataset) -> str:
     )
 
 
-def mistakes(cube: xr.Dataset) -> str:
+def list_mistakes(cube: xr.Dataset) -> str:
     """List the cost of wrong noise and outliers for *interval*, and state it in numbers."""
     names = [str(one) for one in cube["approach"].values]
     squares, centre, interval = (cube["mistaken_error"].sel(approach=name) for name in names)
-    doubled, rows = _doubled(cube), []
+    doubled, rows = _double_counts(cube), []
     for mistake, (noise, _, _) in ASSUMED_MISTAKES.items():
         for count in doubled[1::2] if len(doubled) > 1 else doubled:
             at = cube.sel(mistake=mistake, count=count)
@@ -282,21 +291,21 @@ _PAIR_ERRORS = ("drawn_pair_error", "drawn_pair_noise_error")
 Table = Callable[[xr.Dataset], str]
 TABLES: dict[str, Table] = {
     "motion": partial(_fill, "motion", drawn=("drawn_motion_error",)),
-    "settings": settings,
-    "cone": cone,
-    "exponents": exponents,
+    "settings": list_settings,
+    "cone": list_cone_errors,
+    "exponents": list_exponents,
     "pairs": partial(_fill, "pairs", drawn=_PAIR_ERRORS),
-    "shares": shares,
-    "estimators": estimated,
-    "noisy": noisy,
-    "mistakes": mistakes,
+    "shares": list_shares,
+    "estimators": list_estimators,
+    "noisy": list_noisy,
+    "mistakes": list_mistakes,
     "refined": partial(_fill, "refined"),
-    "dither": dithered,
+    "dither": list_dither,
 }
 PIECES: dict[str, Table] = {
-    "settings": settings,
-    "findings": findings,
-    "shares": partial(shares, short=True),
+    "settings": list_settings,
+    "findings": list_findings,
+    "shares": partial(list_shares, short=True),
     "noisy": few_noisy,
     **{name: TABLES[name] for name in ("pairs", "estimators", "mistakes", "refined", "dither")},
 }

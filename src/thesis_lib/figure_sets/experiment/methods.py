@@ -16,34 +16,34 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
-from thesis_lib.measure.calibration.rig import alike, cameras_in
-from thesis_lib.measure.calibration.zhang import central, zhang
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
+from thesis_lib.measure.calibration.rig import cameras_in, single_threaded_opencv
+from thesis_lib.measure.calibration.zhang import calibrate_camera, central_corners
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
-    amplitude,
-    deviation,
+    amplitude_std,
+    combine_fit,
+    deflection_amplitude,
     fit_harmonics,
-    fitted,
     mean_of,
 )
-from thesis_lib.measure.fitting.reconstruction import checked_frame
+from thesis_lib.measure.fitting.reconstruction import check_frame
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.recordings.validation import check, markers_of
-from thesis_lib.measure.steps import calibrated, heard, tracked
+from thesis_lib.measure.recordings.validation import check_files, markers_of
+from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.synchronise import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera, resized, undistorted
+from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
 
 MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATION_METHODS = ("literal", "full")
-RECORDING_VARIABLES = declared("""
+RECORDING_VARIABLES = parse_variables("""
     tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
     matches(camera, width, frame, axis, marker) [px] marker centres by the template match
         alone, lens distortion included
@@ -66,7 +66,7 @@ RECORDING_VARIABLES = declared("""
 """)
 
 
-@alike()
+@single_threaded_opencv()
 def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
@@ -74,13 +74,13 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     poses refined in common, in the frame of the first shot.
     """
     board = manifest.board.board
-    used = corners[..., central(board)]
+    used = corners[..., central_corners(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
-        zhang(list(own), small, camera.size, True, camera.name).camera()
+        calibrate_camera(list(own), small, camera.size, True, camera.name).camera()
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
-    return adjust(used, small.corners, cameras, intrinsics=False, distortion=False)
+    return adjust_bundle(used, small.corners, cameras, intrinsics=False, distortion=False)
 
 
 def measure_recordings(
@@ -114,15 +114,15 @@ def measure_recordings(
     ChainError
         If what the cameras see does not fit together.
     """
-    clocks = check(manifest, folder)
+    clocks = check_files(manifest, folder)
     _check_even(manifest, folder, clocks)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
-    calibration, sound = calibrated(manifest, folder, steps), heard(manifest, folder, steps)
+    calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
     if not sound["force"].values.any():
         raise ManifestError('excitation.sound: given "room", allowed here: "force"')
     shares = [width / full for width in widths]
-    followed = tracked(manifest, folder, steps, calibration, sound, clocks, shares)
+    followed = track_markers(manifest, folder, steps, calibration, sound, clocks, shares)
     data = join_steps(manifest, widths, calibration, sound, followed)
     check_grid(data, markers_of(manifest))
     return data
@@ -154,8 +154,8 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
     cameras = read_cameras(data, "full", int(data["width"].max()))
-    rest = np.array([undistorted(c, own) for c, own in zip(cameras, raw, strict=True)])
-    checked_frame(cameras, rest, markers)
+    rest = np.array([undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
+    check_frame(cameras, rest, markers)
 
 
 def join_steps(
@@ -212,7 +212,7 @@ def join_steps(
         "synchronisation": sound.attrs["synchronisation"],
     }
     return xr.Dataset(
-        labelled({name: values[name] for name in RECORDING_VARIABLES}, RECORDING_VARIABLES),
+        label_values({name: values[name] for name in RECORDING_VARIABLES}, RECORDING_VARIABLES),
         coords,
         told,
     )
@@ -223,7 +223,7 @@ def read_cameras(data: xr.Dataset, calibration: str, width: int | None = None) -
     cameras = cameras_in(data.sel(calibration=calibration))
     if width is None:
         return cameras
-    return [resized(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
+    return [resize_camera(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
 
 
 MAX_HARMONIC_ORDER = 2  # harmonics that are fitted
@@ -288,7 +288,7 @@ def select_tracks(
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
             harmonics[i] = replace(own, sigma=np.sqrt(mean_of(off[steady[i]] ** 2)))
-    fit = fitted(cameras, harmonics, rest, markers)
+    fit = combine_fit(cameras, harmonics, rest, markers)
     delays = data["delay"].values[index]
     whole = whole_frames(delays - delays[0], rates[0])
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
@@ -297,7 +297,7 @@ def select_tracks(
 def _undistort_tracks(cameras: list[Camera], raw: Array) -> Array:
     """Return tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
-        [lens.undistorted_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
+        [lens.undistort_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
     )
 
 
@@ -345,15 +345,15 @@ def measure_deflection(
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
-        shape = rc.real_shape(amplitude(tracks, omega, exposures), instant.phase)
-        return shape, deviation(tracks, omega, exposures)
+        shape = rc.real_shape(deflection_amplitude(tracks, omega, exposures), instant.phase)
+        return shape, amplitude_std(tracks, omega, exposures)
     if method in WHOLE_FRAMES:
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
         uv = np.stack(
             [
-                rc.interpolate(times, own, instant.times[0], INTERPOLATED_FRAMES)
+                rc.interpolate_frames(times, own, instant.times[0], INTERPOLATED_FRAMES)
                 for times, own in zip(tracks.times, tracks.uv, strict=True)
             ]
         )
@@ -381,7 +381,7 @@ def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
 def interpolation_gain(fraction: float) -> float:
     """Return the root of the summed squares of the interpolation's weights."""
     nodes = np.arange(INTERPOLATED_FRAMES)
-    weights = rc.interpolate(
+    weights = rc.interpolate_frames(
         nodes,
         np.eye(INTERPOLATED_FRAMES),
         INTERPOLATED_FRAMES / 2 - 1 + fraction,

@@ -23,11 +23,11 @@ from thesis_lib.figure_sets.experiment.sketches import (
     camera_letters,
     tip_marker,
 )
-from thesis_lib.measure.calibration.zhang import central
+from thesis_lib.measure.calibration.zhang import central_corners
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
-from thesis_lib.measure.tracking.follow import reduced
-from thesis_lib.plotting.style import CYCLE_COLORS, in_style, mosaic, subplots
+from thesis_lib.measure.tracking.follow import reduce_frame
+from thesis_lib.plotting.style import CYCLE_COLORS, in_style, make_mosaic, subplots
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
@@ -104,7 +104,7 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     with in_style():
         figure, grid = subplots(
             2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
@@ -128,7 +128,7 @@ def draw_board(data: xr.Dataset) -> Figure:
     corners = data["picture_corners"].transpose("axis", "corner").values
     shape = Board()
     nx = shape.shape[0]
-    part = central(shape)
+    part = central_corners(shape)
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     with in_style():
@@ -166,13 +166,13 @@ def draw_outline(data: xr.Dataset) -> Figure:
     picture = data["picture_first"].values
     corners = data["picture_outline"].transpose("axis", "outline").values
     centres = data["picture_centres"].transpose("axis", "marker").values
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     row, limits = markers.columns, picture.shape[::-1]
     ends = {"tip": [row - 3, row - 1, 3 * row - 3, 3 * row - 1],
             "clamped end": [0, 2, 2 * row, 2 * row + 2]}  # fmt: skip
     tints = {"tip": GREEN, "clamped end": PINK}
     with in_style():
-        figure, panels = mosaic(
+        figure, panels = make_mosaic(
             [["all", "all"], ["tip", "clamped end"]],
             figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
         )  # fmt: skip
@@ -211,13 +211,13 @@ def _end_height(corners: Array, n: int) -> float:
 def draw_plane(data: xr.Dataset) -> Figure:
     """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     origin = np.full((2, 1), tracker.THESIS_REACH_M)
     found = data["picture_matches"].transpose("axis", "match").values
     grid, matches = (
         tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (markers.positions, found)
     )
-    places, _ = tracker.assign(markers.positions, found, tracker.gate_of(markers))
+    places, _ = tracker.assign_places(markers.positions, found, tracker.gate_of(markers))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
@@ -248,7 +248,7 @@ def draw_plane(data: xr.Dataset) -> Figure:
 
 def draw_centres(data: xr.Dataset) -> Figure:
     """Draw marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
     row = markers.columns
     still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
@@ -279,7 +279,7 @@ def draw_centres(data: xr.Dataset) -> Figure:
 def draw_widths(data: xr.Dataset) -> Figure:
     """Draw three columns of markers at every width, and what tracking makes of them."""
     full = data["picture_first"].values
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     row, middle = markers.columns, markers.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
@@ -290,7 +290,7 @@ def draw_widths(data: xr.Dataset) -> Figure:
             layout="constrained", squeeze=False,
         )  # fmt: skip
         for axes, width in zip(grid.flat, reversed(every), strict=False):
-            small = reduced(full, width)
+            small = reduce_frame(full, width)
             if width == data.sizes["column_low"]:
                 small = data["picture_low"].values
             _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])

@@ -24,9 +24,9 @@ from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
-    color,
+    cycle_color,
     in_style,
-    mosaic,
+    make_mosaic,
     subplots,
 )
 
@@ -51,7 +51,7 @@ def tip_marker(markers: Markers) -> int:
 
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     found = shapes.select_tracks(
         data, markers, camera_letters(data), int(data["width"].max()), "full"
     )
@@ -77,11 +77,11 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
     """
     hidden = [np.linalg.norm(places - place[:, None], axis=0) < 20 for place in places.T]
     for i, (place, look) in enumerate(zip(places.T, looks.T, strict=True)):
-        axes.plot(*np.stack([place, [0, 0]]).T, color=color(i), linewidth=0.9, zorder=1)
+        axes.plot(*np.stack([place, [0, 0]]).T, color=cycle_color(i), linewidth=0.9, zorder=1)
         ahead = 38 * look / np.linalg.norm(look)
         side = 0.5 * np.array([-ahead[1], ahead[0]])
         body = np.array([place, place - ahead + side, place - ahead - side])
-        axes.add_patch(Polygon(body, color=color(i), zorder=4))
+        axes.add_patch(Polygon(body, color=cycle_color(i), zorder=4))
         if np.argmax(hidden[i]) == i:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
             aside = 1 + 0.9 * (len(letters) > 1)
@@ -206,7 +206,7 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     _draw_measure(
         axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
     )
-    force = tuple(1e3 * setups.beam().force_point[:, 0])
+    force = tuple(1e3 * setups.thesis_beam().force_point[:, 0])
     axes.plot(*force, "X", color=CYCLE_COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
     axes.annotate(
         "shaker beneath",
@@ -279,11 +279,11 @@ def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
         Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=SKETCH_INK, linewidth=0.8)
     )
     ends = corners + RESIDUAL_FACTOR * unit * residual
-    axes.add_patch(_draw_segments(corners, ends, color(index), 0.7))
+    axes.add_patch(_draw_segments(corners, ends, cycle_color(index), 0.7))
     axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
-    row = still.transpose("axis", "marker").values[:, rows_on(setups.beam()).middle_row]
+    row = still.transpose("axis", "marker").values[:, rows_on(setups.thesis_beam()).middle_row]
     axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
     bar = 0.01 * RESIDUAL_FACTOR * unit
     axes.plot(
@@ -319,12 +319,12 @@ def draw_sound(data: xr.Dataset) -> Figure:
     whole = data["delay_frames"].values / data["frame_rate"].values
     begin = float(data["steady"][0])
     with in_style():
-        figure, panels = mosaic(
+        figure, panels = make_mosaic(
             [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
         )
         top, below = panels["own"], [panels["whole"], panels["part"]]
         for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
-            top.plot(seconds, own - i, color=color(i), linewidth=0.9)
+            top.plot(seconds, own - i, color=cycle_color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
             top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
         top.set(
@@ -341,7 +341,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
             for i, own in enumerate(signal):
                 time = 1000 * (seconds + shift[i] - middle)
                 near = np.abs(time) < 30
-                axes.plot(time[near], own[near], color=color(i), linewidth=1.3)
+                axes.plot(time[near], own[near], color=cycle_color(i), linewidth=1.3)
             axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
             axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
             axes.set_ylim(-0.45, 0.5)
@@ -367,7 +367,7 @@ def _find_crossing(time: Array, signal: Array, before: float) -> float:
 
 def draw_tracks(data: xr.Dataset) -> Figure:
     """Draw one marker in four cameras: on their clocks, on one clock, and the residual."""
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     every = data["tracks"].sel(width=data["width"].max(), axis="v")
     v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
@@ -378,7 +378,7 @@ def draw_tracks(data: xr.Dataset) -> Figure:
             3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
         )
         for i, name in enumerate(camera_letters(data)):
-            ink: Any = {"color": color(i)}
+            ink: Any = {"color": cycle_color(i)}
             dots: Any = {**ink, "markersize": 3.5}
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest

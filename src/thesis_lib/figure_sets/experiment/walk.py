@@ -22,7 +22,7 @@ from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.plotting.style import saved, slices
+from thesis_lib.plotting.style import iterate_slices, save_figure
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 
@@ -53,7 +53,9 @@ def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     paths = []
     for name, draw in WALK_FIGURES.items():
         path = folder / file_name(name)
-        content = _encode_webp(draw(data)) if path.suffix == ".webp" else saved(draw(data), "svg")
+        content = (
+            _encode_webp(draw(data)) if path.suffix == ".webp" else save_figure(draw(data), "svg")
+        )
         files.whole_file(path, partial(Path.write_bytes, data=content))
         paths.append(path)
     return paths
@@ -61,7 +63,7 @@ def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
 
 def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
-    file = io.BytesIO(saved(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth()))
+    file = io.BytesIO(save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth()))
     picture, files = Image.open(file).convert("RGB"), (io.BytesIO(), io.BytesIO())
     for file, lossless in zip(files, (True, False), strict=True):
         picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)
@@ -86,7 +88,7 @@ def _phase_loss(data: xr.Dataset, frames: float) -> float:
 def _synchronisation(data: xr.Dataset) -> dict[str, Any]:
     """Compare delays in whole frames with the true ones."""
     cameras = []
-    for one in list(slices(data, "camera"))[1:]:
+    for one in list(iterate_slices(data, "camera"))[1:]:
         true = float(one["true_delay"] * one["frame_rate"])
         cameras.append((one, true, _phase_loss(data, float(one["delay_frames"]) - true)))
     return {"cameras": cameras}
@@ -110,7 +112,7 @@ def _matches(data: xr.Dataset) -> dict[str, Any]:
     """Return how far the tip seems to move on the plane at rest."""
     given = _parameters(data)
     sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": markers}
 
 
@@ -119,14 +121,14 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
     given, narrow = _parameters(data), int(data["width"].min())
     camera = data.sel(calibration="full").isel(camera=0)
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
-    length = 1000 * rows_on(setups.beam()).diameter * focal / given["distance_mm"]
+    length = 1000 * rows_on(setups.thesis_beam()).diameter * focal / given["distance_mm"]
     height = length * np.sin(np.radians(given["elevation_deg"]))
     return {"narrow": narrow, "length_px": length, "height_px": height}
 
 
 def _steps(data: xr.Dataset) -> dict[str, Any]:
     """Measure the deflection by the four methods, and the frame it is measured in."""
-    given, beam, instant, found = _parameters(data), setups.beam(), _instant(data), []
+    given, beam, instant, found = _parameters(data), setups.thesis_beam(), _instant(data), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
     tracks = {name: _tracks(data, name) for name in ("literal", "full")}
@@ -151,20 +153,20 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _instant(data: xr.Dataset) -> methods.Instant:
-    return methods.find_maxima(data, setups.beam().damping)
+    return methods.find_maxima(data, setups.thesis_beam().damping)
 
 
 def _tracks(data: xr.Dataset, calibration: str, matched: bool = False) -> methods.Tracks:
     """Return the tracks of all cameras at the largest width."""
     names, widest = "".join(data["camera"].values.tolist()), int(data["width"].max())
-    markers = rows_on(setups.beam())
+    markers = rows_on(setups.thesis_beam())
     return methods.select_tracks(data, markers, names, widest, calibration, matched)
 
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
     """Return what the literal method loses to the missed maximum and to whole frames alone."""
     row, instant, tracks = (
-        rows_on(setups.beam()).middle_row,
+        rows_on(setups.thesis_beam()).middle_row,
         _instant(data),
         _tracks(data, "literal"),
     )
@@ -205,7 +207,7 @@ TEXT_VALUES: dict[str, Callable[[xr.Dataset], dict[str, Any]]] = {
 
 def fill_text(data: xr.Dataset, name: str) -> str:
     """Fill in a table or paragraph of the page."""
-    return render(__file__, name, data=data, slices=slices, **TEXT_VALUES[name](data))
+    return render(__file__, name, data=data, slices=iterate_slices, **TEXT_VALUES[name](data))
 
 
 def write_all(folder: Path) -> None:

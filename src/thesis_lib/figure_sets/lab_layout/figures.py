@@ -22,23 +22,23 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_layout.optima import (
     TEXTS,
-    expected_errors,
     find_optimum,
     law_ratios,
+    predict_errors,
     select_complete,
 )
 from thesis_lib.plotting.panels import setup_panel
-from thesis_lib.plotting.selection import select
+from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
-    color,
+    cycle_color,
     draw_curves,
     subplots,
 )
 from thesis_lib.studies.cubes import trials_are
-from thesis_lib.studies.fields import unit
+from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 __all__ = ["TEXTS", "figure"]
@@ -63,7 +63,7 @@ VARIED_NAMES = {
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of a case."""
-    part = select(cube, case, mode)
+    part = select_settings(cube, case, mode)
     return draw_sets(part) if case == "subsets" else _draw_sweep(cube, part)
 
 
@@ -93,7 +93,7 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticklabels([f"{value:g}" for value in values])
     varied = str(part["parameter"].values[0])
-    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {unit(varied)}")
+    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {unit_of_field(varied)}")
     axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
 
 
@@ -106,13 +106,13 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
         label = f"5–95 % of {trials_are(part)}"
         axes.vlines(values, low, high, color=CYCLE_COLORS[0], linewidth=1.4, label=label)
         style: Any = {"color": CYCLE_COLORS[0], "markersize": 4}
-        axes.plot(values, expected_errors(part), "o", label="rms over these", **style)
+        axes.plot(values, predict_errors(part), "o", label="rms over these", **style)
     style = {"markerfacecolor": "none", "color": HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **style)
     whole = select_complete(part)
     best = None
     if part["parameter"].values[0] == "elevation_deg":
-        best = find_optimum(whole["value"].values, expected_errors(whole))
+        best = find_optimum(whole["value"].values, predict_errors(whole))
     if best is not None:
         axes.axvspan(best.low, best.high, color=CYCLE_COLORS[0], alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
@@ -162,14 +162,14 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
-    error = expected_errors(part)
+    error = predict_errors(part)
     if np.isfinite(error).any():
         for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
             one, name = (
                 part.isel(setting=index),
                 "best" if index == np.nanargmin(error) else "worst",
             )
-            style: Any = {"color": color(index), "linewidth": 1}
+            style: Any = {"color": cycle_color(index), "linewidth": 1}
             label = f"{one['label'].item()} ({name})"
             axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **style)
         axes.legend()
@@ -192,7 +192,7 @@ def draw_sets(part: xr.Dataset) -> Figure:
     parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
     _draw_plans(parts[0, 0], part)
     count = part["n_cameras"].values
-    tones = {int(n): color(i) for i, n in enumerate(np.unique(count))}
+    tones = {int(n): cycle_color(i) for i, n in enumerate(np.unique(count))}
     _against_the_law(parts[0, 1].subplots(), part, tones)
     _draw_ratio(parts[1, 0].subplots(), part)
     _by_number(parts[1, 1].subplots(), part)
@@ -201,12 +201,12 @@ def draw_sets(part: xr.Dataset) -> Figure:
 
 def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     """Draw plans of the best and the worst sets of two, three and four cameras."""
-    error, count = expected_errors(part), part["n_cameras"].values
+    error, count = predict_errors(part), part["n_cameras"].values
     shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
     panels = place.subplots(2, max(len(shown), 1), squeeze=False)
     every = _camera_places(part.isel(setting=int(np.argmax(count))))
     reach = 1.25 * np.abs(every).max()
-    length, width = (1000 * side for side in setups.beam().extent)
+    length, width = (1000 * side for side in setups.thesis_beam().extent)
     for column, n in enumerate(shown):
         own = np.flatnonzero((count == n) & np.isfinite(error))
         order = own[np.argsort(error[own], kind="stable")]
@@ -246,7 +246,7 @@ def _camera_places(setting: xr.Dataset) -> Array:
 
 
 def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
-    law, error = part["predicted_error"].values, expected_errors(part)
+    law, error = part["predicted_error"].values, predict_errors(part)
     literal, count = part["mean_error"].values[:, 0], part["n_cameras"].values
     axes.plot(law, literal, ".", color=PALE_GREY, markersize=3, label="rendered run")
     for n, tone in tones.items():
@@ -280,7 +280,7 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
 
 
 def _by_number(axes: Axes, part: xr.Dataset) -> None:
-    error, count = expected_errors(part), part["n_cameras"].values
+    error, count = predict_errors(part), part["n_cameras"].values
     known = np.isfinite(error)
     n = np.unique(count[known])
     if not len(n):

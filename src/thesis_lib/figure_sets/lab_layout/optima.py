@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.plotting.style import slices
+from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.studies.cubes import trials_are
 
 MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
@@ -30,7 +30,7 @@ def part_of(cube: xr.Dataset, case: str) -> xr.Dataset:
     return cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
 
 
-def expected_errors(part: xr.Dataset) -> Array:
+def predict_errors(part: xr.Dataset) -> Array:
     """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
     error = part["mean_error"].transpose("setting", "trial").values
     drawn = error[:, 1:] if error.shape[1] > 1 else error
@@ -39,7 +39,7 @@ def expected_errors(part: xr.Dataset) -> Array:
 
 def law_ratios(part: xr.Dataset) -> Array:
     """Return error over the trials divided by the law's prediction, (settings,)."""
-    return np.asarray(expected_errors(part) / part["predicted_error"].values, float)
+    return np.asarray(predict_errors(part) / part["predicted_error"].values, float)
 
 
 def one_sided(part: xr.Dataset) -> Mask:
@@ -111,7 +111,7 @@ def select_viewable(cube: xr.Dataset) -> xr.Dataset:
         if case == "subsets":
             part = cube.isel(setting=rows, mode=0)
             error, count = (
-                np.nan_to_num(expected_errors(part), nan=np.inf),
+                np.nan_to_num(predict_errors(part), nan=np.inf),
                 part["n_cameras"].values,
             )
             groups = [np.flatnonzero(count == n) for n in np.unique(count)]
@@ -132,7 +132,7 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
     settings = []
     for case in list_cases(cube):
         part = part_of(cube, case)
-        for one in list(slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
+        for one in list(iterate_slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
             drawn = one["mean_error"].values[1:]
             trials = None
             if len(drawn) and np.isfinite(drawn).all():
@@ -146,7 +146,7 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
     optima = []
     for case in list_cases(cube):
         part = select_complete(part_of(cube, case))
-        best, drawn = find_optimum(part["value"].values, expected_errors(part)), trial_optima(part)
+        best, drawn = find_optimum(part["value"].values, predict_errors(part)), trial_optima(part)
         height, spread = 0.0, np.quantile(drawn, [0.05, 0.95]) if len(drawn) else None
         if best is not None:
             height = np.interp(
@@ -155,7 +155,7 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
                 part["image_height"].values,
             )
         optima.append((case, part, best, spread, height))
-    every = list(slices(cube, "setting"))
+    every = list(iterate_slices(cube, "setting"))
     return {
         "optima": optima,
         "unfound": [one for one in every if one["lost"] == 1],
@@ -169,7 +169,7 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
     if "distance" not in list_cases(cube):
         return {"powers": None}
     part = part_of(cube, "distance")
-    error = expected_errors(part)
+    error = predict_errors(part)
     known = np.isfinite(error)
     if np.count_nonzero(known) < 2:
         return {"powers": []}
@@ -194,7 +194,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     count, law, error = (
         part["n_cameras"].values,
         part["predicted_error"].values,
-        expected_errors(part),
+        predict_errors(part),
     )
     known = np.isfinite(error)
     best_pair = np.nanmin(error[count == 2], initial=np.inf)
@@ -235,7 +235,7 @@ def compare_cameras(cube: xr.Dataset) -> dict[str, Any]:
         return {"shares": None}
     part = part_of(cube, "subsets")
     names_of = [frozenset(label.split("–")) for label in part["label"].values]
-    error = dict(zip(names_of, expected_errors(part).tolist(), strict=True))
+    error = dict(zip(names_of, predict_errors(part).tolist(), strict=True))
     every, whole = max(error, key=len), part.isel(setting=-1)
     shares = []
     for number, name in enumerate(sorted(every)):

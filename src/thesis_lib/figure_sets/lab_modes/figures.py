@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
+from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     MATH_STYLE,
     REFERENCE_COLOR,
-    color,
-    slices,
+    cycle_color,
+    iterate_slices,
     subplots,
 )
 
@@ -29,7 +29,7 @@ MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disa
 
 def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bending along the axis, what the edge rows do next to it, and bars."""
-    part = select(cube, case, mode)
+    part = select_settings(cube, case, mode)
     chosen = best_and_worst(part)
     drawing, axes = subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
     figures.setup_panel(axes[0, 0], cube, part)
@@ -38,10 +38,10 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     axis, bending = rows[len(rows) // 2], axes[0, 1]
     true = 1000 * part["reference_deflection"].values[axis]
     bending.plot(x[axis], true, color=REFERENCE_COLOR, linewidth=3, label="true")
-    for index, word in zip(chosen, ranking(part), strict=False):
+    for index, word in zip(chosen, rank_settings(part), strict=False):
         measured = 1000 * part["measured_deflection"].values[index, 0, axis]
         label = f"{part['label'].values[index]}, {word}"
-        bending.plot(x[axis], measured, ".-", color=color(index), linewidth=1, label=label)
+        bending.plot(x[axis], measured, ".-", color=cycle_color(index), linewidth=1, label=label)
     bending.set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     bending.legend()
     _torsion_panel(axes[1, 0], part, rows, chosen)
@@ -59,7 +59,7 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
         axes.plot(x[row], true[row], color=REFERENCE_COLOR, linewidth=2)
         for index in chosen:
             measured = part["quadrature_deflection"].values[index] * 1e6
-            axes.plot(x[row], measured[row], mark, color=color(index), markersize=3.5)
+            axes.plot(x[row], measured[row], mark, color=cycle_color(index), markersize=3.5)
         axes.plot([], [], mark, color=grey, markersize=4, label=name)
     axes.plot([], [], color=REFERENCE_COLOR, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():
@@ -98,14 +98,14 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
 
 def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Mark one variable over another, each frame rate in its colour."""
-    for r, one in enumerate(slices(part, "frame_rate")):
+    for r, one in enumerate(iterate_slices(part, "frame_rate")):
         label = f"{one['frame_rate'].item():g} fps"
-        axes.plot(one[x], one[y], "o", markersize=4, color=color(r), label=label)
+        axes.plot(one[x], one[y], "o", markersize=4, color=cycle_color(r), label=label)
 
 
 def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     rate = float(one["frame_rate"])
-    axes.plot(one["spectrum_frequency"], one["spectrum"], color=color(number), linewidth=1.2)
+    axes.plot(one["spectrum_frequency"], one["spectrum"], color=cycle_color(number), linewidth=1.2)
     true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
     ink = HIGHLIGHT_COLOR if aliased else LINE_BLACK
@@ -135,7 +135,9 @@ def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
 def _frequency(cube: xr.Dataset) -> dict[str, Any]:
     """Return the disagreement of the cameras at the best two aliases of each mode and rate."""
     rates = []
-    for one in (own for of in slices(cube, "mode") for own in slices(of, "frame_rate")):
+    for one in (
+        own for of in iterate_slices(cube, "mode") for own in iterate_slices(of, "frame_rate")
+    ):
         misfits = np.sort(one["misfit"].values)
         rates.append((one, [*misfits, np.nan][:2]))
     return {"rates": rates}
@@ -145,7 +147,7 @@ def _conditions(cube: xr.Dataset) -> dict[str, Any]:
     """Return, mode by mode, the error of a known frequency that costs 1 %."""
     frames = json.loads(cube.attrs["parameters"])["frames"]
     slowest, cycles, modes = float(cube["frame_rate"].min()), np.linspace(0, 1, 2001), []
-    for one in slices(cube, "mode"):
+    for one in iterate_slices(cube, "mode"):
         shape = one["reference_deflection"].values
         rms = 100 * np.sqrt(np.mean(shape**2)) / np.abs(shape).max()
         allowed = np.interp(1, rms * detuning_loss(cycles, frames), cycles)
@@ -156,11 +158,13 @@ def _conditions(cube: xr.Dataset) -> dict[str, Any]:
 def _results(cube: xr.Dataset) -> dict[str, Any]:
     """Return median errors of the four ways, by mode and frame rate."""
     cases, rates = list(dict.fromkeys(cube["case"].values.tolist())), []
-    for of in slices(cube, "mode"):
+    for of in iterate_slices(cube, "mode"):
         median = of["mean_error"].isel(trial=slice(1, None)).median("trial").values
         by_case = [median[of["case"].values == case] for case in cases]
-        rates += list(zip(slices(of, "frame_rate"), zip(*by_case, strict=True), strict=True))
-    known = select(cube, "known", int(cube["mode"].values[-1]))
+        rates += list(
+            zip(iterate_slices(of, "frame_rate"), zip(*by_case, strict=True), strict=True)
+        )
+    known = select_settings(cube, "known", int(cube["mode"].values[-1]))
     return {"cases": cases, "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
 
 

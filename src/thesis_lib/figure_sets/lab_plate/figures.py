@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import draw_map, mosaic, slices
+from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
+from thesis_lib.plotting.style import draw_map, iterate_slices, make_mosaic
 from thesis_lib.studies import cubes
 
 CASE_TITLES = {
@@ -33,8 +33,8 @@ ERROR_NAMES = {
 
 def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw setup, errors of deflection and sound, and maps of both and of their errors."""
-    part = select(cube, case, mode)
-    drawing, axes = mosaic(
+    part = select_settings(cube, case, mode)
+    drawing, axes = make_mosaic(
         "abc;def;ghi", figsize=(8.2, 6.6), layout="constrained", height_ratios=[1.3, 1, 1.1]
     )
     figures.setup_panel(axes["a"], cube, part)
@@ -56,7 +56,7 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     chosen = best_and_worst(part)
     words = [
         f"{word}:\n{part['label'].values[index]}"
-        for word, index in zip(ranking(part), (chosen[0], chosen[-1]), strict=True)
+        for word, index in zip(rank_settings(part), (chosen[0], chosen[-1]), strict=True)
     ]
     _draw_deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)
     _draw_fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)
@@ -145,7 +145,7 @@ def _results(cube: xr.Dataset) -> dict[str, Any]:
     mode, plane = int(cube["mode"].values[0]), str(cube["plane"].values[0])
     cases = []
     for case in dict.fromkeys(cube["case"].values.tolist()):
-        part = select(cube, case, mode).sel(plane=plane)
+        part = select_settings(cube, case, mode).sel(plane=plane)
         medians = part[["mean_error", "plane_error"]].isel(trial=slice(1, None)).median("trial")
         rounded = part["rounded_error"].values, part["rounded_plane_error"].values
         errors = *(values.values for values in medians.values()), *rounded
@@ -165,11 +165,11 @@ def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
         return {"part": None, "mode": mode}
     part, columns = cube.sel(mode=mode), {}
     for name, word in ERROR_NAMES.items():
-        values = cubes.errors(part)[name].transpose("setting", "trial").values
+        values = cubes.cube_errors(part)[name].transpose("setting", "trial").values
         if np.isnan(values[:, 0]).all():
             continue
         columns[word] = [_format_band(own, name == "power_error") for own in values]
-    predicted = cubes.predicted(part, "mean_error").values
+    predicted = cubes.predicted_value(part, "mean_error").values
     columns["deflection"] = [
         f"{cell} · {cubes.percent_text(float(law))}"
         for cell, law in zip(columns["deflection"], predicted, strict=True)
@@ -178,7 +178,7 @@ def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
         "part": part,
         "columns": columns,
         "nodal": part["plane"].values[np.isnan(part["largest_pressure"].values)].tolist(),
-        "gaps": [one for one in slices(part, "setting") if one["missing"][0] > 0],
+        "gaps": [one for one in iterate_slices(part, "setting") if one["missing"][0] > 0],
     }
 
 
@@ -216,7 +216,7 @@ def _visibility(cube: xr.Dataset) -> dict[str, Any]:
     request = json.loads(cube.attrs["parameters"])
     rate, frames = request["frame_rate_hz"], request["frames"]
     modes = []
-    for one in slices(cube, "mode"):
+    for one in iterate_slices(cube, "mode"):
         best = int(np.argmin(one["predicted_error"].values))
         peak = float(np.abs(one["reference_deflection"]).max())
         noise = float(one["predicted_error"][best]) / 100 * peak

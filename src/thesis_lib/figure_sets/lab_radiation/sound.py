@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stacked_matrix
+from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stack_matrix
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
@@ -31,14 +31,19 @@ from thesis_lib.figure_sets.lab_radiation.structures import (
 from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_structure
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres
-from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify
+from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
 from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
-from thesis_lib.measure.radiation.radiated import ALL_TONES, SURFACE_NODES, count_nodes, radiated
+from thesis_lib.measure.radiation.radiated import (
+    ALL_TONES,
+    SURFACE_NODES,
+    count_nodes,
+    radiate_sound,
+)
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.validation import ChainError
-from thesis_lib.studies.schema import declared
+from thesis_lib.studies.schema import parse_variables
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision import lens
@@ -115,19 +120,19 @@ class MarkerSound:
     @cached_property
     def _squares(self) -> Array:
         """Form of the mean square of a pressure on the plane, of stacked amplitudes."""
-        stacked = stacked_matrix(self.matrix)
+        stacked = stack_matrix(self.matrix)
         return np.asarray(stacked.T @ stacked / len(self.matrix))
 
     def power(self, shape: Amplitudes) -> Estimate:
         """Return sound power in W."""
-        return self._widened(estimates.quadratic(self.power_form, shape))
+        return self._widened(estimates.estimate_quadratic_form(self.power_form, shape))
 
     def efficiency(self, shape: Amplitudes) -> Estimate:
         """Return radiation efficiency."""
-        return self._widened(estimates.ratio(self.power_form, self.plain_form, shape))
+        return self._widened(estimates.estimate_ratio(self.power_form, self.plain_form, shape))
 
     def _widened(self, of: Estimate) -> Estimate:
-        return estimates.widened(of, self._surface.sum_std)
+        return estimates.widen_error(of, self._surface.sum_std)
 
     def field_error(self, shape: Amplitudes) -> float:
         """Return stated rms error of the pressure over the plane, in Pa."""
@@ -170,7 +175,7 @@ TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = (
 TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
 LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
 HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
-TAP_VARIABLES = declared("""
+TAP_VARIABLES = parse_variables("""
     tap_frequency(ringing) [Hz] natural frequency of a mode that rings
     tap_power(ringing) [W] sound power of a mode when the decay begins, as measured
     tap_power_error(ringing) [W] standard error of the sound power of a mode when the decay begins
@@ -187,13 +192,13 @@ TAP_VARIABLES = declared("""
 
 def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
     """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
-    rig = _tapped_rig(study)
+    rig = _tap_rig(study)
     assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
     times = np.arange(0, HEARD_SECONDS, HEARD_STEP / files.SOUND_RATE_HZ)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
-        found = identify(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
+        found = identify_modes(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -209,9 +214,12 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     plane = Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = _as_measured(found)
     shapes = shapes_of(data, np.ones(len(markers[0]), bool))
-    made = radiated(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
+    made = radiate_sound(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
     power = _true_power(rig.motion, found.zero, surface, medium)
-    each = [files.heard(made.isel(tone=[k]), 0)[::HEARD_STEP] for k in range(made.sizes["tone"])]
+    each = [
+        files.audible_pressure(made.isel(tone=[k]), 0)[::HEARD_STEP]
+        for k in range(made.sizes["tone"])
+    ]
     whole = made.sel(band=ALL_TONES)
     return {
         "tap_frequency": made["frequency"].values,
@@ -228,7 +236,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     }
 
 
-def _tapped_rig(study: LabRadiation) -> Rig:
+def _tap_rig(study: LabRadiation) -> Rig:
     """Set up the cameras of the beam's first recording before a beam that is tapped."""
     rig = rig_of(study, "beam", 0)
     x, y = rig.markers.extent
@@ -264,7 +272,7 @@ def _project_centres(rig: Rig, index: int, times: Array) -> Array:
     shapes = rig.motion.shapes(markers.centres)
     deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
     points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
-    return np.moveaxis(lens.project(station.camera, points).mean(axis=2), 0, 1)
+    return np.moveaxis(lens.project_points(station.camera, points).mean(axis=2), 0, 1)
 
 
 def _as_measured(found: Modes) -> xr.Dataset:

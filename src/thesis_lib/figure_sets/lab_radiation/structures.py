@@ -25,7 +25,7 @@ from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.polygons import Point
-from thesis_lib.vibration.structure import modal_coordinates, resonance
+from thesis_lib.vibration.structure import modal_coordinates, resonance_frequency
 
 MOVING_MODES = 40  # that move
 PLATE_THICKNESS_M = 0.003  # m, of the plates
@@ -76,14 +76,16 @@ class Driven:
 
 def thin_plate(grid: tuple[int, int] = MARKER_GRID) -> Plate:
     """Return the thesis's plate, but thin."""
-    return replace(setups.plate(grid), thickness=PLATE_THICKNESS_M, force_position=FORCE_PLACE_M)
+    return replace(
+        setups.thesis_plate(grid), thickness=PLATE_THICKNESS_M, force_position=FORCE_PLACE_M
+    )
 
 
 @cache
 def drive_structure(case: str) -> Driven:
     """Return the structure of a case, with its tone."""
     if case == "beam":
-        beam = setups.beam()
+        beam = setups.thesis_beam()
         row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
         markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
         return _drive_at_mode(beam, markers, _box_corners(beam.extent), 3, "beam, third mode")
@@ -109,7 +111,7 @@ def drive_structure(case: str) -> Driven:
     own = _drive_at_mode(flat, markers, _box_corners(flat.extent), 1, "plate, first mode")
     if case == "plate":
         return own
-    second = resonance(flat, 2) / (2 * np.pi)
+    second = resonance_frequency(flat, 2) / (2 * np.pi)
     between, many = float(np.sqrt(own.frequency * second)), thin_plate(DENSE_GRID)
     dense = Markers(many.extent, many.markers, DENSE_MARKER)
     return Driven(many, dense, own.corners, between, "plate, between two modes")
@@ -123,7 +125,9 @@ def _drive_at_mode(
     name: str,
 ) -> Driven:
     """Drive a structure at the resonance of a mode."""
-    return Driven(structure, markers, corners, resonance(structure, mode) / (2 * np.pi), name)
+    return Driven(
+        structure, markers, corners, resonance_frequency(structure, mode) / (2 * np.pi), name
+    )
 
 
 def _box_corners(extent: tuple[float, float]) -> tuple[Point, ...]:
@@ -132,7 +136,7 @@ def _box_corners(extent: tuple[float, float]) -> tuple[Point, ...]:
 
 
 def _corners_of_l() -> tuple[Point, ...]:
-    given = setups.table("shape", "l")["outline_mm"]
+    given = setups.setup_table("shape", "l")["outline_mm"]
     return tuple((x / 1000, y / 1000) for x, y in given)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics.parameters import MAX_DISTANCE_RATIO, Cameras
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
@@ -25,7 +25,7 @@ ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounde
 ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SENSOR_SIDES = ("width", "height", "diagonal")
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     sensor_size(sensor, side) [m] length on the sensor
     angle_of_view(sensor, side, focal_length) [degree] angle of view
     crop_factor(sensor) [1] diagonal of 36 mm x 24 mm over that of the sensor
@@ -71,7 +71,7 @@ VARIABLES = declared("""
     value(quantity) [1] value to compare, in the unit that the variable unit names
     unit(quantity) [1] unit of the value
 """)
-COORDINATES = declared("""
+COORDINATES = parse_variables("""
     sensor(sensor) [1] sensor
     side(side) [1] side of the sensor
     focal_length(focal_length) [m] focal length
@@ -98,7 +98,7 @@ def run(study: Cameras) -> xr.Dataset:
     """
     cube = xr.Dataset(coords=_coordinates(study))
     for part in (_views, _projections, _horizons, _pictures, _sharpness, _stereo, _summary):
-        cube = cube.assign(labelled(part(cube, study), VARIABLES))
+        cube = cube.assign(label_values(part(cube, study), VARIABLES))
     return cube
 
 
@@ -121,14 +121,14 @@ def _coordinates(study: Cameras) -> dict[str, Any]:
         "shown_distance": np.round(asked, 9),
         "projection": ["pinhole", "one depth"],
         "axis": ["u", "v"],
-        "x": setups.beam().markers[0],
+        "x": setups.thesis_beam().markers[0],
         "width": study.widths_px,
         "colour": ["red", "green", "blue"],
         "stage": ["true", "mosaic", "interpolated"],
         "f_number": study.f_numbers,
         "baseline": np.array(study.baselines_mm) / 1000,
     }
-    return labelled(values, COORDINATES)
+    return label_values(values, COORDINATES)
 
 
 def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
@@ -149,7 +149,7 @@ def _views(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Image the markers by a pinhole and with one depth for all of them (2.1)."""
-    beam = setups.beam()
+    beam = setups.thesis_beam()
     points = world_points(beam, np.zeros(beam.n_markers))
     theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
     images, depths = [], []
@@ -173,16 +173,16 @@ def _projections(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
 def _horizons(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Find the vanishing point of parallel edges by homogeneous coordinates (Appendix C)."""
-    length, width = setups.beam().extent
+    length, width = setups.thesis_beam().extent
     corners = np.array([[[-1, 1], [-1, 1]], [[-1, -1], [1, 1]], [[0, 0], [0, 0]]]) / 2
     corners = corners * np.array([length, width, 0])[:, None, None]  # coordinate, edge, end
     theta, phi = np.radians([[study.azimuth_deg], [study.elevation_deg]])
     points, angles = [], []
     for distance in cube["shown_distance"].values:
         camera = hemisphere_cameras(distance, theta, phi, focal_px(study), study.resolution_px)
-        ends = optics.homogeneous(np.moveaxis(project(camera.P, corners)[0], 0, -1))
-        lines = optics.join(ends[:, 0], ends[:, 1])
-        points.append(optics.from_homogeneous(optics.join(lines[0], lines[1])))
+        ends = optics.append_one(np.moveaxis(project(camera.P, corners)[0], 0, -1))
+        lines = optics.join_homogeneous(ends[:, 0], ends[:, 1])
+        points.append(optics.from_homogeneous(optics.join_homogeneous(lines[0], lines[1])))
         normals = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
         angles.append(np.degrees(np.arcsin(abs(np.linalg.det(normals)))))
     return {"vanishing_point": points, "edge_angle": angles}
@@ -192,8 +192,8 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Draw the beam with coarser and coarser pixels, and through colour filters (2.2)."""
     nearest, focal = min(study.distances_mm) / 1000, study.focal_length_mm / study.sensor_width_mm
     theta, phi = np.radians([study.azimuth_deg, study.elevation_deg])
-    picture = optics_pictures.draw(
-        setups.beam(), nearest, theta, phi, focal, study.marker_mm / 1000
+    picture = optics_pictures.draw_beam(
+        setups.thesis_beam(), nearest, theta, phi, focal, study.marker_mm / 1000
     )
     blocks = [optics_pictures.FINEST_SIZE_PX[0] // width for width in study.widths_px]
     least = min(blocks)
@@ -226,7 +226,7 @@ def _sharpness(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         "far_limit": far,
         "hyperfocal_distance": optics.hyperfocal_distance(focal, N, circle),
         "circle": study.circle_mm * study.resolution_px[0] / study.sensor_width_mm,
-        "magnification": optics.magnification(focal, d),
+        "magnification": optics.image_magnification(focal, d),
     }
 
 
@@ -234,9 +234,9 @@ def _stereo(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Compute the depth error of two parallel cameras (Appendix B)."""
     z, b, f = cube["distance"].values, cube["baseline"].values[:, None], focal_px(study)
     shifts = rounding.grid_shifts(study.seed, study.trials, 2)[1:, :, 0]
-    found = optics.rounded_depth(z, b, f, shifts)
+    found = optics.round_depth(z, b, f, shifts)
     return {
-        "disparity": optics.disparity(z, b, f),
+        "disparity": optics.stereo_disparity(z, b, f),
         "depth_error": optics.depth_error(z, b, f, study.disparity_error_px),
         "rounding_depth_error": optics.depth_error(z, b, f, ROUNDED_PX),
         "rounded_depth_error": np.sqrt(np.mean((found - z) ** 2, axis=0)),

@@ -12,8 +12,8 @@ from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     INK_COLOR,
     REFERENCE_COLOR,
-    color,
-    logarithmic,
+    cycle_color,
+    make_logarithmic,
     subplots,
 )
 
@@ -31,13 +31,13 @@ def view(cube: xr.Dataset) -> Figure:
     for i, sensor in enumerate(cube["sensor"].values):
         one = cube.sel(sensor=sensor)
         width, height = one["sensor_size"].values[:2] * 1000
-        style = {"color": color(i), "lw": 1.2, "marker": "osD^v"[i % 5], "ms": 3.5}
+        style = {"color": cycle_color(i), "lw": 1.2, "marker": "osD^v"[i % 5], "ms": 3.5}
         name = f"{sensor}, {width:g}×{height:g} mm"
         across, diagonal = (one["angle_of_view"].sel(side=s).values for s in ("width", "diagonal"))
         left.plot(f[order], across[order], label=name, **style)
         right.plot(f[order] * float(one["crop_factor"]), diagonal[order], **style)
-    logarithmic(left.xaxis, [10, 20, 50, 100])
-    logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
+    make_logarithmic(left.xaxis, [10, 20, 50, 100])
+    make_logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
     left.set(
         title="(a) across",
         xlabel="focal length f in mm",
@@ -87,7 +87,7 @@ def projection(cube: xr.Dataset) -> Figure:
         right.plot(d, values, label=words, lw=1.5, **style)
         right.plot(d[asked], values[asked], "o", color=style["color"], ms=3.5)
     _distances(right, d)
-    logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
+    make_logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
     right.set(title="(b) the error of one depth")
     right.legend(loc="lower left")
     return drawing
@@ -144,14 +144,14 @@ def sharpness(cube: xr.Dataset) -> Figure:
         part = cube.isel(f_number=i)
         near, far = (part[name].values * 1000 for name in ("near_limit", "far_limit"))
         far = np.where(np.isfinite(far), far, 10 * top)
-        axes.fill_between(d, near, far, color=color(int(i)), alpha=0.18, lw=0)
-        axes.plot(d, near, color=color(int(i)), lw=1.3, label=f"f/{float(part.f_number):g}")
-        axes.plot(d, far, color=color(int(i)), lw=1.3)
+        axes.fill_between(d, near, far, color=cycle_color(int(i)), alpha=0.18, lw=0)
+        axes.plot(d, near, color=cycle_color(int(i)), lw=1.3, label=f"f/{float(part.f_number):g}")
+        axes.plot(d, far, color=cycle_color(int(i)), lw=1.3)
     axes.plot(d, d, color=REFERENCE_COLOR, lw=0.8)
     for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "")):
         axes.plot(d, cube[name].values * 1000, color=INK_COLOR, lw=1, ls="--", label=word or "_")
     _distances(axes, d, "focused distance d in mm")
-    logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
+    make_logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(0.8 * least, top))
     axes.legend(loc="upper left")
     return drawing
@@ -167,9 +167,9 @@ def stereo(cube: xr.Dataset) -> Figure:
             part[name].values * 1000
             for name in ("depth_error", "rounding_depth_error", "rounded_depth_error")
         )
-        axes.plot(d, fine, color=color(i), lw=1.4, label=f"b = {1000 * baseline:g} mm")
-        axes.plot(d, law, color=color(i), lw=1, ls="--")
-        axes.plot(d[::DRAWN_DEPTH_STEP], drawn[::DRAWN_DEPTH_STEP], "o", color=color(i), ms=3)
+        axes.plot(d, fine, color=cycle_color(i), lw=1.4, label=f"b = {1000 * baseline:g} mm")
+        axes.plot(d, law, color=cycle_color(i), lw=1, ls="--")
+        axes.plot(d[::DRAWN_DEPTH_STEP], drawn[::DRAWN_DEPTH_STEP], "o", color=cycle_color(i), ms=3)
     for style, word in (
         ({"ls": "-"}, "fine centres"),
         ({"ls": "--"}, "whole pixels, first order"),
@@ -177,12 +177,12 @@ def stereo(cube: xr.Dataset) -> Figure:
     ):
         axes.plot([], [], color=INK_COLOR, lw=1, label=word, **style)
     _distances(axes, d)
-    logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
+    make_logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")
     axes.legend(ncols=2, columnspacing=1)
     return drawing
 
 
 def _distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
-    logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
+    make_logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
     axes.set(xlim=(d.min(), d.max()), xlabel=label)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.fields import (
     Azimuth,
@@ -20,7 +20,7 @@ from thesis_lib.studies.fields import (
     Several,
     Shifts,
     Width,
-    refuse,
+    refuse_value,
 )
 from thesis_lib.studies.request import Study
 
@@ -58,25 +58,26 @@ class Cameras(Study):
         [800, 1024, 1280, 1600], description="widths of pictures in the formats 4:3 and 3:2"
     )
     focal_length_mm: Positive = Field(
-        reading("beam")["focal_length_mm"], description="focal length of the lens everywhere else"
+        assumed_values("beam")["focal_length_mm"],
+        description="focal length of the lens everywhere else",
     )
     sensor_width_mm: Positive = Field(
-        reading("beam")["sensor_width_mm"], description="width of the sensor everywhere else"
+        assumed_values("beam")["sensor_width_mm"], description="width of the sensor everywhere else"
     )
     resolution_px: SensorSize = Field(
-        tuple(setups.table("beam", "distance")["resolution_px"]),
+        tuple(setups.setup_table("beam", "distance")["resolution_px"]),
         description="width and height of the pictures that are not drawn",
     )
     distances_mm: Several[Positive] = Field(
-        [float(d) for d in setups.table("beam", "distance")["distances_mm"]],
+        [float(d) for d in setups.setup_table("beam", "distance")["distances_mm"]],
         description="distances in the tables; curves go from the least to four times the largest",
     )
     azimuth_deg: Azimuth = Field(
-        float(setups.table("beam", "distance")["azimuth_deg"]),
+        float(setups.setup_table("beam", "distance")["azimuth_deg"]),
         description="azimuth of the camera that looks at the beam",
     )
     elevation_deg: Elevation = Field(
-        float(setups.table("beam", "distance")["elevation_deg"]), description="its elevation"
+        float(setups.setup_table("beam", "distance")["elevation_deg"]), description="its elevation"
     )
     widths_px: Several[PictureWidth] = Field(
         [640, 320, 160, 80],
@@ -117,7 +118,7 @@ class Cameras(Study):
         for distance in self.distances_mm:
             if distance <= reach:
                 allowed = f"more than {reach:.4g} mm, the reach of the beam"
-                refuse("distances_mm", distance, f"allowed: {allowed}")
+                refuse_value("distances_mm", distance, f"allowed: {allowed}")
         if self.focal_length_mm >= min(self.distances_mm):
             self.refuse("focal_length_mm", "allowed: less than the nearest of distances_mm")
         return self

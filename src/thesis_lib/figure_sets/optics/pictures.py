@@ -65,7 +65,7 @@ class BeamPicture:
     def cells(self, block: int) -> NDArray[np.int_]:
         """Return the index of the marker in whose cell each pixel's centre lies, -1 for none."""
         shape = (self.beam.shape[0] // block, self.beam.shape[1] // block)
-        x, y = _seen_points(self.camera, self.top, shape, block)
+        x, y = _plane_points(self.camera, self.top, shape, block)
         markers = self.structure.markers[0] - self.structure.length / 2
         nearest = np.searchsorted((markers[1:] + markers[:-1]) / 2, x)
         inside = np.abs(y) < CELL_RATIO / 2 * self.structure.width
@@ -85,7 +85,7 @@ class BeamPicture:
             return np.stack([sums[1] / sums[0], sums[2] / sums[0]], axis=-1)
 
 
-def draw(
+def draw_beam(
     structure: Beam, distance: float, azimuth: float, elevation: float, focal: float, marker: float
 ) -> BeamPicture:
     """Draw a beam at rest as a camera on the hemisphere sees it.
@@ -119,7 +119,7 @@ def draw(
         )
     )
     shape = ((bottom - top) * RAYS_PER_PIXEL, FINEST_SIZE_PX[0] * RAYS_PER_PIXEL)
-    x, y = _seen_points(camera, top, shape, 1 / RAYS_PER_PIXEL)
+    x, y = _plane_points(camera, top, shape, 1 / RAYS_PER_PIXEL)
     on_beam = (np.abs(x) <= length / 2) & (np.abs(y) <= width / 2)
     places = structure.markers[0] - length / 2
     nearest = places[np.searchsorted((places[1:] + places[:-1]) / 2, x)]
@@ -128,7 +128,7 @@ def draw(
     return BeamPicture(beam, markers, camera, structure, top)
 
 
-def _seen_points(
+def _plane_points(
     camera: CameraArray, top: int, shape: tuple[int, int], size: float
 ) -> tuple[Array, Array]:
     """Return X and Y in m where rays through pixels meet the plane Z = 0, NaN if behind."""
@@ -178,7 +178,7 @@ def colour_loss(picture: BeamPicture, block: int, pattern: str) -> ColourLoss:
     """
     true = picture.colours(block)
     raw = optics.bayer_mosaic(true, pattern)
-    found = optics.demosaic(raw, pattern)
+    found = optics.demosaic_image(raw, pattern)
     masks = optics.bayer_masks(raw.shape, pattern)
     difference = (found - true)[optics.block_means(picture.beam, block) > 0]
     moved = picture.centroids(found, block) - picture.centroids(true, block)

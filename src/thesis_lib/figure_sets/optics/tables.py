@@ -25,12 +25,12 @@ CLAIMED_NUMBERS = {  # claimed numbers of eq. 2.20 by side
 SIDE_WORDS = {"width": "across", "height": "up", "diagonal": "diagonally"}
 
 
-def show(cube: xr.Dataset, name: str) -> Markdown:
+def show_table(cube: xr.Dataset, name: str) -> Markdown:
     """Show one of :data:`TABLES` in a notebook."""
     return Markdown(TABLES[name](cube))
 
 
-def _asked(cube: xr.Dataset, name: str) -> Any:
+def _table_parameter(cube: xr.Dataset, name: str) -> Any:
     """Return a parameter of the run."""
     return json.loads(cube.attrs["parameters"])[name]
 
@@ -46,10 +46,12 @@ def _fill(name: str, cube: xr.Dataset, **values: Any) -> str:
     return render(__file__, name, cube=cube, asked=json.loads(cube.attrs["parameters"]), **values)
 
 
-def sensors(cube: xr.Dataset) -> str:
+def list_sensors(cube: xr.Dataset) -> str:
     """List sizes, crop factors, and the view of the book's lens on each sensor."""
     at = int(
-        np.argmin(np.abs(cube["focal_length"].values - _asked(cube, "focal_length_mm") / 1000))
+        np.argmin(
+            np.abs(cube["focal_length"].values - _table_parameter(cube, "focal_length_mm") / 1000)
+        )
     )
     focal = 1000 * float(cube["focal_length"][at])
     parts = [cube.isel(sensor=i, focal_length=at) for i in range(cube.sizes["sensor"])]
@@ -64,7 +66,7 @@ def normal_lens(cube: xr.Dataset) -> str:
         (SIDE_WORDS[side], one.sel(side=side), numbers[name])
         for side, name in CLAIMED_NUMBERS.items()
     ]
-    nearest = min(_asked(cube, "distances_mm"))
+    nearest = min(_table_parameter(cube, "distances_mm"))
     half = np.radians(float(one["angle_of_view"].sel(side="width"))) / 2
     return _fill(
         "lens",
@@ -72,17 +74,17 @@ def normal_lens(cube: xr.Dataset) -> str:
         rows=rows,
         nearest=nearest,
         seen=2 * nearest * np.tan(half),
-        beam=1000 * setups.beam().length,
+        beam=1000 * setups.thesis_beam().length,
     )
 
 
-def focus(cube: xr.Dataset, short: bool = False) -> str:
+def list_focus(cube: xr.Dataset, short: bool = False) -> str:
     """List sharp depths at each distance, and those of the markers."""
     nearest = _at_distances(cube)[int(np.argmin(cube["shown_distance"].values))]
     return _fill("focus", cube, parts=_at_distances(cube, short), nearest=nearest)
 
 
-def stereo(cube: xr.Dataset, short: bool = False) -> str:
+def list_stereo(cube: xr.Dataset, short: bool = False) -> str:
     """List depth errors of parallel cameras, with fine centres and with whole pixels."""
     ratio = cube["rounded_depth_error"] / cube["rounding_depth_error"]
     return _fill(
@@ -100,23 +102,23 @@ def _along_distances(name: str, cube: xr.Dataset, short: bool = False) -> str:
     return _fill(name, cube, parts=_at_distances(cube, short))
 
 
-def pixels(cube: xr.Dataset) -> str:
+def list_pixels(cube: xr.Dataset) -> str:
     """List the size of a pixel on the beam, contrast of the markers, variance kept."""
     return _fill("pixels", cube, parts=[cube.isel(width=i) for i in range(cube.sizes["width"])])
 
 
-def flows() -> list[tuple[int, int, float]]:
+def pixel_flows() -> list[tuple[int, int, float]]:
     """Return width and pixels of a frame, and frames per second, at a chapter 5 pixel rate."""
-    widths = setups.table("beam", "resolution")["widths_px"]
-    rate = setups.table("experiment", "rig")["frame_rate_hz"]
+    widths = setups.setup_table("beam", "resolution")["widths_px"]
+    rate = setups.setup_table("experiment", "rig")["frame_rate_hz"]
     pixels = {width: width * picture_height(width, 16, 9) for width in widths}
     most = max(pixels.values())
     return [(width, number, rate * most / number) for width, number in pixels.items()]
 
 
-def flow(cube: xr.Dataset) -> str:
+def list_flow(cube: xr.Dataset) -> str:
     """Show what the pixels per second of a chapter 5 camera give at other resolutions."""
-    return _fill("flow", cube, flows=flows())
+    return _fill("flow", cube, flows=pixel_flows())
 
 
 Table = Callable[[xr.Dataset], str]
@@ -124,20 +126,20 @@ projections = partial(_along_distances, "projections")
 TABLES: dict[str, Table] = {
     "angles": partial(_fill, "angles"),
     "projections": projections,
-    "pixels": pixels,
+    "pixels": list_pixels,
     "colours": partial(_fill, "colours"),
-    "focus": focus,
-    "stereo": stereo,
+    "focus": list_focus,
+    "stereo": list_stereo,
 }
 PIECES: dict[str, Table] = {
-    "flow": flow,
+    "flow": list_flow,
     "formats": partial(_fill, "formats"),
-    "sensors": sensors,
+    "sensors": list_sensors,
     "lens": normal_lens,
-    "pixels": pixels,
+    "pixels": list_pixels,
     "colours": partial(_fill, "colours"),
     "horizons": partial(_along_distances, "horizons"),
     "projections": partial(projections, short=True),
-    "focus": partial(focus, short=True),
-    "stereo": partial(stereo, short=True),
+    "focus": partial(list_focus, short=True),
+    "stereo": partial(list_stereo, short=True),
 }

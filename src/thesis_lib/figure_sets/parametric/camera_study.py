@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
 from thesis_lib.studies.fields import (
     Estimator,
@@ -19,15 +19,15 @@ from thesis_lib.studies.fields import (
     Real,
     SensorWidth,
     Several,
-    refuse,
-    shown,
+    format_given,
+    refuse_value,
 )
-from thesis_lib.studies.request import Study, beyond
+from thesis_lib.studies.request import Study, distance_limit
 from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
-BEAM_READING = reading("beam")
+BEAM_READING = assumed_values("beam")
 CAMERA_CONDITIONS = {
     "amplitude_mm": 'allowed: a number, a list with one for each mode, or "force"',
     "cases": "allowed: at least one, or layouts",
@@ -130,7 +130,7 @@ def _check_memory(study: CameraStudy) -> None:
     deflections = markers * len(study.modes) * settings * (study.trials + 1)
     needed = BYTES_PER_DEFLECTION * deflections
     if needed > MAX_MEMORY_BYTES:
-        refuse(
+        refuse_value(
             "trials",
             study.trials,
             f"which with {settings} settings and {len(study.modes)} modes would need "
@@ -145,14 +145,16 @@ def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
     name = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
     for setting in settings:
         if setting.distance_mm <= reach:
-            refuse(name, setting.distance_mm, beyond(reach))
+            refuse_value(name, setting.distance_mm, distance_limit(reach))
 
 
 def _check_directions(setting: Setting) -> None:
     for azimuth, elevation in setting.directions_deg:
         if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
-            refuse(
-                "directions_deg", [azimuth, elevation], DIRECTION_TEXT.format(shown(setting.case))
+            refuse_value(
+                "directions_deg",
+                [azimuth, elevation],
+                DIRECTION_TEXT.format(format_given(setting.case)),
             )
 
 
@@ -169,4 +171,6 @@ def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
         else:
             field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        refuse(field, given, COINCIDENT_TEXT.format(shown(setting.case), setting.label))
+        refuse_value(
+            field, given, COINCIDENT_TEXT.format(format_given(setting.case), setting.label)
+        )

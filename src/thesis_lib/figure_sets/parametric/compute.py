@@ -18,19 +18,19 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies.blocks import Block, computed, runs_of_trials
+from thesis_lib.studies.blocks import Block, compute_blocks, runs_of_trials
 from thesis_lib.studies.schema import (
     REFERENCE_VARIABLE,
     SHORT_TYPES,
     VARIABLES,
     camera_places,
-    coordinates,
-    labelled,
+    label_values,
+    study_coordinates,
 )
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
-from thesis_lib.vision.simulation import measure, modal_assurance, percent_errors
+from thesis_lib.vision.simulation import measure_deflections, modal_assurance, percent_errors
 
 
 def block_results(
@@ -61,7 +61,7 @@ def block_results(
         noise = noise_px * rounding.image_noise(
             seed, trials.stop - 1, modes, len(cameras), markers, trials.start
         )
-    measured = measure(
+    measured = measure_deflections(
         cameras, points, shifts, rest_is_known, estimator, noise=noise, noise_px=noise_px
     )
     point, mean, largest = percent_errors(measured, reference)
@@ -96,7 +96,7 @@ def run(
     ]
     reference = np.array(shapes)
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
-    cube = xr.Dataset(coords=coordinates(study, study.modes, structure, settings))
+    cube = xr.Dataset(coords=study_coordinates(study, study.modes, structure, settings))
     values = {
         name: np.empty(
             (len(settings), *(cube.sizes[dim] for dim in one.dims)),
@@ -118,12 +118,12 @@ def run(
     )
 
     blocks = _blocks(settings, study.trials, points[0].size)
-    for block, results in computed(work, blocks, scheduler):
+    for block, results in compute_blocks(work, blocks, scheduler):
         for name, result in results.items():
             of_trials = "trial" in VARIABLES[name].dims
             values[name][block.place if of_trials else block.setting] = result
-    cube = cube.assign(labelled({"reference_deflection": reference}, REFERENCE_VARIABLE))
-    cube = cube.assign(labelled(values, VARIABLES, over=["setting"]))
+    cube = cube.assign(label_values({"reference_deflection": reference}, REFERENCE_VARIABLE))
+    cube = cube.assign(label_values(values, VARIABLES, over=["setting"]))
     cube["predicted_error"].attrs["long_name"] = study.law
     return cube.assign(camera_places(settings))
 

@@ -14,17 +14,17 @@ FIGURE_NUMBERS = {
 }
 
 
-def deflections(asked: Any) -> Inputs:
+def plate_input(asked: Any) -> Inputs:
     """Return the input of sound: the plate's study with the same cameras."""
     plate = camera_study(f"plate-{asked.study}", asked.plate_request)
     return {"plate_cube": (SIMULATED_SETS[plate.name], plate)}
 
 
-def turned_too(asked: Any) -> Inputs:
+def aperture_inputs(asked: Any) -> Inputs:
     """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
-    from thesis_lib.figure_sets.parametric.sound_turn import turned
+    from thesis_lib.figure_sets.parametric.sound_turn import turn_pairs
 
-    return {**deflections(asked), "turned": (RADIATED_SETS["sound-arrays"], turned(asked))}
+    return {**plate_input(asked), "turned": (RADIATED_SETS["sound-arrays"], turn_pairs(asked))}
 
 
 SIMULATED_SETS = {
@@ -44,7 +44,7 @@ RADIATED_SETS = {
         request=request,
         chapter=CHAPTER_NAMES["sound"],
         module=f"{__package__}.{'sound_turn' if name == 'sound-aperture' else 'sound'}",
-        needs=turned_too if name == "sound-aperture" else deflections,
+        needs=aperture_inputs if name == "sound-aperture" else plate_input,
         figure=FIGURE_NUMBERS["sound"],
         in_pieces=True,
     )

@@ -8,16 +8,16 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from thesis_lib.figure_sets.parametric.sound import audible
+from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, ranking, select
-from thesis_lib.plotting.style import bar_beside, color, draw_map, placed, subplots
+from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
+from thesis_lib.plotting.style import bar_beside, cycle_color, draw_map, place_panels, subplots
 from thesis_lib.studies import schema
 
 
 def turn(cube: xr.Dataset) -> Figure:
     """Plot field errors against the turn: lines by the law, dots simulated."""
-    pairs = audible(cube)
+    pairs = audible_planes(cube)
     drawing, axes = subplots(
         1,
         len(pairs),
@@ -31,8 +31,8 @@ def turn(cube: xr.Dataset) -> Figure:
         for i, elevation in enumerate(cube["elevation"].values):
             part = one.sel(elevation=elevation)
             law = part["turned_law_error"]
-            panel.plot(cube["law_turn"], law, color=color(i), lw=1, label=f"{elevation:g}°")
-            panel.plot(cube["turn"], part["turned_simulated"], "o", color=color(i), ms=4)
+            panel.plot(cube["law_turn"], law, color=cycle_color(i), lw=1, label=f"{elevation:g}°")
+            panel.plot(cube["turn"], part["turned_simulated"], "o", color=cycle_color(i), ms=4)
         panel.set(title=f"mode {mode}, {plane}", xlabel="turned by, °")
     axes[0, 0].set(ylabel="field error, %", ylim=(0, None))
     axes[0, -1].legend(title="elevation", fontsize=7)
@@ -41,15 +41,17 @@ def turn(cube: xr.Dataset) -> Figure:
 
 def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, ideal shape, best and worst measured shape, and bars."""
-    part = select(cube, case, mode)
+    part = select_settings(cube, case, mode)
     chosen = best_and_worst(part)
-    drawing, axes = placed("abb;cde", (8.2, 5.6), (0.6, 0.85, 0.5, 0.3), (0.75, 0.75), (1.5, 1))
+    drawing, axes = place_panels(
+        "abb;cde", (8.2, 5.6), (0.6, 0.85, 0.5, 0.3), (0.75, 0.75), (1.5, 1)
+    )
     figures.setup_panel(axes["a"], cube, part)
     figures.bar_panel(axes["b"], part, [error_bars(cube, case, mode)])
     axes["b"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     reference = part["reference_deflection"].values * 1000
     shapes = [("(b) ideal", reference)]
-    for index, word in zip((chosen[0], chosen[-1]), ranking(part), strict=True):
+    for index, word in zip((chosen[0], chosen[-1]), rank_settings(part), strict=True):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         shapes.append((f"(c) {word}: {part['label'].values[index]}", measured))
     limit = max(float(np.max(np.abs(values))) for _, values in shapes)
@@ -71,8 +73,8 @@ def plate_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bars of both planes, and on both the ideal field, best and worst error."""
-    part = select(cube, case, mode)
-    drawing, axes = placed(
+    part = select_settings(cube, case, mode)
+    drawing, axes = place_panels(
         "abb;cde;fgh", (8.2, 8.0), (0.6, 0.75, 0.5, 0.3), (0.95, 0.8), (1.6, 1, 1)
     )
     figures.setup_panel(axes["a"], cube, part)

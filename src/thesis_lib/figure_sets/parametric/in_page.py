@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, COINCIDENT_TEXT
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes
-from thesis_lib.studies.fields import unit
+from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.studies.published import read_published
-from thesis_lib.studies.request import beyond
+from thesis_lib.studies.request import distance_limit
 from thesis_lib.vibration.beam import Beam, cantilever_roots
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure, peak_deflection
@@ -30,7 +30,7 @@ COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound
 MAX_MODE = 30  # the highest mode that a request may have
 
 
-def model(structure: Structure, modes: int) -> dict[str, Any]:
+def structure_model(structure: Structure, modes: int) -> dict[str, Any]:
     """Return the data of a structure's markers, mode shapes and frequencies, up to a mode."""
     length, width = structure.extent
     hertz = structure.angular_frequencies(modes) / (2 * np.pi)
@@ -49,34 +49,35 @@ def model(structure: Structure, modes: int) -> dict[str, Any]:
     return {"kind": "plate", **common, "grid": list(structure.grid), "indices": indices}
 
 
-def facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
+def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
     """Return what some figure sets of :data:`COMPUTED_SETS` need besides their parameters.
 
     Returns
     -------
     dict
-        ``structures`` as :func:`model` tells them, with ``peaks``, the deflection of each mode by
-        a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and ``opposite``;
-        ``conditions``, words for values that do not go together; what a viewer draws with; and
-        ``sets``: what is varied, titles of cases, and ``published`` rows of case, value, order of
-        pairs, mode, literal mean error, median, 5 and 95 % in percent.
+        ``structures`` as :func:`structure_model` tells them, with ``peaks``, the deflection of
+        each mode by a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and
+        ``opposite``; ``conditions``, words for values that do not go together; what a viewer draws
+        with; and ``sets``: what is varied, titles of cases, and ``published`` rows of case, value,
+        order of pairs, mode, literal mean error, median, 5 and 95 % in percent.
     """
     studies = {name: camera_study(name) for name in names}
     structures = {one.subject: one.structure for one in studies.values()}
     return {
         "structures": {
-            subject: model(one, MAX_MODE)
+            subject: structure_model(one, MAX_MODE)
             | {"peaks": [repr(peak_deflection(one, mode + 1)) for mode in range(MAX_MODE)]}
             for subject, one in structures.items()
         },
-        "pairs": setups.pairs(),
-        "order": reading("beam")["pair_order"],
+        "pairs": setups.camera_pairs(),
+        "order": assumed_values("beam")["pair_order"],
         "centres": setups.CENTRES_DEG,
         "opposite": {case: list(pair) for case, pair in setups.OPPOSITE_DEG.items()},
         "colors": list(CYCLE_COLORS),
         "colormap": list(DIVERGING_COLORS),
         "lens": list(LENS_FIELDS),
-        "conditions": CAMERA_CONDITIONS | {"reach": beyond("{}"), "places": COINCIDENT_TEXT},
+        "conditions": CAMERA_CONDITIONS
+        | {"reach": distance_limit("{}"), "places": COINCIDENT_TEXT},
         "sets": {
             name: {
                 "subject": one.subject,
@@ -84,20 +85,20 @@ def facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
                 "parameter": {
                     "name": one.varied,
                     "label": one.varied_label,
-                    "unit": unit(one.varied),
+                    "unit": unit_of_field(one.varied),
                 },
                 "titles": {
                     case: setups.case_title(one.subject, one.study, case)
                     for case in dict.fromkeys(setting.case for setting in one.settings())
                 },
-                "published": _published(name),
+                "published": _published_errors(name),
             }
             for name, one in studies.items()
         },
     }
 
 
-def _published(name: str) -> list[list[Any]]:
+def _published_errors(name: str) -> list[list[Any]]:
     table = read_published(name)
     if table is None:
         return []

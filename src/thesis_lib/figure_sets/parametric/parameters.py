@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
 from thesis_lib.figure_sets.parametric.shapes import CONTOUR_FIELDS, ShapeMarkers
@@ -31,7 +31,7 @@ from thesis_lib.studies.fields import (
     Trials,
     Width,
 )
-from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validated
+from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validate_values
 from thesis_lib.vibration.structure import Structure
 
 _AS_TYPED = BeforeValidator(
@@ -158,7 +158,7 @@ class Arrays(CameraStudy):
         grow = all(
             len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
         )
-        if set(self.layouts) & set(setups.pairs()) or not grow:
+        if set(self.layouts) & set(setups.camera_pairs()) or not grow:
             self.refuse("layouts", CAMERA_CONDITIONS["layouts"])
         return self
 
@@ -166,7 +166,7 @@ class Arrays(CameraStudy):
         """Return growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
-            reading("beam")["pair_order"]
+            assumed_values("beam")["pair_order"]
             | {str(case): order for case, order in self.pair_order.items()},
             self.layouts,
             self.distance_mm,
@@ -203,7 +203,7 @@ class BeamMarkers(Fields):
     @property
     def structure(self) -> Structure:
         """Return the structure that is measured."""
-        return setups.beam(self.first_marker_mm / 1000)
+        return setups.thesis_beam(self.first_marker_mm / 1000)
 
 
 class PlateSound(SoundPlanes):
@@ -226,9 +226,9 @@ THESIS_SECTIONS = {
 
 def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
     """Return a study of one structure: its fields default to what the structure's tables say."""
-    grid = {"grid": setups.plate().grid}
+    grid = {"grid": setups.thesis_plate().grid}
     like = "plate" if subject == "shape" else subject
-    printed = {**grid, **reading(like), **setups.table(subject, kind.study)}
+    printed = {**grid, **assumed_values(like), **setups.setup_table(subject, kind.study)}
     bases = (*more, kind)
     fields: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
@@ -236,7 +236,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
         shared = name in CameraStudy.model_fields  # which hold what the beam's table says
         if name in printed and (shared or info.is_required()):
             filled = copy(info)
-            filled.default = _held(name, printed[name])
+            filled.default = _freeze_value(name, printed[name])
             fields[name] = (info.annotation, filled)
     model: Any = cast(Any, create_model)(
         f"{subject.title()}{kind.__name__}",
@@ -250,7 +250,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     return model
 
 
-def _held(name: str, value: Any) -> Any:
+def _freeze_value(name: str, value: Any) -> Any:
     """Return a value of the tables as models hold it."""
     if name == "resolution_px":
         return tuple(value)
@@ -280,6 +280,6 @@ SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
     """Return the parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
-    study = validated({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
+    study = validate_values({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
     assert isinstance(study, CameraStudy)
     return study

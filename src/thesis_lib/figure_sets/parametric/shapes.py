@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from thesis_lib.facts import setups
-from thesis_lib.studies.fields import Positive, Real, refuse
+from thesis_lib.studies.fields import Positive, Real, refuse_value
 from thesis_lib.studies.request import PlateMarkers
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Circle, Hole, ShapeError
@@ -19,7 +19,7 @@ Coordinate = Annotated[Real, Field(ge=0, le=1e5)]
 Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
 Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
-FORCE_AT = setups.plate().force_position
+FORCE_AT = setups.thesis_plate().force_position
 CONTOUR_FIELDS = ("outline_mm", "circles_mm", "cutouts_mm")
 SHAPE_FIELDS = {
     "outline": "outline_mm",
@@ -64,9 +64,9 @@ class ShapeMarkers(PlateMarkers):
     @property
     def structure(self) -> Panel:
         """Return the structure that is measured."""
-        plate, count = setups.plate(self.grid), len(self.outline_mm)
+        plate, count = setups.thesis_plate(self.grid), len(self.outline_mm)
         if any(int(edge) > count for edge in self.edge_supports):
-            refuse("edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}")
+            refuse_value("edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}")
         try:
             return Panel(
                 tuple((x / 1000, y / 1000) for x, y in self.outline_mm),
@@ -83,7 +83,7 @@ class ShapeMarkers(PlateMarkers):
             )
         except ShapeError as error:
             name = SHAPE_FIELDS.get(error.what) or self._hole_field(error.given)
-            refuse(name, getattr(self, name), f"allowed: {error.allowed}")
+            refuse_value(name, getattr(self, name), f"allowed: {error.allowed}")
             raise
 
     @property

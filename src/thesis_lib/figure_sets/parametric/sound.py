@@ -16,21 +16,26 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics import radiating, radiation
-from thesis_lib.acoustics.planes import Plane, full_factor, operator, pistons
+from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO
-from thesis_lib.acoustics.quadrature import enough_nodes, integral
+from thesis_lib.acoustics.quadrature import enough_nodes, integrate_pressure
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies.blocks import Block, computed, runs_of_trials
-from thesis_lib.studies.schema import declared, extremes, field_coordinates, labelled
+from thesis_lib.studies.blocks import Block, compute_blocks, runs_of_trials
+from thesis_lib.studies.schema import (
+    extreme_settings,
+    field_coordinates,
+    label_values,
+    parse_variables,
+)
 from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import deflection_shape, resonance, world_points
+from thesis_lib.vibration.structure import deflection_shape, resonance_frequency, world_points
 from thesis_lib.vision import rounding
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     plane_error(setting, mode, trial, plane) [percent] rms pressure error over a plane (eq. 6.8), of
         the plane's largest reference pressure
     plane_error_of_larger(setting, mode, trial, plane) [percent] rms pressure error over a plane, of
@@ -64,18 +69,18 @@ VARIABLES = declared("""
     pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
         deflections in trial 0, imaginary part
 """)
-COORDINATES = declared("""
+COORDINATES = parse_variables("""
     radiation_mode(radiation_mode) [1] ways of moving that radiate by themselves, the loudest first
 """)
 LISTED_RADIATION_MODES = 5  # radiation modes that are told
-LEVEL_VARIABLES = declared("""
+LEVEL_VARIABLES = parse_variables("""
     sound_power(mode) [W] sound power of the reference deflection
     sound_power_level(mode) [dB] sound power level re 1 pW
     largest_pressure_level(mode, plane) [dB] largest sound pressure level re 20 uPa
 """)
 
 
-def checksum(plate_cube: xr.Dataset) -> str:
+def deflection_checksum(plate_cube: xr.Dataset) -> str:
     """Return the SHA-256 of the measured deflections that a plate's cube holds."""
     return hashlib.sha256(plate_cube["measured_deflection"].values.tobytes()).hexdigest()
 
@@ -113,7 +118,7 @@ class _Sound:
             C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
             squares = [np.sum((F @ C) * F) for F in factors]
             found["predicted"].append([omega * np.sqrt(square) for square in squares])
-            found["coherence"].append([radiating.coherence(F, C) for F in factors])
+            found["coherence"].append([radiating.coherence_ratio(F, C) for F in factors])
             found["share"].append(
                 [
                     radiating.mean_squares(ways, C) / square
@@ -139,14 +144,16 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
         plate_cube["reference_deflection"].values,
         plate_cube["measured_deflection"],
     )
-    settings, chosen = study.settings(), extremes(plate_cube)
+    settings, chosen = study.settings(), extreme_settings(plate_cube)
 
     n_modes = len(study.modes)
     norms, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
-    omegas = [resonance(plate, mode) for mode in study.modes]
-    operators = [[operator(plate, plane, omega, medium) for plane in planes] for omega in omegas]
+    omegas = [resonance_frequency(plate, mode) for mode in study.modes]
+    operators = [
+        [plane_operator(plate, plane, omega, medium) for plane in planes] for omega in omegas
+    ]
     factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
     told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
     modes = [[radiating.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
@@ -155,7 +162,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
             fields[m, p] = op.field(1j * omega * reference[m])
             largest[m, p] = np.max(np.abs(fields[m, p]))
             norms[m, p] = np.linalg.norm(factor)
-        parts = pistons(plate)
+        parts = plate_pistons(plate)
         piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
         velocity = 1j * omega * reference[m]
         power[m] = (
@@ -185,8 +192,8 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
         "pressure_reference_real": fields.real.astype("float32"),
         "pressure_reference_imag": fields.imag.astype("float32"),
     }
-    cube = cube.assign(labelled(values, VARIABLES))
-    cube = cube.assign_coords(labelled({"radiation_mode": range(1, told + 1)}, COORDINATES))
+    cube = cube.assign(label_values(values, VARIABLES))
+    cube = cube.assign_coords(label_values({"radiation_mode": range(1, told + 1)}, COORDINATES))
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":
@@ -214,7 +221,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
         for name, one in VARIABLES.items()
         if name not in values
     }
-    for block, found in computed(work, blocks(), scheduler):
+    for block, found in compute_blocks(work, blocks(), scheduler):
         target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
         target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
         if "predicted" in found:
@@ -230,10 +237,12 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
                     pressure = op.field(1j * omega * literal)
                     target["pressure_measured_real"][c, m, x, p] = pressure.real
                     target["pressure_measured_imag"][c, m, x, p] = pressure.imag
-    cube = cube.assign(labelled(target, VARIABLES))
+    cube = cube.assign(label_values(target, VARIABLES))
     cube["predicted_error"].attrs["long_name"] = study.law
     others = [name for name in cube.data_vars if name not in VARIABLES]
-    return cube[[*VARIABLES, *others]].assign_attrs(deflections_sha256=checksum(plate_cube))
+    return cube[[*VARIABLES, *others]].assign_attrs(
+        deflections_sha256=deflection_checksum(plate_cube)
+    )
 
 
 def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
@@ -243,7 +252,7 @@ def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
         "sound_power_level": radiation.power_level(power),
         "largest_pressure_level": radiation.pressure_level(largest),
     }
-    return cube.assign(labelled(values, LEVEL_VARIABLES))
+    return cube.assign(label_values(values, LEVEL_VARIABLES))
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
@@ -273,30 +282,30 @@ def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Ar
     step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
     near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
     for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
-        omega = resonance(plate, mode)
+        omega = resonance_frequency(plate, mode)
         shape = partial(deflection_shape, plate, mode, peak=peak)
         for p, plane in enumerate(study.planes):
             if near or np.isnan(largest[m, p]):
                 continue
             points = plane.points[:, *step]
-            whole = 1j * omega * integral(plate, shape, points, omega, study.medium)
+            whole = 1j * omega * integrate_pressure(plate, shape, points, omega, study.medium)
             off = 100 * np.abs(fields[m, p][step] - whole) / largest[m, p]
             found[:, m, p] = np.sqrt(np.mean(off**2)), np.max(off)
     return {"sum_error": found[0], "sum_error_largest": found[1]}
 
 
-def audible(cube: xr.Dataset) -> list[tuple[int, str]]:
+def audible_planes(cube: xr.Dataset) -> list[tuple[int, str]]:
     """Return the modes and planes of a sound study that have a reference pressure."""
     there = cube["independent_ratio"].notnull().transpose("mode", "plane").values
     modes, planes = cube["mode"].values.tolist(), cube["plane"].values.tolist()
     return [(modes[m], planes[p]) for m, p in np.argwhere(there)]
 
 
-def sums(opened: Mapping[str, xr.Dataset]) -> str:
+def compare_sums(opened: Mapping[str, xr.Dataset]) -> str:
     """Compare the sum's error with those of the sharpest and of all cameras."""
     fine, rows = opened["sound-resolution"], []
     sharpest = fine["width_px"].values.argmax()
-    for mode, plane in audible(fine):
+    for mode, plane in audible_planes(fine):
         one = fine.sel(mode=mode, plane=plane)
         every = [
             opened[f"sound-{study}"]["predicted_error"].sel(mode=mode, plane=plane).values

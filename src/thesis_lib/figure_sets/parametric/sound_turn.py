@@ -20,17 +20,17 @@ from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.parametric.sound import audible
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.figure_sets.parametric.sound import audible_planes
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.templates import render
-from thesis_lib.vibration.structure import resonance, world_points
+from thesis_lib.vibration.structure import resonance_frequency, world_points
 from thesis_lib.vision import rounding
 
 TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
 LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
 BEST_DEG = (2.0, 3.0)  # turns that the text recommends: steep cameras err more from 4° on
 MAX_TRIALS = 1000  # trials, which know an rms to some percent
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     turn(turn) [degree] azimuth that two opposed cameras are turned by
     elevation(elevation) [degree] elevation of the cameras that are turned
     law_turn(law_turn) [degree] azimuth that two opposed cameras are turned by, in small steps
@@ -46,7 +46,7 @@ VARIABLES = declared("""
 """)
 
 
-def turned(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
+def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
     """Return the study whose layouts are the pairs of case 2d, each turned by every angle."""
     values = asked.model_dump()
     common = {name: values[name] for name in camera_study("sound-arrays").request if name in values}
@@ -72,10 +72,12 @@ def law_errors(study: Any, reference: Array) -> Array:
         True deflections in m.
     """
     plate, known = study.structure, study.rest == "known"
-    settings = turned(study, LAW_TURNS_DEG.tolist()).settings()
+    settings = turn_pairs(study, LAW_TURNS_DEG.tolist()).settings()
     found = []
     for mode, shape in zip(study.modes, reference, strict=True):
-        heard_ = PlateSound.of(plate, study.planes, study.medium, resonance(plate, mode), shape)
+        heard_ = PlateSound.of(
+            plate, study.planes, study.medium, resonance_frequency(plate, mode), shape
+        )
         rest, bent = np.moveaxis(world_points(plate, np.stack([0 * shape, shape])), 1, 0)
         for setting in settings:
             P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
@@ -110,23 +112,23 @@ def run(
         "turned_coherence": by_turn(turned["coherence"]),
         "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
     }
-    return plain.assign(labelled(values, VARIABLES))
+    return plain.assign(label_values(values, VARIABLES))
 
 
 def turn_table(cube: xr.Dataset) -> str:
     """List errors of the field against the turn, for each elevation, mode and plane."""
-    return render(__file__, "turn", cube=cube, audible=audible(cube))
+    return render(__file__, "turn", cube=cube, audible=audible_planes(cube))
 
 
 def turn_summary(cube: xr.Dataset) -> str:
     """List these errors over all elevations, and state the effect of a turn on the shape."""
     rows = []
-    for mode, plane in audible(cube):
+    for mode, plane in audible_planes(cube):
         one = cube[["turned_error", "turned_coherence"]].sel(mode=mode, plane=plane)
         rms = np.sqrt((one**2).mean("elevation"))
         error, coherence = rms["turned_error"], rms["turned_coherence"]
         rows.append({"mode": mode, "plane": plane, "error": error, "coherence": coherence})
-    mode, plane = audible(cube)[0]
+    mode, plane = audible_planes(cube)[0]
     part = cube[["turned_error", "turned_share"]].sel(mode=mode, plane=plane)
     before, after = (part.sel(turn=turn) for turn in (0, BEST_DEG[0]))
     at = {"elevation": int((before["turned_error"] - after["turned_error"]).values.argmax())}
@@ -149,7 +151,7 @@ def turn_summary(cube: xr.Dataset) -> str:
 
 def turn_advice(cube: xr.Dataset) -> str:
     """State the turns to choose, and the effect of larger ones on steep cameras."""
-    mode, plane = audible(cube)[0]
+    mode, plane = audible_planes(cube)[0]
     steep = cube["turned_law_error"].sel(
         mode=mode, plane=plane, elevation=float(cube["elevation"].max())
     )
@@ -165,6 +167,6 @@ def turn_advice(cube: xr.Dataset) -> str:
     return " ".join(text.split())
 
 
-def show(cube: xr.Dataset) -> Markdown:
+def show_turns(cube: xr.Dataset) -> Markdown:
     """Show :func:`turn_table` in a notebook."""
     return Markdown(turn_table(cube))

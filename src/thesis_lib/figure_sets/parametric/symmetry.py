@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.studies import schema
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
-from thesis_lib.vibration.meshing import triangulated
+from thesis_lib.vibration.meshing import mesh_outline
 
 PLATE_SET = "plate-arrays"
 SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}
@@ -35,10 +35,10 @@ MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
 SIZES_MM = (40.0, 20.0, 10.0)
 
 
-def modes(cube: xr.Dataset) -> Markdown:
+def compare_frequencies(cube: xr.Dataset) -> Markdown:
     """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
     asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
-    structure, plate = asked.structure, setups.plate()
+    structure, plate = asked.structure, setups.thesis_plate()
     highest = max(cube["mode"].values.tolist())
     rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
     rows = [
@@ -75,7 +75,7 @@ class Symmetry:
     predicted: float
 
 
-def symmetry(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
+def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
     """Compare cases of a cube with the same cases of the rectangle's cube."""
     rows, rows_ = (np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate))
     part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
@@ -103,16 +103,16 @@ def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
     return one, other
 
 
-def symmetries(opened: Mapping[str, xr.Dataset]) -> str:
+def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
     """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
     rows = []
     for case in dict.fromkeys(opened[PLATE_SET]["case"].values.tolist()):
-        found = [symmetry(opened[name], opened[PLATE_SET], [case]) for name in SHAPE_NAMES]
+        found = [compare_cases(opened[name], opened[PLATE_SET], [case]) for name in SHAPE_NAMES]
         rows.append({"case": case, "mirrored": case in MIRRORED_CASES, "found": found})
     return render(__file__, "symmetries", rows=rows, names=SHAPE_NAMES.values())
 
 
-def accuracies(opened: Mapping[str, xr.Dataset]) -> str:
+def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
     """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
     plate, rows = opened[PLATE_SET], []
     for name, word in list(SHAPE_NAMES.items())[1:]:
@@ -135,14 +135,14 @@ def accuracies(opened: Mapping[str, xr.Dataset]) -> str:
     return render(__file__, "accuracies", rows=rows, settings=plate.sizes["setting"])
 
 
-def convergence(_: Mapping[str, xr.Dataset]) -> str:
+def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
     """Compare the rectangle by finite elements with its closed form, and show the order."""
-    plate = setups.plate()
+    plate = setups.thesis_plate()
     outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
     exact = plate.angular_frequencies(3)
     off = []
     for size in SIZES_MM:
-        mesh = triangulated(outline, (), size / 1000)
+        mesh = mesh_outline(outline, (), size / 1000)
         edge = mesh.boundary_facets()
         found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
         ratio = plate.bending_stiffness / plate.mass_per_area
@@ -152,7 +152,7 @@ def convergence(_: Mapping[str, xr.Dataset]) -> str:
 
 
 PIECES = {
-    "shapes-convergence": convergence,
-    "shapes-accuracy": accuracies,
-    "shapes-symmetry": symmetries,
+    "shapes-convergence": compare_convergence,
+    "shapes-accuracy": compare_accuracy,
+    "shapes-symmetry": list_mirrors,
 }

@@ -43,12 +43,12 @@ def error_table(cube: xr.Dataset) -> Markdown:
 
 def _columns(cube: xr.Dataset) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     """Yield the errors of each mode, and of each plane of the sound, setting by setting."""
-    table = cubes.summary(cube).set_index(["error", "mode"])
+    table = cubes.summarise_errors(cube).set_index(["error", "mode"])
     for mode in cube["mode"].values.tolist():
         for error, (_, plane) in cubes.ERROR_VARIABLES.items():
             if (error, mode) not in table.index or error == "max_point_error":
                 continue
-            predicted = cubes.predicted(cube, error).sel(mode=mode).values
+            predicted = cubes.predicted_value(cube, error).sel(mode=mode).values
             cells = table.loc[[(error, mode)]].to_dict("records")
             for i, cell in enumerate(cells):
                 cell["predicted"] = predicted[i]
@@ -67,7 +67,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     """Compare the thesis's claimed values with the band of the trials."""
     checks = []
     if cube.sizes["trial"] > 1:
-        checks = verdicts.check(cube, claims.claims_of(cube.attrs["figure_set"]))
+        checks = verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
     counts = {}
     for quantity, word in cubes.SHORT_LABELS.items():
         inside = [check.inside for check in checks if check.claim.quantity == quantity]

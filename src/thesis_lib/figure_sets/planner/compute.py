@@ -14,12 +14,12 @@ from thesis_lib.figure_sets.planner.parameters import READABLE_QUESTION, THESIS_
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import layout_cost
 from thesis_lib.planning.planner import Plan, for_sound, plan
-from thesis_lib.planning.positions import first_most, visible
+from thesis_lib.planning.positions import first_most, visible_markers
 from thesis_lib.planning.results import as_cube
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     question(question) [1] what was asked
     count(count) [1] number of cameras
     structure(structure) [1] structure
@@ -31,7 +31,7 @@ VARIABLES = declared("""
     value(quantity) [1] value to compare, in the unit that the variable unit names
     unit(quantity) [1] unit of the value
 """)
-OF_THESIS = declared("""
+OF_THESIS = parse_variables("""
     thesis_expected(structure, thesis_case, count) [percent] the averaged error of the thesis's
         layout
     thesis_predicted(structure, thesis_case, count) [percent] error of the worst mode of the
@@ -45,7 +45,7 @@ OF_THESIS = declared("""
         of the thesis's layout reads, where a marker is read up to tilt_deg from the normal, mean
         over the cameras
 """)
-FOR_SOUND = declared("""
+FOR_SOUND = parse_variables("""
     sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
         for shape and for sound
     sound_simulated(count, plan, mode) [percent] rms field error of the plans for sound and for
@@ -82,18 +82,18 @@ def run(study: Planner) -> xr.Dataset:
         "question": list(plans),
         "count": sorted(study.counts),
         "structure": list(THESIS_QUESTIONS),
-        "thesis_case": list(setups.pairs()),
+        "thesis_case": list(setups.camera_pairs()),
     }
-    cube = cube.assign_coords(labelled(coords, VARIABLES))
+    cube = cube.assign_coords(label_values(coords, VARIABLES))
     cube.attrs = {"cost_is": "pixels per second"}
     cube["averaged_law_ratio"].attrs = VARIABLES["averaged_law_ratio"].attributes
     own = np.array(
         [_of_thesis(study, plans[name], body) for body, name in THESIS_QUESTIONS.items()]
     )
     cube = cube.assign(
-        labelled(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
+        label_values(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
     )
-    cube = cube.assign(labelled(_summary(cube, study), VARIABLES))
+    cube = cube.assign(label_values(_summary(cube, study), VARIABLES))
     return cube.assign(_for_sound(study, plans[READABLE_QUESTION]))
 
 
@@ -102,7 +102,7 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
     wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
     have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
     ratios = [
-        errors.averaged_by_law(one.scene, one.layout, one.resolution[0]) / one.expected
+        errors.average_predicted(one.scene, one.layout, one.resolution[0]) / one.expected
         for one in made.options
     ]
     cube = (
@@ -126,25 +126,27 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
 def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
     """Return ``OF_THESIS`` (variables, cases, counts) of a structure, at the first resolution."""
     scene, width = made.options[0].scene, study.resolutions_px[0][0]
-    cases, counts = list(setups.pairs()), sorted(study.counts)
+    cases, counts = list(setups.camera_pairs()), sorted(study.counts)
     found: Array = np.full((len(OF_THESIS), len(cases), len(counts)), np.nan)
-    factor = errors.averaged(scene) / width
+    factor = errors.average_error(scene) / width
     readable = replace(scene, rules=replace(scene.rules, tilt=float(np.radians(study.tilt_deg))))
     for (case, number), layout in study.thesis_layouts(body).items():
         cost = layout_cost(scene, layout, "mean")
         if number not in counts or not np.isfinite(cost):
             continue
         at = (slice(None), cases.index(case), counts.index(number))
-        point = errors.predicted(scene, layout, width)
-        drawn = errors.simulated(scene, layout, width, study.trials, study.seed, "least-squares")
+        point = errors.predict_errors(scene, layout, width)
+        drawn = errors.simulate_layout(
+            scene, layout, width, study.trials, study.seed, "least-squares"
+        )
         best = first_most(point)
         expected = factor * np.sqrt(cost)
         found[at] = (
             expected,
-            np.max(errors.counted(point, "mean")),
+            np.max(errors.objective_error(point, "mean")),
             np.max(drawn.error("mean", best)),
-            errors.averaged_by_law(scene, layout, width) / expected,
-            np.mean(visible(readable, layout)),
+            errors.average_predicted(scene, layout, width) / expected,
+            np.mean(visible_markers(readable, layout)),
         )
     return found
 
@@ -162,17 +164,17 @@ def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
         i = counts.index(count)
         for j, option in enumerate(plans):
             asked = option.scene, option.layout, option.resolution[0]
-            drawn = errors.drawn(*asked, max(study.trials, 1), study.seed, "least-squares")
-            found[0, i, j] = sound.predicted(request.sounds, *asked)
-            found[1, i, j] = sound.simulated(request.sounds, drawn)[0]
-            shape[i, j] = errors.counted(option.point, "mean").max()
+            drawn = errors.draw_errors(*asked, max(study.trials, 1), study.seed, "least-squares")
+            found[0, i, j] = sound.predict_sound_errors(request.sounds, *asked)
+            found[1, i, j] = sound.simulate_sound_errors(request.sounds, drawn)[0]
+            shape[i, j] = errors.objective_error(option.point, "mean").max()
             angles, distance = np.degrees(option.layout[:, :2]), option.layout[:, 2:3]
             places[:, i, j, :count] = np.column_stack([angles, distance]).T
     values = dict(zip(FOR_SOUND, [*found, shape, *places, ["shape", "sound"]], strict=True))
-    return labelled(values, FOR_SOUND)
+    return label_values(values, FOR_SOUND)
 
 
-def cheapest(one: xr.Dataset, target: float) -> int | None:
+def cheapest_option(one: xr.Dataset, target: float) -> int | None:
     """Return the cheapest option of a question that reaches a target, predicted and simulated."""
     kinds = [one[name].max("mode").values for name in ("predicted_error", "simulated_error")]
     worst, cost = np.max(kinds, axis=0), one["cost"].values
@@ -190,7 +192,7 @@ def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
             n = int(one["n_cameras"][i])
             expected = float(one["expected_error"][i])
             rows.append((f"{name}, {n} cameras, averaged error", expected, "percent"))
-        best = cheapest(one, study.target_percent)
+        best = cheapest_option(one, study.target_percent)
         rate = np.nan if best is None else float(one["cost"][best]) / 1e6
         rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
     ratio = cube["simulated_error"] / cube["predicted_error"]

@@ -6,12 +6,18 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from thesis_lib.figure_sets.planner.compute import cheapest
+from thesis_lib.figure_sets.planner.compute import cheapest_option
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.tables import FRONT_QUESTION, SHOWN_CAMERAS, asked, coarse, near
+from thesis_lib.figure_sets.planner.tables import (
+    FRONT_QUESTION,
+    SHOWN_CAMERAS,
+    coarse_options,
+    nearest_option,
+    table_parameter,
+)
 from thesis_lib.planning.figures import LAYOUT_VIEWS, front_panel, layout_panel
 from thesis_lib.plotting.panel_boxes import BELOW_PANEL
-from thesis_lib.plotting.style import REFERENCE_COLOR, color, log_axes, subplots
+from thesis_lib.plotting.style import REFERENCE_COLOR, cycle_color, log_axes, subplots
 
 
 def gain(cube: xr.Dataset) -> Figure:
@@ -25,12 +31,12 @@ def gain(cube: xr.Dataset) -> Figure:
                 n,
                 own.sel(thesis_case=case),
                 "o--",
-                color=color(i),
+                color=cycle_color(i),
                 ms=3.5,
                 lw=0.8,
                 label=f"case {case}",
             )
-        one = coarse(cube, question)
+        one = coarse_options(cube, question)
         panel.plot(
             n,
             one["expected_error"],
@@ -40,7 +46,7 @@ def gain(cube: xr.Dataset) -> Figure:
             label="planned, read from any side",
         )
         panel.plot(n, one["bound"], "_", color="#222222", ms=12, label="bound")
-        read = coarse(cube, f"{body}: markers that can be read")
+        read = coarse_options(cube, f"{body}: markers that can be read")
         panel.plot(
             n,
             read["expected_error"],
@@ -48,7 +54,7 @@ def gain(cube: xr.Dataset) -> Figure:
             color=REFERENCE_COLOR,
             lw=1.4,
             ms=4,
-            label=f"planned, read up to {asked(cube, 'tilt_deg'):g}°",
+            label=f"planned, read up to {table_parameter(cube, 'tilt_deg'):g}°",
         )
         log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
@@ -67,7 +73,9 @@ def layouts(cube: xr.Dataset) -> Figure:
     )
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
-        part = cube.sel(question=question).isel(option=near(cube, question, SHOWN_CAMERAS))
+        part = cube.sel(question=question).isel(
+            option=nearest_option(cube, question, SHOWN_CAMERAS)
+        )
         for panel, (_, azimuth, elevation) in zip(column, LAYOUT_VIEWS, strict=False):
             layout_panel(panel, part, azimuth, elevation)
         column[0].set_title(str(question))
@@ -82,9 +90,9 @@ def front(cube: xr.Dataset) -> Figure:
     """Plot the error against cost for one question."""
     drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
     one = cube.sel(question=FRONT_QUESTION)
-    best = cheapest(one, asked(cube, "target_percent"))
+    best = cheapest_option(one, table_parameter(cube, "target_percent"))
     one = one.isel(option=np.flatnonzero(np.isfinite(one["cost"].values)))
-    target = None if best is None else asked(cube, "target_percent")
+    target = None if best is None else table_parameter(cube, "target_percent")
     kept = np.isfinite(cube.sel(question=FRONT_QUESTION)["cost"].values)
     chosen = 0 if best is None else int(np.sum(kept[:best]))
     front_panel(panel, one.assign(chosen=chosen), target)

@@ -9,9 +9,9 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import reading
+from thesis_lib.facts.readings import assumed_values
 from thesis_lib.facts.setups import Setting
-from thesis_lib.planning.positions import at
+from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
 from thesis_lib.studies.fields import (
     FocalLength,
@@ -24,7 +24,7 @@ from thesis_lib.studies.fields import (
     Shifts,
     Starts,
     Step,
-    refuse,
+    refuse_value,
 )
 from thesis_lib.studies.request import Study
 
@@ -36,11 +36,11 @@ MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: wha
 
 def _reach(body: str) -> float:
     """Return the half the diagonal of beam or plate in mm."""
-    given = setups.beam() if body == "beam" else setups.plate()
+    given = setups.thesis_beam() if body == "beam" else setups.thesis_plate()
     return 500 * float(np.hypot(*given.extent))
 
 
-def room(body: str) -> tuple[float, float]:
+def free_room(body: str) -> tuple[float, float]:
     """Return the distances in mm, from half a step of 50 mm or more beyond the structure on.
 
     Examples
@@ -68,13 +68,15 @@ class Planner(Study):
         max_length=8,
         description="cameras to choose from: width and height of their pictures",
     )
-    focal_length_mm: FocalLength = reading("beam")["focal_length_mm"]
-    sensor_width_mm: SensorWidth = reading("beam")["sensor_width_mm"]
+    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
     beam_amplitude_mm: Positive = Field(
-        reading("beam")["amplitude_mm"], description="peak of the beam's deflection in every mode"
+        assumed_values("beam")["amplitude_mm"],
+        description="peak of the beam's deflection in every mode",
     )
     plate_amplitude_mm: Positive = Field(
-        reading("plate")["amplitude_mm"], description="peak of the plate's deflection in every mode"
+        assumed_values("plate")["amplitude_mm"],
+        description="peak of the plate's deflection in every mode",
     )
     elevation_deg: Annotated[Real, Field(ge=0, lt=90)] = Field(
         5.0, description="lowest elevation of a camera"
@@ -99,29 +101,38 @@ class Planner(Study):
     def questions(self) -> dict[str, PlanRequest]:
         """Return the requests to the planner, by name."""
         near = {
-            body: float(setups.table(body, "arrays")["distance_mm"]) for body in THESIS_QUESTIONS
+            body: float(setups.setup_table(body, "arrays")["distance_mm"])
+            for body in THESIS_QUESTIONS
         }
         asked: dict[str, tuple[str, dict[str, Any]]] = {}
         for body, name in THESIS_QUESTIONS.items():
             fixed = (near[body], near[body])
             asked[name] = body, {"distances_mm": fixed, "tilt_deg": 90.0}
             asked[f"{body}: markers that can be read"] = body, {"distances_mm": fixed}
-            asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": room(body)}
+            asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": free_room(body)}
         wall, machine = (
             {"forbidden_sectors_deg": [WALL_SECTOR_DEG]},
             {"forbidden_boxes_mm": [MACHINE_BOX_MM]},
         )
-        asked["beam: a wall behind it"] = "beam", {"distances_mm": room("beam"), **wall}
-        asked["plate: a machine beside it"] = "plate", {"distances_mm": room("plate"), **machine}
+        asked["beam: a wall behind it"] = "beam", {"distances_mm": free_room("beam"), **wall}
+        asked["plate: a machine beside it"] = (
+            "plate",
+            {"distances_mm": free_room("plate"), **machine},
+        )
         return {name: self._question(body, more) for name, (body, more) in asked.items()}
 
     def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
         """Places of the thesis's growing arrays, by case and number of cameras."""
-        order, near = reading(body)["pair_order"], setups.table(body, "arrays")["distance_mm"]
-        grown = setups.array_settings(list(setups.pairs()), order, {}, near, self.resolutions_px[0])
+        order, near = (
+            assumed_values(body)["pair_order"],
+            setups.setup_table(body, "arrays")["distance_mm"],
+        )
+        grown = setups.array_settings(
+            list(setups.camera_pairs()), order, {}, near, self.resolutions_px[0]
+        )
         focal = self.focal_length_mm / self.sensor_width_mm
         return {
-            (one.case, len(one.directions_deg)): at(
+            (one.case, len(one.directions_deg)): places_at(
                 np.radians(one.directions_deg), one.distance_mm / 1000, focal
             )
             for one in grown
@@ -145,8 +156,8 @@ class Planner(Study):
         if any(w * height != h * width for w, h in rest):
             self.refuse("resolutions_px", "allowed: pictures of one proportion")
         for body, peak in (("beam", self.beam_amplitude_mm), ("plate", self.plate_amplitude_mm)):
-            left = room(body)[0] - _reach(body)
+            left = free_room(body)[0] - _reach(body)
             if peak >= left:
                 allowed = f"a number below {left:.4g} mm, the room before the nearest camera"
-                refuse(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
+                refuse_value(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
         return self

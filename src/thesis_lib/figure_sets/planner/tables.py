@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from IPython.display import HTML, Markdown
 
-from thesis_lib.figure_sets.planner.compute import cheapest
+from thesis_lib.figure_sets.planner.compute import cheapest_option
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.figures import layout_view
@@ -21,15 +21,17 @@ FRONT_QUESTION = "beam: nearer or farther, too"  # of which the front is drawn
 SHOWN_CAMERAS = 4  # of the layouts that are drawn, or the nearest number
 
 
-def asked(cube: xr.Dataset, name: str) -> Any:
+def table_parameter(cube: xr.Dataset, name: str) -> Any:
     """Return a parameter of the run."""
     return json.loads(cube.attrs["parameters"])[name]
 
 
-def coarse(cube: xr.Dataset, question: str) -> xr.Dataset:
+def coarse_options(cube: xr.Dataset, question: str) -> xr.Dataset:
     """Return the options of a question with the first of the resolutions."""
     one = cube.sel(question=question)
-    return one.isel(option=np.flatnonzero(one["width_px"] == asked(cube, "resolutions_px")[0][0]))
+    return one.isel(
+        option=np.flatnonzero(one["width_px"] == table_parameter(cube, "resolutions_px")[0][0])
+    )
 
 
 def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset | None]:
@@ -46,7 +48,7 @@ def compare_with_thesis(cube: xr.Dataset) -> str:
     """Compare planned layouts with the best of the thesis with as many cameras."""
     rows: list[dict[str, Any]] = []
     for body, question in THESIS_QUESTIONS.items():
-        plan = coarse(cube, question)
+        plan = coarse_options(cube, question)
         for i, own in enumerate(_best_of_thesis(cube, body)):
             error = np.nan if own is None else float(own["thesis_expected"])
             planned = plan.isel(option=i)
@@ -63,7 +65,7 @@ def compare_with_thesis(cube: xr.Dataset) -> str:
                     "simulated": planned["simulated_error"].max(),
                 }
             )
-    size = asked(cube, "resolutions_px")[0]
+    size = table_parameter(cube, "resolutions_px")[0]
     return render(__file__, "thesis", rows=rows, size=size, readable=with_readable(cube))
 
 
@@ -71,31 +73,33 @@ def with_readable(cube: xr.Dataset) -> str:
     """Compare the plan whose markers can be read with the thesis's best layouts."""
     worse, shares = [], []
     for body in THESIS_QUESTIONS:
-        plan = coarse(cube, f"{body}: markers that can be read")["expected_error"].values
+        plan = coarse_options(cube, f"{body}: markers that can be read")["expected_error"].values
         for planned, own in zip(plan, _best_of_thesis(cube, body), strict=True):
             if own is not None and np.isfinite(planned):
                 worse.append(bool(planned > own["thesis_expected"]))
                 shares.append(100 * float(own["thesis_read_fraction"]))
-    tilt = asked(cube, "tilt_deg")
+    tilt = table_parameter(cube, "tilt_deg")
     return render(
         __file__, "readable", worse=sum(worse), pairs=len(worse), shares=shares, tilt=tilt
     )
 
 
-def limits(cube: xr.Dataset) -> str:
+def list_limits(cube: xr.Dataset) -> str:
     """Show the cost of limits on places."""
     rows = []
     for question in cube["question"].values.tolist():
-        free = coarse(cube, THESIS_QUESTIONS[question.partition(":")[0]])["expected_error"].values
-        own = coarse(cube, question)["expected_error"].values
+        free = coarse_options(cube, THESIS_QUESTIONS[question.partition(":")[0]])[
+            "expected_error"
+        ].values
+        own = coarse_options(cube, question)["expected_error"].values
         more = own / free - 1
         changes = [one if abs(one) >= MAX_TIE_RATIO else np.nan for one in more]
         rows.append({"question": question, "cells": list(zip(own, changes, strict=True))})
-    counts, tilt = cube["count"].values, asked(cube, "tilt_deg")
+    counts, tilt = cube["count"].values, table_parameter(cube, "tilt_deg")
     return render(__file__, "limits", rows=rows, counts=counts, tilt=tilt)
 
 
-def front(cube: xr.Dataset) -> str:
+def list_front(cube: xr.Dataset) -> str:
     """List the options on the front of one question."""
     one = cube.sel(question=FRONT_QUESTION)
     order = np.argsort(one["cost"].values, kind="stable")
@@ -103,18 +107,18 @@ def front(cube: xr.Dataset) -> str:
     return render(__file__, "front", options=options) if options else ""
 
 
-def targets(cube: xr.Dataset) -> str:
+def list_targets(cube: xr.Dataset) -> str:
     """List the cheapest layout that reaches the target, question by question."""
-    target = asked(cube, "target_percent")
+    target = table_parameter(cube, "target_percent")
     best = {}
     for question in cube["question"].values.tolist():
         one = cube.sel(question=question)
-        at = cheapest(one, target)
+        at = cheapest_option(one, target)
         best[question] = None if at is None else one.isel(option=at)
     return render(__file__, "targets", best=best, target=target)
 
 
-def verification(cube: xr.Dataset) -> str:
+def compare_simulated(cube: xr.Dataset) -> str:
     """Compare simulated with predicted errors, over all options and modes of a structure."""
     ratios = {}
     for body in THESIS_QUESTIONS:
@@ -151,10 +155,10 @@ def for_sound(cube: xr.Dataset) -> str:
                 "shapes": one["sound_shape_error"].values,
             }
         )
-    return render(__file__, "sound", rows=rows, size=asked(cube, "resolutions_px")[0])
+    return render(__file__, "sound", rows=rows, size=table_parameter(cube, "resolutions_px")[0])
 
 
-def near(cube: xr.Dataset, question: str, count: int) -> int:
+def nearest_option(cube: xr.Dataset, question: str, count: int) -> int:
     """Return the option of a question with the number of cameras nearest to a count."""
     counts = cube.sel(question=question)["n_cameras"].values
     return int(np.argmin(np.abs(counts - count)))
@@ -162,26 +166,26 @@ def near(cube: xr.Dataset, question: str, count: int) -> int:
 
 TABLES: dict[str, Callable[[xr.Dataset], str]] = {
     "thesis": compare_with_thesis,
-    "limits": limits,
-    "front": front,
-    "targets": targets,
-    "verification": verification,
+    "limits": list_limits,
+    "front": list_front,
+    "targets": list_targets,
+    "verification": compare_simulated,
     "sound": for_sound,
 }
 PIECES = TABLES
 
 
-def show(cube: xr.Dataset, name: str) -> Markdown:
+def show_table(cube: xr.Dataset, name: str) -> Markdown:
     """Show one of :data:`TABLES` in a notebook."""
     return Markdown(TABLES[name](cube))
 
 
-def view(cube: xr.Dataset) -> HTML:
+def show_layouts(cube: xr.Dataset) -> HTML:
     """Show every planned layout in a notebook, to be turned."""
     plans = []
     for question in cube["question"].values.tolist():
         one = cube.sel(question=question)
         found = np.flatnonzero(np.isfinite(one["cost"].values))
-        first = int(np.searchsorted(found, near(cube, question, SHOWN_CAMERAS)))
+        first = int(np.searchsorted(found, nearest_option(cube, question, SHOWN_CAMERAS)))
         plans.append((str(question), one.isel(option=found), first))
     return HTML(layout_view(plans))

@@ -9,7 +9,7 @@ other frames.
 
 Where the world lies is free, so errors and covariances mean something only with respect to a datum,
 what is held fixed: all cameras, or one board. Baarda's S-transformation takes the covariances from
-one to the other; the rigid motion of :func:`alignment` does the same for the errors.
+one to the other; the rigid motion of :func:`fit_alignment` does the same for the errors.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Adjustment(Network):
     iterations: int  #: Steps taken
 
 
-def adjust(
+def adjust_bundle(
     observations: Array,
     points: Array,
     cameras: Sequence[Camera],
@@ -96,10 +96,10 @@ def adjust(
             f"observations: given shape {given}, needs ({expected[0]}, shots, 2, {expected[2]})"
         )
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
-    network = reprojection.start(observations, seen, points, cameras)
+    network = reprojection.start_network(observations, seen, points, cameras)
     free = _free(network, intrinsics, distortion)
-    network, iterations = _minimised(observations, seen, points, network, free, steps)
-    network = reprojection.transformed(network, *reprojection.to_board(network, 0))
+    network, iterations = _minimise(observations, seen, points, network, free, steps)
+    network = reprojection.transform_network(network, *reprojection.to_board(network, 0))
     return _result(observations, seen, points, network, free, iterations)
 
 
@@ -110,7 +110,7 @@ def _free(network: Network, intrinsics: bool, distortion: bool) -> Mask:
     return np.array([True] * poses + lens * len(network.cameras))
 
 
-def _minimised(
+def _minimise(
     observations: Array,
     seen: Mask,
     points: Array,
@@ -127,8 +127,8 @@ def _minimised(
         change = inverse @ right
         hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
         if hoped <= 1e-12 * cost or hoped < 1e-18:
-            return reprojection.stepped(network, change), step
-        trial = reprojection.stepped(network, change)
+            return reprojection.step_network(network, change), step
+        trial = reprojection.step_network(network, change)
         new = reprojection.normal_equations(observations, seen, points, trial)
         new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
         if new_cost < cost:
@@ -148,7 +148,7 @@ def _inverse(
     gauge, is added; without it again the inverse has that null space.
     """
     scale = 1 / np.sqrt(np.diag(normal)[free])
-    Q, _ = np.linalg.qr(reprojection.gauge(network)[free] / scale[:, None])
+    Q, _ = np.linalg.qr(reprojection.gauge_directions(network)[free] / scale[:, None])
     scaled = normal[np.ix_(free, free)] * scale[:, None] * scale
     values, vectors = np.linalg.eigh(scaled + Q @ Q.T + damping * np.eye(len(scale)))
     part = (vectors / np.maximum(values, 1e-15)) @ vectors.T - Q @ Q.T / (1 + damping)
@@ -187,9 +187,9 @@ def _result(
     )
 
 
-def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:
+def transform_adjustment(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:
     """Transform the adjustment and its covariance to X' = rotation X + translation."""
-    network = reprojection.transformed(adjustment, rotation, translation)
+    network = reprojection.transform_network(adjustment, rotation, translation)
     T = np.eye(len(adjustment.covariance))
     n = len(network.cameras)
     for k in range(n + len(network.rotations)):
@@ -206,7 +206,7 @@ def moved(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjust
     )
 
 
-def alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array, Array]:
+def fit_alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array, Array]:
     """Return the rigid motion, without change of scale, that brings cameras nearest to true ones.
 
     Kabsch's method on the centres and the axes together: the motion minimises the sum of
@@ -227,10 +227,10 @@ def alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array
     return rotation, b - rotation @ a
 
 
-def align(
+def align_cameras(
     cameras: Sequence[Camera], truth: Sequence[Camera]
 ) -> tuple[tuple[Camera, ...], Array, Array]:
-    """Return cameras in the frame of the true ones, and how far they are off (:func:`alignment`).
+    """Return cameras in the true ones' frame, and how far they are off (:func:`fit_alignment`).
 
     Parameters
     ----------
@@ -246,9 +246,9 @@ def align(
     rotations : ndarray, shape (cameras, 3)
         Errors of the orientations about the cameras' axes, rad.
     """
-    rotation, translation = alignment(cameras, truth)
+    rotation, translation = fit_alignment(cameras, truth)
     free = Network(tuple(cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    found = reprojection.transformed(free, rotation, translation).cameras
+    found = reprojection.transform_network(free, rotation, translation).cameras
     centres = np.array([p.centre - q.centre for p, q in zip(found, truth, strict=True)])
     turns = np.array(
         [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]
@@ -265,7 +265,7 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
         A bundle adjustment.
     shot : int, optional
         The shot whose board is the datum. Without one, the cameras themselves are (a free
-        network): deviations then compare with errors after :func:`align`.
+        network): deviations then compare with errors after :func:`align_cameras`.
 
     Returns
     -------
@@ -280,7 +280,7 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
         weight[: n * POSE_UNKNOWNS] = np.tile([*[_lever(adjustment.cameras) ** 2] * 3, 1, 1, 1], n)
     else:
         weight[(n + shot) * POSE_UNKNOWNS :][:POSE_UNKNOWNS] = 1
-    G = reprojection.gauge(adjustment)
+    G = reprojection.gauge_directions(adjustment)
     S = np.eye(len(weight)) - G @ np.linalg.solve(G.T @ (weight[:, None] * G), G.T * weight)
     variances = np.einsum("ij,jk,ik->i", S, adjustment.covariance, S, optimize=True)
     both = np.sqrt(np.maximum(variances[: n * POSE_UNKNOWNS], 0)).reshape(n, 2, 3)

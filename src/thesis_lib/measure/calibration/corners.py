@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import erf
 
 from thesis_lib.arrays import Array, Image, IntArray, Mask
-from thesis_lib.measure.calibration.grids import BoardNotFound, finders
+from thesis_lib.measure.calibration.grids import BoardNotFound, board_finders
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import HALF_PIXEL
 
@@ -80,7 +80,7 @@ def find_corners(image: Image, board: Board) -> Array:
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
     unseen, refused = list[BoardNotFound](), list[BoardNotFound]()
-    for find in finders(board):
+    for find in board_finders(board):
         try:
             shown, found = find(image, board)
         except BoardNotFound as error:

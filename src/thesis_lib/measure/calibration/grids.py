@@ -46,7 +46,7 @@ class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a 
     """An image in which no trustworthy board is seen; the message says why."""
 
 
-def finders(board: Board) -> tuple[Finder, ...]:
+def board_finders(board: Board) -> tuple[Finder, ...]:
     """Return the ways of finding a board, to be tried one after the other.
 
     Each returns the image in which it saw the board, the given one or its negative, and the inner
@@ -55,7 +55,7 @@ def finders(board: Board) -> tuple[Finder, ...]:
     is seen as a whole. It raises :class:`BoardNotFound` if the image shows no board, or too little
     of it.
     """
-    ways = (_marked,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
+    ways = (_find_marks,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
     return tuple(partial(_find, way, negative) for negative in (False, True) for way in ways)
 
 
@@ -70,7 +70,7 @@ def _find(
 def _by_quads(image: Image, board: Board) -> Array:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     # No fast check: it gives up on most views that are steep or have a narrow margin.
-    return _ordered(*cv2.findChessboardCorners(image, board.shape, flags=flags), image, board)
+    return _order_corners(*cv2.findChessboardCorners(image, board.shape, flags=flags), image, board)
 
 
 def _by_reduced_quads(image: Image, board: Board) -> Array:
@@ -87,10 +87,10 @@ def _by_reduced_quads(image: Image, board: Board) -> Array:
 
 def _by_sectors(image: Image, board: Board) -> Array:
     """Find corners by OpenCV's other finder, which is sure of large tiles but not of small ones."""
-    return _ordered(*cv2.findChessboardCornersSB(image, board.shape), image, board)
+    return _order_corners(*cv2.findChessboardCornersSB(image, board.shape), image, board)
 
 
-def _ordered(found: bool, raw: Any, image: Image, board: Board) -> Array:
+def _order_corners(found: bool, raw: Any, image: Image, board: Board) -> Array:
     """Return a finder's corners with y up where x is right."""
     if not found:
         raise BoardNotFound("no checkerboard seen")
@@ -146,7 +146,7 @@ def _grey(image: Image, H: Array, places: Array) -> Array:
     return np.asarray(grey.reshape(-1, spread.shape[1]).mean(axis=1))
 
 
-def _marked(image: Image, board: Board) -> Array:
+def _find_marks(image: Image, board: Board) -> Array:
     """Return the visible corners between marks; the marks identify the corners."""
     count = board.columns * board.rows // 2
     bits = board.dictionary.rpartition("_")[0]

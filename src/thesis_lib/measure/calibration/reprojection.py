@@ -24,11 +24,11 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.vision.lens import (
     Camera,
-    distort,
+    distort_coordinates,
     distortion_jacobian,
     from_pixels,
     to_pixels,
-    undistort,
+    undistort_coordinates,
 )
 
 POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
@@ -50,7 +50,9 @@ class Network:
         )
 
 
-def start(observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]) -> Network:
+def start_network(
+    observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]
+) -> Network:
     """Return the poses chained from picture to picture, the world being the first shot's board.
 
     Raises
@@ -98,14 +100,14 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
     Points whose place `uv` is NaN do not count.
     """
     seen = np.isfinite(uv).all(axis=0)
-    xy = undistort(from_pixels(camera.K, uv[:, seen]), camera.distortion)
+    xy = undistort_coordinates(from_pixels(camera.K, uv[:, seen]), camera.distortion)
     flat = points[:, seen] * np.array([[1.0], [1.0], [0.0]])
     _, turn, t = cv2.solvePnP(flat.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
     R, t = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
     return R, t - R[:, 2] * points[2, 0]
 
 
-def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
+def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
     """Return the images of the boards' points in a camera and their derivatives.
 
     Parameters
@@ -131,7 +133,7 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
     x, y, z = np.tensordot(R, from_centre, axes=1)
     z = np.where(z > 0, z, np.nan)
     p, q = xy = np.stack([x / z, y / z])
-    distorted = distort(xy, camera.distortion)
+    distorted = distort_coordinates(xy, camera.distortion)
     scale = camera.K[:2, :2]  # px per distorted coordinate
     in_xy = np.einsum("ij,jk...->ik...", scale, distortion_jacobian(xy, camera.distortion))
     in_xyz = np.stack([*in_xy.swapaxes(0, 1), -in_xy[:, 0] * p - in_xy[:, 1] * q]) / z
@@ -148,9 +150,9 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
     )
     J = np.concatenate(
         [
-            _crossed(np.stack([x, y, z])[:, None], in_xyz),
+            _cross(np.stack([x, y, z])[:, None], in_xyz),
             -in_world,
-            _crossed(on_board[:, None], in_world),
+            _cross(on_board[:, None], in_world),
             in_world,
             [[distorted[0], zero], [zero, distorted[1]], [one, zero], [zero, one]],
             np.einsum("ij,kj...->ki...", scale, lens),
@@ -159,7 +161,7 @@ def images(network: Network, camera: Camera, points: Array) -> tuple[Array, Arra
     return to_pixels(camera.K, distorted), J
 
 
-def _crossed(a: Array, b: Array) -> Array:
+def _cross(a: Array, b: Array) -> Array:
     """Return the product a × b: the derivative in a rotation of a if b is the one in a."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -187,7 +189,7 @@ def normal_equations(
     right = np.zeros(network.unknowns)
     residuals = np.full(observations.shape, np.nan)
     for c, camera in enumerate(network.cameras):
-        uv, J = images(network, camera, of_pictures(points, c))
+        uv, J = board_images(network, camera, of_pictures(points, c))
         residuals[c] = observations[c] - uv.swapaxes(0, 1)
         shots = np.flatnonzero(seen[c])
         missing = np.isnan(observations[c][shots])
@@ -207,7 +209,7 @@ def normal_equations(
     return normal, right, residuals
 
 
-def gauge(network: Network) -> Array:
+def gauge_directions(network: Network) -> Array:
     """Return the change of the unknowns when the world turns and shifts, shape (unknowns, 6)."""
     boards = range(len(network.rotations))
     poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
@@ -221,7 +223,7 @@ def gauge(network: Network) -> Array:
     return G
 
 
-def stepped(network: Network, step: Array) -> Network:
+def step_network(network: Network, step: Array) -> Network:
     """Return the network after changes of its unknowns."""
     n, m = len(network.cameras), len(network.rotations)
     poses = step[: (n + m) * POSE_UNKNOWNS].reshape(-1, 2, 3)
@@ -243,7 +245,7 @@ def stepped(network: Network, step: Array) -> Network:
     )
 
 
-def transformed(network: Network, rotation: Array, translation: Array) -> Network:
+def transform_network(network: Network, rotation: Array, translation: Array) -> Network:
     """Return the network in another frame, X' = rotation X + translation."""
     cameras = tuple(
         replace(

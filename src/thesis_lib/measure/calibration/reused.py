@@ -14,10 +14,10 @@ from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies.cache import key_of
-from thesis_lib.studies.schema import labelled
+from thesis_lib.studies.schema import label_values
 
 
-def reused(manifest: Manifest, folder: Path) -> Found | None:
+def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     """Return the manifest's cameras of the calibration that it reuses; None if it reuses none.
 
     Raises
@@ -31,12 +31,12 @@ def reused(manifest: Manifest, folder: Path) -> Found | None:
     path = folder / asked.file
     try:
         found = read_cameras(path, asked.unit)
-        return _chosen(found, manifest, path)
+        return _choose_cameras(found, manifest, path)
     except ManifestError as error:
         raise ManifestError(f"calibration: {error}") from None
 
 
-def _chosen(found: Found, manifest: Manifest, path: Path) -> Found:
+def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
     """Return the cameras that the manifest has, in its order."""
     names = [one.name for one in found.cameras]
     there = ", ".join(names)
@@ -72,7 +72,7 @@ def _rows(order: IntArray, count: int) -> IntArray:
 
 
 def as_calibrated(found: Found) -> xr.Dataset:
-    """Reused cameras as :func:`thesis_lib.measure.steps.calibrated` has them, with no pictures."""
+    """Reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
     n = len(found.cameras)
     nothing: Array = np.full((n, 1, 2, 1), np.nan)
     kept = ("K", "distortion", "R_camera_world", "centre", "size")
@@ -88,4 +88,4 @@ def as_calibrated(found: Found) -> xr.Dataset:
     numbers = [np.asarray(values[name]).tolist() for name in kept]
     names = [one.name for one in found.cameras]
     attrs = {"notes": "", "key": key_of([names, numbers])}
-    return xr.Dataset(labelled(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)
+    return xr.Dataset(label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)

@@ -14,17 +14,17 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.grids import BoardNotFound
 from thesis_lib.measure.calibration.reprojection import planar_pose
-from thesis_lib.measure.calibration.symmetry import unify
-from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, zhang
+from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.zhang import Calibration, CalibrationError, calibrate_camera
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_png
-from thesis_lib.studies.parallel import abreast
+from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vision.lens import Camera
 
 # Rms residual of all cameras together over that of each alone, from which on the board moved
@@ -34,7 +34,7 @@ MAX_CONTRADICTION = 3.0
 
 
 @contextlib.contextmanager
-def alike() -> Iterator[None]:
+def single_threaded_opencv() -> Iterator[None]:
     """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -44,8 +44,8 @@ def alike() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-@alike()
-def adjusted(
+@single_threaded_opencv()
+def adjust_cameras(
     manifest: Manifest,
     folder: Path,
     tick: Callable[[], object] = lambda: None,
@@ -86,7 +86,7 @@ def adjusted(
             tick()
 
     paths = [shot_paths(camera, folder) for camera in manifest.cameras]
-    found = iter(abreast(one, [path for row in paths for path in row]))
+    found = iter(map_in_pairs(one, [path for row in paths for path in row]))
     shots, refused = list[list[Array | None]](), list[dict[str, str]]()
     for row in paths:
         seen_in = [(path, next(found)) for path in row]
@@ -99,15 +99,15 @@ def adjusted(
         for camera, reasons in zip(manifest.cameras, refused, strict=True)
         for file, why in reasons.items()
     ]
-    single = [posed(row, board, lens) for row, lens in zip(shots, lenses, strict=False)]
+    single = [pose_camera(row, board, lens) for row, lens in zip(shots, lenses, strict=False)]
     for camera, seen_by, reasons in zip(manifest.cameras, shots, refused, strict=True):
         if lenses:
             break
         try:
-            single.append(zhang(seen_by, board, camera.size, True, camera.name))
+            single.append(calibrate_camera(seen_by, board, camera.size, True, camera.name))
         except CalibrationError as error:
             raise CalibrationError(f"{error}{_commonest(reasons, manifest)}") from None
-    corners, moved = unify(single, shots, board, manifest.board.two_sided)
+    corners, moved = unify_corners(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))
     for pose in np.flatnonzero(~seen):
         off = moved.get(int(pose))
@@ -116,15 +116,18 @@ def adjusted(
         lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
-    full = adjust(used, board.shown(used), cameras, not lenses, not lenses)
-    if not lenses and contradiction(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION:
-        full = adjust(used, board.shown(used), cameras, intrinsics=False, distortion=False)
+    full = adjust_bundle(used, board.shown(used), cameras, not lenses, not lenses)
+    if (
+        not lenses
+        and contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
+    ):
+        full = adjust_bundle(used, board.shown(used), cameras, intrinsics=False, distortion=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
 
 
-def contradiction(together: float, alone: Iterable[float]) -> float:
+def contradiction_ratio(together: float, alone: Iterable[float]) -> float:
     """Return the rms residual of cameras adjusted together over that of each camera alone."""
     return together / float(np.sqrt(np.mean(np.square(list(alone)))))
 
@@ -143,7 +146,7 @@ def _commonest(refused: Mapping[str, str], manifest: Manifest) -> str:
     )
 
 
-def posed(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
+def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
     """Return a camera with a known lens, and the board's pose in each of its calibration images."""
     poses = [(None, None) if uv is None else planar_pose(lens, board.corners, uv) for uv in shots]
     rotations, translations = zip(*poses, strict=True)

@@ -2,9 +2,9 @@
 
 A square board of 9 × 9 tiles looks the same after quarter turns, and from behind too when it is
 printed on both faces, so each picture has its own idea of which corner is the first. The cameras do
-not move between the shots: :func:`unify` chooses, per picture, the one symmetry under which they
-stand still. Where the operator of Appendix D, step 3, clicks the same origin in every image, this
-is what stands in for the operator. A board with marks has no symmetry.
+not move between the shots: :func:`unify_corners` chooses, per picture, the one symmetry under
+which they stand still. Where the operator of Appendix D, step 3, clicks the same origin in every
+image, this is what stands in for the operator. A board with marks has no symmetry.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MIN_DISTINCT_RATIO = 2.0  # how many times worse the next best rig has to be
 _MOST_OFF = 1 / 3  # share of the shared poses from which on it is not they that are wrong
 
 
-def unify(
+def unify_corners(
     calibrations: Sequence[Calibration],
     shots: Sequence[Sequence[Array | None]],
     board: Board,
@@ -71,8 +71,8 @@ def unify(
     for shot in range(result.shape[1]):
         seen = [c for c in range(len(shots)) if points[c][shot] is not None]
         for camera in seen:
-            first = _moved(rig[seen[0]], points[seen[0]][shot])[0]
-            off = _rms(_moved(rig[camera], points[camera][shot]) - first)
+            first = _move(rig[seen[0]], points[seen[0]][shot])[0]
+            off = _rms(_move(rig[camera], points[camera][shot]) - first)
             choice = int(np.argmin(off))
             if off[choice] > _MAX_FIT_TILES * board.tile:
                 left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
@@ -129,7 +129,7 @@ def _rms(differences: Array) -> Array:
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
-def _moved(pose: Pose, points: Array | None) -> Array:
+def _move(pose: Pose, points: Array | None) -> Array:
     """Return the points (..., 3, n) of a camera in the rig's frame."""
     R, t = pose
     assert points is not None
@@ -171,11 +171,11 @@ def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
     """
     size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
     trials = [_rigid(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
-    missed = [_rms(_moved(pose, source) - target[:, None]).min(axis=1) for pose in trials]
+    missed = [_rms(_move(pose, source) - target[:, None]).min(axis=1) for pose in trials]
     scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
     best = trials[int(np.argmin(scores))]
     X = source[0, 0]
-    other = np.array([_rms(_moved(pose, X) - _moved(best, X)) > size for pose in trials])
+    other = np.array([_rms(_move(pose, X) - _move(best, X)) > size for pose in trials])
     rival = scores[other].min(initial=np.inf)
     return best, bool(rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9)
 

@@ -33,12 +33,16 @@ from scipy.stats import norm, t
 from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust, camera_deviations
+from thesis_lib.measure.calibration.bundle_adjustment import (
+    Adjustment,
+    adjust_bundle,
+    camera_deviations,
+)
 from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS, POSE_UNKNOWNS, Network
-from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction
+from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.cache import kept, key_of
-from thesis_lib.studies.schema import declared, labelled, with_origin
+from thesis_lib.studies.cache import key_of, load_or_compute
+from thesis_lib.studies.schema import label_values, parse_variables, with_origin
 from thesis_lib.vision.lens import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
@@ -47,7 +51,7 @@ _COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two sta
 _MIN_EIGENVALUE = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
 
 
-def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
+def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
     """Return the cameras of an adjustment, with deviations that hold for the images as they are.
 
     With fewer than :data:`MIN_JACKKNIFE_IMAGES` shots, or one that nothing can do without, the
@@ -83,7 +87,7 @@ def jackknife(observations: Array, points: Array, adjustment: Adjustment) -> Adj
     matrices, sides = _contributions(observations, points, adjustment)
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
-    gauge, _ = np.linalg.qr(reprojection.gauge(alone)[free] / units[:, None])
+    gauge, _ = np.linalg.qr(reprojection.gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
     changes = _changes(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
     if changes is None:
@@ -123,11 +127,11 @@ def with_lenses(
     Parameters
     ----------
     observations, points, adjustment
-        As of :func:`jackknife`, the lenses held fixed.
+        As of :func:`jackknife_cameras`, the lenses held fixed.
     held : ndarray, shape (8 n, 8 n)
         Covariance of the lenses.
     poses : ndarray, shape (14 n, 14 n)
-        What :func:`jackknife` says of the poses alone.
+        What :func:`jackknife_cameras` says of the poses alone.
 
     Returns
     -------
@@ -138,7 +142,7 @@ def with_lenses(
     N = _contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
     bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    Q, _ = np.linalg.qr(reprojection.gauge(bare)[:cut] / units[:, None])
+    Q, _ = np.linalg.qr(reprojection.gauge_directions(bare)[:cut] / units[:, None])
     moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
     T = np.concatenate([moved, np.eye(len(held))])
     return np.asarray(poses + T @ held @ T.T)
@@ -213,7 +217,7 @@ def _widening(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
     return float(max(found / (sigma**2 * expected), 1.0))
 
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     board_poses() [1] poses of the board that were used; 0 of a calibration that is reused
     focal_deviation(camera) [px] standard deviation of the focal length
     centre_deviation(camera) [m] standard deviation of the centre of projection
@@ -222,7 +226,7 @@ VARIABLES = declared("""
 """)
 
 
-def exact(
+def jackknife_calibration(
     calibration: xr.Dataset, board: Board, steps: Path, held: Array | None = None
 ) -> xr.Dataset:
     """Return the calibration, its deviations by a jackknife over shots, and its ``covariance``.
@@ -230,7 +234,7 @@ def exact(
     Parameters
     ----------
     calibration : xarray.Dataset
-        What :func:`thesis_lib.measure.steps.calibrated` returns.
+        What :func:`thesis_lib.measure.steps.calibrate_rig` returns.
     board : Board
         The board.
     steps : Path
@@ -241,18 +245,18 @@ def exact(
     Returns
     -------
     xarray.Dataset
-        With :data:`VARIABLES` by :func:`jackknife`.
+        With :data:`VARIABLES` by :func:`jackknife_cameras`.
     """
 
     def compute() -> xr.Dataset:
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
         points, lenses = board.shown(corners), held
-        if lenses is None and contradict(calibration):
+        if lenses is None and cameras_contradict(calibration):
             lenses = _alone(corners, points, cameras_in(calibration))
         free = lenses is None
-        full = adjust(corners, points, cameras_in(calibration), free, free)
-        cameras = jackknife(corners, points, full)
+        full = adjust_bundle(corners, points, cameras_in(calibration), free, free)
+        cameras = jackknife_cameras(corners, points, full)
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
@@ -267,19 +271,19 @@ def exact(
             "centre_deviation": np.linalg.norm(camera_deviations(cameras)[0], axis=1),
             "covariance": cameras.covariance,
         }
-        return calibration.load().assign(labelled(values, VARIABLES))
+        return calibration.load().assign(label_values(values, VARIABLES))
 
-    return kept(
+    return load_or_compute(
         steps / "cameras.nc",
         compute,
         key_of([calibration.attrs["key"], held is not None and held.tolist()]),
     )
 
 
-def contradict(calibration: xr.Dataset) -> bool:
+def cameras_contradict(calibration: xr.Dataset) -> bool:
     """Return whether cameras contradict each other, so that lenses are of each camera alone."""
     together, alone = calibration["reprojection_rms"], calibration["single_rms"].values
-    return contradiction(float(together), alone) > MAX_CONTRADICTION
+    return contradiction_ratio(float(together), alone) > MAX_CONTRADICTION
 
 
 def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
@@ -289,12 +293,14 @@ def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
         seen = np.isfinite(corners[k]).any(axis=(1, 2))
         own, of = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
         blocks.append(
-            jackknife(own, of, adjust(own, of, [camera])).covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:]
+            jackknife_cameras(own, of, adjust_bundle(own, of, [camera])).covariance[
+                POSE_UNKNOWNS:, POSE_UNKNOWNS:
+            ]
         )
     return block_diag(*blocks)
 
 
-def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
+def read_deviations(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
     """Return a reused calibration with the deviations of its covariance; NaN without one."""
     cameras = cameras_in(calibration)
     n = len(cameras)
@@ -313,7 +319,7 @@ def stated(calibration: xr.Dataset, covariance: Array | None) -> xr.Dataset:
         "centre_deviation": np.linalg.norm(camera_deviations(bare)[0], axis=1),
         "covariance": known,
     }
-    return calibration.assign(labelled(values, VARIABLES))
+    return calibration.assign(label_values(values, VARIABLES))
 
 
 def covariance_of(calibration: xr.Dataset) -> Array | None:

@@ -52,7 +52,7 @@ class Calibration:
         return Camera(self.name, self.K, self.distortion, R, -R.T @ t, self.size)
 
 
-def zhang(
+def calibrate_camera(
     shots: Sequence[Array | None],
     board: Board,
     size: tuple[int, int],
@@ -129,7 +129,7 @@ def zhang(
     )
 
 
-def central(board: Board) -> IntArray:
+def central_corners(board: Board) -> IntArray:
     """Return indices of the corners of the central 5 × 7 squares, the part the thesis used.
 
     Raises

@@ -24,7 +24,7 @@ from thesis_lib.vision.lens import HALF_PIXEL, Camera
 def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:
     """Return the cameras of the calibration's frame in that of the structure.
 
-    `data` is what :func:`~thesis_lib.measure.fitting.result.result` returns.
+    `data` is what :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
     R, origin = data["frame_rotation"].values, data["frame_origin"].values
     return [
@@ -33,7 +33,7 @@ def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camer
     ]
 
 
-def write(folder: Path, cameras: Sequence[Camera], data: xr.Dataset) -> None:
+def write_calibration(folder: Path, cameras: Sequence[Camera], data: xr.Dataset) -> None:
     """Write calibrated cameras into a folder, in the structure's axes, for both programs."""
     placed = in_structure_axes(cameras, data)
     write_opencv(folder / "cameras.yaml", placed)

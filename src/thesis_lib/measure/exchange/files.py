@@ -14,7 +14,7 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 
 
-def write(
+def write_formats(
     folder: Path, data: xr.Dataset, moved: xr.Dataset, recordings: Sequence[Recording]
 ) -> None:
     """Write motion, shape, period and cameras into a folder, in each format.
@@ -24,23 +24,23 @@ def write(
     folder : Path
         It must be there.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.motion` returns.
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
     recordings : sequence of Recording
         The cameras.
     """
-    storage.write(moved, folder / "motion.nc")
+    storage.write_netcdf(moved, folder / "motion.nc")
     history.write_csv(folder / "motion.csv", moved)
-    uff.write(folder / "shapes.uff", data)
+    uff.write_uff(folder / "shapes.uff", data)
     uff.write_motion(folder / "motion.uff", data, moved)
-    matlab(folder / "measured.mat", data, moved)
+    write_matlab(folder / "measured.mat", data, moved)
     (folder / "vtk").mkdir(exist_ok=True)
-    vtk.write(folder / "vtk", data)
-    cameras.write(folder, [own.camera for own in recordings], data)
+    vtk.write_vtk(folder / "vtk", data)
+    cameras.write_calibration(folder, [own.camera for own in recordings], data)
 
 
-def matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
+def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     """Write shapes and motion as two structures, ``shape`` in SI units and ``motion`` in mm.
 
     Fields have the names of ``measured.nc`` and ``motion.nc``, and dimensions in the same order;

@@ -20,10 +20,10 @@ from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import declared, labelled
-from thesis_lib.vision.lens import distorted, projection_matrices
+from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.vision.lens import distort_pixels, projection_matrices
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import gain
+from thesis_lib.vision.triangulation import triangulation_gain
 
 ALWAYS_S = 1e6  # s, before and after all recordings
 INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
@@ -33,7 +33,7 @@ STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
 FLAG_MEANINGS = (
     "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
 )
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     displacement(axis, time, marker) [mm] displacement from the place at rest
     standard_error(axis, time, marker) [mm] standard error of the displacement by the scatter of the
         centres
@@ -47,13 +47,13 @@ VARIABLES = declared("""
 """)
 
 
-def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset:
+def time_histories(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset:
     """Return the time histories of all markers, while all cameras recorded.
 
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns, with ``steady``.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
     recordings : sequence of Recording
         The cameras and their tracks.
     rest_s : float
@@ -89,7 +89,7 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> 
     if not parts:
         raise ChainError("the cameras did not record at one time: no frame of one lies within all")
     whole = xr.concat(parts, "time")
-    whole = whole.assign(labelled(_places(data), VARIABLES)).assign_coords(
+    whole = whole.assign(label_values(_places(data), VARIABLES)).assign_coords(
         camera=data["camera"], axis=data["axis"], marker=_numbers(rest.shape[1])
     )
     whole["time"].attrs = {
@@ -97,7 +97,7 @@ def motion(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> 
         "long_name": "time on the first camera's clock",
         "axis": "T",
     }
-    return _flagged(whole, data, rate)
+    return _flag(whole, data, rate)
 
 
 def write_csv(path: Path, moved: xr.Dataset) -> None:
@@ -145,7 +145,7 @@ def _at(
     pad = (INTERPOLATION_FRAMES + 1) / own.rate + abs(own.readout)
     found = [*own.parts(times[0] - pad, times[-1] + pad)]
     s, uv = (np.concatenate([part[k] for part in found]) for k in (0, 1))
-    rows = distorted(own.camera, project(P[None], rest)[0])[1] / own.camera.size[1]
+    rows = distort_pixels(own.camera, project(P[None], rest)[0])[1] / own.camera.size[1]
     late = own.readout * (rows - 0.5)  # of a marker's row after the middle one's
     plain = _lagrange(s, uv, times, late)
     if not steady.any():
@@ -218,7 +218,7 @@ def _part(
         "cameras_seen": seen.astype(np.int8),
         "residual": residual.astype(np.float32),
     }
-    return xr.Dataset(labelled(values, VARIABLES), {"time": times})
+    return xr.Dataset(label_values(values, VARIABLES), {"time": times})
 
 
 def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
@@ -229,14 +229,14 @@ def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
         if np.count_nonzero(pattern) < 2:
             continue
         where = (visible == pattern[:, None, None]).all(axis=0)
-        response = np.einsum("ai,icuk->acuk", R, gain(P[pattern], rest))
+        response = np.einsum("ai,icuk->acuk", R, triangulation_gain(P[pattern], rest))
         noise = np.square(response).sum(axis=2) * np.square(sigma[pattern])
         each = np.broadcast_to(np.sqrt(noise.sum(axis=1))[:, None], errors.shape)
         errors = np.where(where, each, errors)
     return errors
 
 
-def _flagged(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
+def _flag(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
     """Return the history with flags explained, and without values that cannot be interpolated."""
     flag = whole["flag"].values
     if float(data["frequency"]) > MAX_INTERPOLATED_RATIO * rate:

@@ -12,7 +12,7 @@ MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in on
 MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
 
 
-def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
+def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
     """Return the faces between markers, counted from 0, with corners in one sense of rotation.
 
     Parameters
@@ -43,9 +43,9 @@ def faces(x: ArrayLike, y: ArrayLike) -> IntArray:
     return np.asarray(found[sides.max(axis=1) <= MAX_EDGE_RATIO * np.median(sides)], int)
 
 
-def edges(x: ArrayLike, y: ArrayLike) -> IntArray:
+def marker_edges(x: ArrayLike, y: ArrayLike) -> IntArray:
     """Return lines between neighbours, (lines, 2), each once; along the row if all stand in one."""
-    corners = faces(x, y)
+    corners = marker_faces(x, y)
     if not len(corners):
         order = np.lexsort((np.asarray(y, float), np.asarray(x, float)))
         return np.column_stack([order[:-1], order[1:]])
@@ -53,7 +53,7 @@ def edges(x: ArrayLike, y: ArrayLike) -> IntArray:
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def triangles(corners: IntArray) -> IntArray:
+def face_triangles(corners: IntArray) -> IntArray:
     """Return the faces as triangles, (triangles, 3)."""
     if corners.shape[1] == 3:
         return corners

@@ -28,7 +28,7 @@ from thesis_lib.measure.recordings.text_files import (
     read_text,
 )
 from thesis_lib.studies import storage
-from thesis_lib.studies.fields import shown
+from thesis_lib.studies.fields import format_given
 from thesis_lib.text import one_line
 from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
@@ -65,7 +65,8 @@ class Found:
 
     cameras: list[Camera]  #: In one frame, m
     placed: bool  #: Whether the file says where they are
-    #: Of their poses, then lenses: :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`
+    #: Of their poses, then lenses:
+    #: :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`
     covariance: Array | None = None
 
 
@@ -100,7 +101,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
         said = values.get("metadata")
         scale = unit or (said.get("units") if isinstance(said, Mapping) else None) or "m"
         if scale not in ("m", "mm"):
-            raise ManifestError(f"{file}: lengths in {shown(scale)}, allowed: m or mm")
+            raise ManifestError(f"{file}: lengths in {format_given(scale)}, allowed: m or mm")
         name = file.stem
         try:
             for name, entry in _entries(values, file.stem):
@@ -125,7 +126,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
 
 def _own(path: Path) -> Found:
     try:
-        data = storage.opened(path)
+        data = storage.open_netcdf(path)
         covariance = np.asarray(data["covariance"].values, float)
         known = bool(np.isfinite(covariance).all())
         return Found(cameras_in(data), True, covariance if known else None)
@@ -216,7 +217,9 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
     if K[0, 0] < 0 or K[1, 1] < 0:
         raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
-        raise ValueError(f"camera_matrix: given {shown(K.tolist())}, allowed: an intrinsic matrix")
+        raise ValueError(
+            f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
+        )
     K[:2, 2] += HALF_PIXEL
     size = of(*_SIZE_NAMES) or [of("image_width", "width"), of("image_height", "height")]
     width, height = _numbers(size, "image_width and image_height", (2,))
@@ -258,7 +261,7 @@ def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
     values = np.zeros(5) if given is None else _numbers(given, "distortion_coefficients", ())
     count, extra = values.size, bool(values[5:].any())
     if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):
-        raise ValueError(f"distortion model {shown(model)}, {allowed}")
+        raise ValueError(f"distortion model {format_given(model)}, {allowed}")
     if extra or count not in (0, 4, 5, *_OTHER_MODELS):
         named = f" ({_OTHER_MODELS[count]} model)" if count in _OTHER_MODELS else ""
         raise ValueError(f"{count} coefficients of distortion{named}, {allowed}")
@@ -275,5 +278,5 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
     except (TypeError, ValueError, OverflowError):
         values = np.array([np.nan])
     if not np.isfinite(values).all() or (counts and values.size not in counts):
-        raise ValueError(f"{name}: given {shown(inner)}, allowed: finite numbers")
+        raise ValueError(f"{name}: given {format_given(inner)}, allowed: finite numbers")
     return values

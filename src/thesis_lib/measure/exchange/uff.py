@@ -12,7 +12,7 @@ import pyuff
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray, IntArray
-from thesis_lib.measure.exchange.mesh import edges
+from thesis_lib.measure.exchange.mesh import marker_edges
 
 RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE, TRANSLATION_Z = (
     1,
@@ -25,7 +25,7 @@ LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125
 MAX_UNEVENNESS = 1e-6  # of a step, within which times are even
 
 
-def write(path: Path, data: xr.Dataset) -> None:
+def write_uff(path: Path, data: xr.Dataset) -> None:
     """Write the markers and their motion as universal datasets 151, 164, 15, 82, 55 and 58.
 
     Markers are nodes 1, 2, … at their places on the structure (dataset 15, SI units by 164), lines
@@ -39,7 +39,7 @@ def write(path: Path, data: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
     frequency = float(data["frequency"])
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
@@ -65,7 +65,7 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.modes.result.result` returns.
+        What :func:`~thesis_lib.measure.modes.result.modes_result` returns.
     """
     name, sets = _name(data), []
     for k in range(data.sizes["mode"]):
@@ -100,11 +100,11 @@ def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        As for :func:`write`.
+        As for :func:`write_uff`.
     moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.motion` returns. Deflections along Z are
-        written, in m; 0 stands for what is missing, since the format has no sign for that, and a
-        marker that is never seen is left out.
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns. Deflections along
+        Z are written, in m; 0 stands for what is missing, since the format has no sign for that,
+        and a marker that is never seen is left out.
     """
     deflection = moved["displacement"].sel(axis="z").values.T / 1e3
     seen = np.isfinite(deflection).any(axis=1)
@@ -126,7 +126,7 @@ def write_response(path: Path, data: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.response.result.responded` returns.
+        What :func:`~thesis_lib.measure.response.result.estimate_response` returns.
     """
     name, f = _name(data), data["frequency"].values
     curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
@@ -205,7 +205,7 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
     yield pyuff.prepare_15(
         node_nums=nodes, def_cs=0 * nodes, disp_cs=0 * nodes, color=0 * nodes + 1, x=x, y=y, z=z
     )
-    pairs = edges(data["x"].values, data["y"].values) + 1
+    pairs = marker_edges(data["x"].values, data["y"].values) + 1
     for k, start in enumerate(range(0, len(pairs), LINES_PER_DATASET)):
         part = pairs[start : start + LINES_PER_DATASET]
         pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it

@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.exchange.mesh import edges, faces
+from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
 
 FRAMES_PER_PERIOD = 32  # of a period
 CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
 
 
-def write(folder: Path, data: xr.Dataset) -> None:
+def write_vtk(folder: Path, data: xr.Dataset) -> None:
     """Write ``period.pvd`` and the unstructured grids ``period-00.vtu`` … that it lists.
 
     Points are the markers at rest, in m. ``displacement`` is a vector in m for ParaView's *Warp By
@@ -27,13 +27,13 @@ def write(folder: Path, data: xr.Dataset) -> None:
     folder : Path
         Folder to write into.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
     known = np.isfinite(amplitude) & np.isfinite(data["rest_position"].values).all(axis=0)
     points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]
     x, y = data["x"].values[known], data["y"].values[known]
-    cells = faces(x, y) if len(faces(x, y)) else edges(x, y)
+    cells = marker_faces(x, y) if len(marker_faces(x, y)) else marker_edges(x, y)
     fixed = {
         "amplitude": np.abs(amplitude),
         "phase_deg": np.degrees(np.angle(amplitude)),

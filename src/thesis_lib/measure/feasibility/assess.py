@@ -20,7 +20,7 @@ from thesis_lib.measure.feasibility.prediction import (
     CameraPrediction,
     RigPrediction,
     View,
-    alias,
+    alias_frequency,
     predict_camera,
     predict_errors,
     rms_and_worst,
@@ -63,7 +63,7 @@ class Assessment:
     rig: RigPrediction
 
 
-def assess(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
+def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
     """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
     Parameters
@@ -139,7 +139,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     steady, f = steady_seconds(manifest), manifest.excitation.frequency_hz
     if f is None:
         return
-    seen = alias(f, rate)
+    seen = alias_frequency(f, rate)
     given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
     if f >= CHECK_LIMITS["undersampled"] * rate:
         if not manifest.excitation.undersampled:
@@ -162,7 +162,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     many = model.angular_frequencies(MAX_MODES) / (2 * np.pi)
     others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
-        rings = alias(own, rate)
+        rings = alias_frequency(own, rate)
         if own >= rate / 2 and (
             k == 0 or abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
         ):
@@ -313,7 +313,7 @@ def _join(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
-def describe(assessment: Assessment) -> list[str]:
+def describe_assessment(assessment: Assessment) -> list[str]:
     """Return lines to print: tables, then warnings, then what was not checked; 100 columns."""
     rows = [tuple(TABLE_HEADER.split(","))] + [_format_row(one) for one in assessment.table]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

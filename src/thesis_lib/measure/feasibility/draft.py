@@ -14,10 +14,10 @@ from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.template import (
     ASKED_FIELDS,
-    asked_of,
-    assumed,
+    list_asked,
+    list_assumed,
     text_of,
-    validated,
+    validate_manifest,
     with_given,
 )
 
@@ -68,7 +68,7 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
     manifest, own = draft_manifest(given), {k: v for k, v in given.items() if k != "cameras"}
-    asked = asked_of(manifest, REPORTED_FIELDS)
+    asked = list_asked(manifest, REPORTED_FIELDS)
     folder.mkdir(parents=True, exist_ok=True)
     whole_text(path, text_of(manifest, own, asked))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
@@ -77,7 +77,7 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
         f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
         f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
     )
-    return path, [where, *assumed(manifest, own, asked)]
+    return path, [where, *list_assumed(manifest, own, asked)]
 
 
 def draft_manifest(given: Mapping[str, Any]) -> Manifest:
@@ -106,7 +106,7 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         for i in range(count)
     ]
     filled = {"excitation.steady_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
-    manifest = validated(with_given(cameras, filled))
+    manifest = validate_manifest(with_given(cameras, filled))
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count
     slender = min(1.0, 2 * size[0] / size[1])
@@ -115,10 +115,10 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
     values = with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
-        distance = _nearest_distance(validated(values))
+        distance = _nearest_distance(validate_manifest(values))
         for camera in cameras:
             camera["distance_mm"] = distance
-    return validated(values)
+    return validate_manifest(values)
 
 
 def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.rounding import deflection_variance
-from thesis_lib.vision.triangulation import gain, jacobian
+from thesis_lib.vision.triangulation import image_jacobian, triangulation_gain
 
 DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
 OPTICS_FIELDS = (
@@ -133,7 +133,7 @@ def view_markers(manifest: Manifest, amplitude: float) -> View:
     depths, uv, seen = images(swing)
     slide = np.hypot(*(X[:2, None] - centres.T[:2, :, None])) / centres[:, 2:]
     ahead = depths[:, 1] > 0
-    J = np.where(ahead[:, None, None], jacobian(P, X), np.nan)
+    J = np.where(ahead[:, None, None], image_jacobian(P, X), np.nan)
     rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
     inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
     return View(optics, P, directions, X, depths, rest, stay, inside, J, slide)
@@ -207,7 +207,7 @@ def predict_errors(manifest: Manifest, view: View, amplitude: float, noise: floa
     exposures = np.array([c.exposure_s for c in manifest.cameras])[on]
     f = manifest.excitation.frequency_hz or 0.0
     fit = noise * np.sqrt(2 / (rates * steady_seconds(manifest))) / np.abs(np.sinc(f * exposures))
-    turn = 2 * np.pi * alias(f, rates.min()) / rates.min()
+    turn = 2 * np.pi * alias_frequency(f, rates.min()) / rates.min()
     return [
         1000 * noise_errors(P, X, np.full(len(P), noise), seen),
         1000 * noise_errors(P, X, fit, seen),
@@ -223,7 +223,7 @@ def rms_and_worst(errors: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(known**2))), float(known.max())
 
 
-def alias(frequency: float, rate: float) -> float:
+def alias_frequency(frequency: float, rate: float) -> float:
     """Return the frequency |f − r round(f/r)| in Hz at which frames of rate r show f."""
     return float(abs(frequency - rate * np.rint(frequency / rate)))
 
@@ -248,7 +248,7 @@ def noise_errors(
     """
 
     def errors(P: Array, X: Array, which: Mask) -> Array:
-        each = gain(P, X)[2] * np.asarray(sigma, float)[which, None, None]
+        each = triangulation_gain(P, X)[2] * np.asarray(sigma, float)[which, None, None]
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
 
     return _by_view(P, points, seen, errors)

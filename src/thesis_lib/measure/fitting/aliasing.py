@@ -14,7 +14,7 @@ from thesis_lib.arrays import Array
 TRIALS_PER_LINE = 8  # trial frequencies in one over the length of the recording
 
 
-def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
+def fold_frequency(frequency: ArrayLike, rate: ArrayLike) -> Array:
     """Return the frequency in Hz at which another appears below half of the frame rate.
 
     Examples
@@ -26,7 +26,7 @@ def alias(frequency: ArrayLike, rate: ArrayLike) -> Array:
     return np.asarray(np.abs(f - rate * np.rint(f / rate)), float)
 
 
-def candidates(alias_hz: float, rate: float, highest_hz: float) -> Array:
+def list_aliases(alias_hz: float, rate: float, highest_hz: float) -> Array:
     """All frequencies in Hz, up to a highest one, that frames at a rate cannot tell apart."""
     k = np.arange(int(np.ceil(highest_hz / rate)) + 1)
     every = np.unique(np.abs(np.concatenate([alias_hz + k * rate, alias_hz - k * rate])))
@@ -34,17 +34,17 @@ def candidates(alias_hz: float, rate: float, highest_hz: float) -> Array:
     return kept
 
 
-def clearance(frequency: float, rate: float, frames: int) -> float:
+def alias_clearance(frequency: float, rate: float, frames: int) -> float:
     """Periods by which an alias stays away from 0 and from half of the rate in so many frames.
 
     Below a half, frames hardly tell the vibration's two parts, in phase and in quadrature, from
     each other or from rest.
     """
-    shown = float(alias(frequency, rate))
+    shown = float(fold_frequency(frequency, rate))
     return min(shown, rate / 2 - shown) * frames / rate
 
 
-def scan(rate: float, frames: int) -> Array:
+def scan_frequencies(rate: float, frames: int) -> Array:
     """Frequencies to look at between 0 and half of the rate, half a period away from both, Hz."""
     least = 0.5 * rate / frames
     return np.linspace(least, rate / 2 - least, TRIALS_PER_LINE * frames // 2)

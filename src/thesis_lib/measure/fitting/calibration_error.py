@@ -17,7 +17,12 @@ import numpy as np
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration import reprojection
 from thesis_lib.measure.calibration.reprojection import Network
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, fitted
+from thesis_lib.measure.fitting.harmonics import (
+    Fitted,
+    Harmonics,
+    combine_fit,
+    deflection_amplitude,
+)
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
@@ -45,7 +50,7 @@ def common_errors(
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
 
     Returns
     -------
@@ -63,7 +68,10 @@ def common_errors(
 
     def seen(step: Array) -> ComplexArray:
         every = zip(fits, omegas, strict=True)
-        moved = [amplitude(_refitted(fit, markers, step), omega, exposures) for fit, omega in every]
+        moved = [
+            deflection_amplitude(_refit(fit, markers, step), omega, exposures)
+            for fit, omega in every
+        ]
         return np.concatenate(moved)
 
     rows = [seen(step / 2) - seen(-step / 2) for step in steps]
@@ -83,24 +91,25 @@ def _fewer(rows: ComplexArray) -> ComplexArray:
     return np.asarray(real + 1j * imag)
 
 
-def _refitted(fit: Fitted, markers: Markers, step: Array) -> Fitted:
+def _refit(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    cameras = reprojection.stepped(network, step).cameras
+    cameras = reprojection.step_network(network, step).cameras
     pairs = list(zip(fit.cameras, cameras, strict=True))
     harmonics = [
-        _seen_anew(old, new, own) for (old, new), own in zip(pairs, fit.harmonics, strict=True)
+        _undistort_again(old, new, own)
+        for (old, new), own in zip(pairs, fit.harmonics, strict=True)
     ]
     rest = np.array([_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)])
-    return fitted(list(cameras), harmonics, rest, markers)
+    return combine_fit(list(cameras), harmonics, rest, markers)
 
 
 def _anew(old: Camera, new: Camera, uv: Array) -> Array:
     """Places without distortion by one camera, as another one has them, (2, ...)."""
-    return lens.undistorted(new, lens.distorted(old, uv))
+    return lens.undistort_pixels(new, lens.distort_pixels(old, uv))
 
 
-def _seen_anew(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
+def _undistort_again(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
     """Harmonics with distortion taken off by another camera, to first order about their mean."""
     mean = own.coefficients[0]
     moved = _anew(old, new, mean)

@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.frequency import advance
-from thesis_lib.measure.fitting.harmonics import Fitted, unblurred
+from thesis_lib.measure.fitting.frequency import phase_advance
+from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision.triangulation import jacobian
+from thesis_lib.vision.triangulation import image_jacobian
 
 MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
 LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
@@ -32,11 +32,11 @@ class Pace:
     corrected: bool  #: Whether the camera's times were divided by that
 
 
-def paces(
+def estimate_paces(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> list[Pace]:
     """Estimate the cameras' clock rates from the frequency that each sees."""
-    seen = [advance([own], begin, end, frequency, order) for own in recordings]
+    seen = [phase_advance([own], begin, end, frequency, order) for own in recordings]
     first, found = seen[0], [Pace(0.0, 0.0, False)]
     for own in seen[1:]:
         rate = first.frequency / own.frequency - 1
@@ -48,7 +48,9 @@ def paces(
     return found
 
 
-def paced(recordings: Sequence[Recording], found: Sequence[Pace], at: float) -> list[Recording]:
+def apply_paces(
+    recordings: Sequence[Recording], found: Sequence[Pace], at: float
+) -> list[Recording]:
     """Return the recordings with the first camera's pace, unchanged near the time `at`."""
     return [
         own.paced(1 / (1 + pace.rate), at) if pace.corrected else own
@@ -66,7 +68,7 @@ def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording
     ]
 
 
-def late(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
+def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
     """Phases by which cameras lag behind the first, and their standard errors, (cameras,), rad.
 
     What moves along the normal by w has in camera c the image amplitude J w, J being the image of
@@ -74,8 +76,8 @@ def late(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
     Σ (J w)* A is that of the camera's clock.
     """
     images = _amplitudes(fit, omega, exposures)
-    normal = np.einsum("cikn,k->cin", jacobian(fit.P, fit.points), fit.frame.R[2])
-    own_fits = unblurred(fit, omega, exposures)
+    normal = np.einsum("cikn,k->cin", image_jacobian(fit.P, fit.points), fit.frame.R[2])
+    own_fits = correct_exposure(fit, omega, exposures)
     noise = fit.sigma * [np.sqrt(0.5 * (h.covariance[1, 1] + h.covariance[2, 2])) for h in own_fits]
     weight = np.sum(normal[0] ** 2, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -91,18 +93,18 @@ def late(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
 
 def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
     """By how much cameras start later than was thought, where that is certain, and errors, s."""
-    turn, errors = late(fit, omega, exposures)
+    turn, errors = phase_lags(fit, omega, exposures)
     certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
     return np.where(certain, turn, 0.0) / omega, errors / omega
 
 
 def _amplitudes(fit: Fitted, omega: float, exposures: Array) -> ComplexArray:
     """Return the complex image amplitudes (cameras, 2, markers), px."""
-    own = unblurred(fit, omega, exposures)
+    own = correct_exposure(fit, omega, exposures)
     return np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in own])
 
 
-def shifted(fit: Fitted, omega: float, seconds: Array) -> Fitted:
+def shift_starts(fit: Fitted, omega: float, seconds: Array) -> Fitted:
     """Return the fit with cameras that started this much later than assumed."""
     moved = [own.earlier(omega, float(s)) for own, s in zip(fit.harmonics, seconds, strict=True)]
     return replace(fit, harmonics=moved)

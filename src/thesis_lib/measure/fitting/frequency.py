@@ -48,7 +48,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     FrequencyError
         If the recording is too short, or no one frequency explains half of the motion.
     """
-    series = [liveliest(own, begin, end) for own in recordings]
+    series = [liveliest_series(own, begin, end) for own in recordings]
     length = min(float(times[-1] - times[0]) for times, _ in series)
     lowest, highest = 2 / length, 0.48 * min(own.rate for own in recordings)
     if not lowest < highest:
@@ -85,7 +85,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
     return float(found.x)
 
 
-def liveliest(
+def liveliest_series(
     recording: Recording, begin: float, end: float, most: int = MOST_FRAMES
 ) -> tuple[Array, Array]:
     """Return times (n,) and the image coordinates (n, series) that move most, less their means.
@@ -111,7 +111,7 @@ def liveliest(
     return np.concatenate(times), moved[:, np.argsort(np.nanstd(moved, axis=0))[-LIVELY_SERIES:]]
 
 
-def advance(
+def phase_advance(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> Advance:
     """Return the change of phase and amplitude between parts, for a frequency near the true one.
@@ -178,7 +178,7 @@ def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
     return slope, float(np.sqrt(w**2 @ (residual**2 / (1 - own) * dx**2))) / spread
 
 
-def surer(start: float, motion: Advance, sound: xr.Dataset) -> float:
+def refine_frequency(start: float, motion: Advance, sound: xr.Dataset) -> float:
     """Return the frequency in Hz of the fit: the given or found one, unless tracks or sound differ.
 
     The more certain of the two decides, if it is three standard errors away.

@@ -68,11 +68,11 @@ class Harmonics:
     def at(self, omega: float, times: ArrayLike) -> Array:
         """Return the values at times (n,), shape (n, ...)."""
         order = (len(self.coefficients) - 1) // 2
-        values: Array = np.tensordot(basis(omega, times, order), self.coefficients, axes=1)
+        values: Array = np.tensordot(harmonic_basis(omega, times, order), self.coefficients, axes=1)
         return values
 
 
-def basis(omega: float, times: ArrayLike, order: int) -> Array:
+def harmonic_basis(omega: float, times: ArrayLike, order: int) -> Array:
     """Return the columns 1, cos ωt, sin ωt, cos 2ωt …, shape (times, 1 + 2 order)."""
     t = np.asarray(times, float)
     columns = [np.ones_like(t)]
@@ -124,7 +124,7 @@ class Sums:
 def sums_of(omega: float, times: ArrayLike, values: ArrayLike, order: int = 2) -> Sums:
     """Compute the sums that values (times, ...) add to a fit of harmonics; NaN is left out."""
     values = np.asarray(values, float)
-    A = basis(omega, times, order)
+    A = harmonic_basis(omega, times, order)
     flat = values.reshape(len(A), -1)
     known = np.isfinite(flat)
     filled = np.where(known, flat, 0.0)
@@ -222,7 +222,7 @@ class Fitted:
         return triangulate_seen(self.P, self.rest)[0]
 
 
-def fitted(
+def combine_fit(
     cameras: list[Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
 ) -> Fitted:
     """Put harmonics and markers at rest together, in the frame of the markers' grid."""
@@ -231,29 +231,29 @@ def fitted(
     return Fitted(cameras, harmonics, rest, frame)
 
 
-def unblurred(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics]:
+def correct_exposure(fit: Fitted, omega: float, exposures: ArrayLike) -> list[Harmonics]:
     """Return the harmonics without the loss by each camera's exposure in s."""
     times = np.broadcast_to(np.asarray(exposures, float), len(fit.cameras))
     return [own.unblurred(omega * float(t)) for own, t in zip(fit.harmonics, times, strict=True)]
 
 
-def amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
+def deflection_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
     """Return the complex amplitudes of the deflection at ω, shape (markers,), in m."""
-    return np.asarray(motion(fit, omega, exposures)[2], complex)
+    return np.asarray(motion_amplitude(fit, omega, exposures)[2], complex)
 
 
-def motion(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
+def motion_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
     """Return the complex amplitudes along the structure's axes at ω, shape (3, markers), in m."""
-    return harmonic_motion(fit.P, fit.frame, omega, unblurred(fit, omega, exposures))
+    return harmonic_motion(fit.P, fit.frame, omega, correct_exposure(fit, omega, exposures))
 
 
-def deviation(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
+def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
     """Compute the amplitude's standard deviation in phase, by the centres' scatter, (markers,), m.
 
     White noise of σ over N frames leaves σ √(2/N) in each of the two parts of an amplitude. Along
     the structure's normal, or along another of its axes.
     """
-    own = unblurred(fit, omega, exposures)
+    own = correct_exposure(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
     return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
 

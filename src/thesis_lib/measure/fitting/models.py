@@ -12,8 +12,8 @@ from thesis_lib.measure.recordings.manifest_model import Structure
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import resonance
-from thesis_lib.vision.simulation import assurance
+from thesis_lib.vibration.structure import resonance_frequency
+from thesis_lib.vision.simulation import assurance_criterion
 
 BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried
 
@@ -53,7 +53,7 @@ def model_of(structure: Structure) -> Beam | Plate | None:
     return None
 
 
-def candidates(structure: Structure) -> list[Candidate]:
+def candidate_modes(structure: Structure) -> list[Candidate]:
     """Return the modes to compare a measured shape with; none without a model."""
     points, model = structure.marker_points, model_of(structure)
     found = []
@@ -63,7 +63,7 @@ def candidates(structure: Structure) -> list[Candidate]:
         found = [
             Candidate(
                 f"{kind} {n}",
-                resonance(model, n) / (2 * np.pi) if kind == "bending" else np.nan,
+                resonance_frequency(model, n) / (2 * np.pi) if kind == "bending" else np.nan,
                 Component(kind, n).shape(model, points),
             )
             for kind, n in kinds
@@ -72,7 +72,7 @@ def candidates(structure: Structure) -> list[Candidate]:
         found = [
             Candidate(
                 f"mode ({pair[0]}, {pair[1]})",
-                resonance(model, n) / (2 * np.pi),
+                resonance_frequency(model, n) / (2 * np.pi),
                 Component("bending", n).shape(model, points),
             )
             for n, pair in enumerate(model.mode_indices(PLATE_MODES), 1)
@@ -81,14 +81,14 @@ def candidates(structure: Structure) -> list[Candidate]:
     return [one for one in found if np.abs(one.shape).max() > 1e-9]
 
 
-def scaled(measured: Array, shape: Array) -> Array:
+def scale_model(measured: Array, shape: Array) -> Array:
     """Scale the model's shape to fit the measured one best, shape (markers,), m."""
     known = np.isfinite(measured)
     w, phi = measured[known], shape[known]
     return np.asarray(shape * float(np.sum(w * phi) / np.sum(phi * phi)), float)
 
 
-def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
+def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
     """Compare a measured shape (markers,) in m with the model's modes.
 
     Returns
@@ -98,9 +98,9 @@ def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]
     str
         Name of the most similar mode; empty without a model.
     """
-    mac = np.array([assurance(shape, mode.shape) for mode in modes])
+    mac = np.array([assurance_criterion(shape, mode.shape) for mode in modes])
     best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
-    reference = scaled(shape, best.shape) if best else np.full_like(shape, np.nan)
+    reference = scale_model(shape, best.shape) if best else np.full_like(shape, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         error = 100 * np.abs(shape - reference) / np.abs(reference).max()
     values = {
@@ -108,12 +108,12 @@ def compared(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]
         "model_frequency": [mode.frequency for mode in modes],
         "reference_deflection": reference,
         "point_error": error,
-        "mean_error": rms(error),
+        "mean_error": known_rms(error),
     }
     return values, best.name if best else ""
 
 
-def rms(values: Array) -> float:
+def known_rms(values: Array) -> float:
     """Return the root mean square of what is known; NaN if nothing is."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

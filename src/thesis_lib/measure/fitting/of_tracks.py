@@ -9,10 +9,10 @@ from operator import add
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, basis, mean_of, sums_of
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, harmonic_basis, mean_of, sums_of
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision.lens import distorted
+from thesis_lib.vision.lens import distort_pixels
 
 #: Trial frequencies about that of a vibration, in cycles per recording: the fit has taken what is
 #: nearer, and further away the noise may be another
@@ -77,7 +77,7 @@ def _harmonics(
 
 def row_delays(own: Recording, uv: Array) -> Array:
     """Compute when a rolling shutter sees places (2, markers) after its frames' times, s."""
-    rows = distorted(own.camera, uv)[1] / own.camera.size[1]
+    rows = distort_pixels(own.camera, uv)[1] / own.camera.size[1]
     return np.asarray(own.readout * (rows - 0.5), float)
 
 
@@ -106,7 +106,7 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
     square, cross = np.zeros((columns, columns)), np.zeros((columns, len(near)), complex)
     right, lines = np.zeros((columns, weight.size)), np.zeros((len(near), weight.size), complex)
     for times, uv in own.parts(begin, end):
-        A, E = basis(omega, times, order), np.exp(-1j * np.outer(times, near))
+        A, E = harmonic_basis(omega, times, order), np.exp(-1j * np.outer(times, near))
         A = np.hstack([A, A[:, 1:3] * (2 * (times[:, None] - begin) / (end - begin) - 1)])
         left = ((uv - fit.at(omega, times)) * weight).reshape(len(times), -1)
         frames, known = frames + len(times), known + np.isfinite(left).sum(axis=0)

@@ -17,7 +17,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.vision.lens import Camera, projection_matrices
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import gain, triangulate
+from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of size, at rest
 
@@ -113,7 +113,7 @@ def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
 # One instant.
 
 
-def interpolate(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
+def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
     """Lagrange interpolation of values (times, ...) at one time, through the nearest frames.
 
     Six frames err by less than (ωh)⁶ 5/1024 of the amplitude for a step h: 4·10⁻⁵ at 60 frames a
@@ -190,7 +190,7 @@ def normal_gain(
         if np.count_nonzero(pattern) < 2:
             gains[:, :, where] = np.nan
         else:
-            own = np.tensordot(frame.R[axis], gain(P[pattern], X[:, where]), axes=1)
+            own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], X[:, where]), axes=1)
             gains[np.ix_(pattern, [True, True], where)] = own
     return gains
 
@@ -216,7 +216,7 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
     return off
 
 
-def checked_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
+def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
     Raises

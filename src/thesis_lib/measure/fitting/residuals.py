@@ -17,15 +17,15 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest
+from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,
-    amplitude,
-    basis,
-    deviation,
+    amplitude_std,
+    deflection_amplitude,
     fit_harmonics,
-    motion,
+    harmonic_basis,
+    motion_amplitude,
 )
 from thesis_lib.measure.tracking.tracks import Recording
 
@@ -35,14 +35,14 @@ MIN_MOVING_NEIGHBOURS = 6  # markers that move, beside one that stands still
 SLOPE_NEIGHBOURS = 9  # markers that tell the slope of the surface at one of them
 
 
-def frozen(scatter: Array) -> Mask:
+def find_frozen(scatter: Array) -> Mask:
     """Return which markers a video's compression freezes, by their scatter (..., markers)."""
     with np.errstate(invalid="ignore"):
         still: Mask = scatter < MAX_FROZEN_RATIO * np.nanmedian(scatter, axis=-1, keepdims=True)
     return still
 
 
-def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
+def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     """Return one camera's harmonics with the scatter that makes up for what compression swallowed.
 
     A codec repeats a part of a picture that hardly changes, so small motions are lost altogether,
@@ -72,7 +72,7 @@ def held_back(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
         else own.sigma
     )
     size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
-    still, awake = frozen(each), each >= MIN_AWAKE_RATIO * middle
+    still, awake = find_frozen(each), each >= MIN_AWAKE_RATIO * middle
     if not still.any() or not awake.any():
         return replace(own, sigma=sigma), 0.0
     count = min(MIN_MOVING_NEIGHBOURS, np.count_nonzero(awake))
@@ -101,7 +101,7 @@ def in_plane(
     deviations : ndarray, shape (2, markers)
         Of each of its two parts, in phase and in quadrature, m.
     """
-    u, v, w = motion(fit, omega, exposures)
+    u, v, w = motion_amplitude(fit, omega, exposures)
     moved = np.array([u, v])
     slope = _slope(places, w)
     known = np.isfinite(moved + slope).all(axis=0)
@@ -109,10 +109,10 @@ def in_plane(
     if square:
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
-    return moved, np.array([deviation(fit, omega, exposures, axis) for axis in (0, 1)])
+    return moved, np.array([amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)])
 
 
-def excess(moved: ComplexArray, deviations: Array) -> float:
+def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
     """Rms of motion in the plane over what the scatter lets it be; NaN where nothing is known."""
     with np.errstate(invalid="ignore", divide="ignore"):
         squares = np.abs(moved) ** 2 / (2 * deviations**2)
@@ -142,7 +142,7 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     """
     count = len(fit.cameras)
     shapes = np.full((count, fit.rest.shape[2]), np.nan)
-    deviations, best = shapes.copy(), deviation(fit, omega, exposures)
+    deviations, best = shapes.copy(), amplitude_std(fit, omega, exposures)
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
         part = Fitted(
@@ -151,9 +151,9 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
             fit.rest[kept],
             fit.frame,
         )
-        turned = amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
+        turned = deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
-        more = deviation(part, omega, exposures[kept]) ** 2 - best**2
+        more = amplitude_std(part, omega, exposures[kept]) ** 2 - best**2
         deviations[left_out] = np.sqrt(np.where(more > 0, more, np.nan))
     return shapes, deviations
 
@@ -177,14 +177,14 @@ class Share:
     ratio: float  #: Its amplitude over that of the vibration; 0 if there is none
 
 
-def share(
+def explained_share(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> Share:
     """Return the share of the steady motion that a frequency and its harmonics explain."""
     series = []
     for own in recordings:
         with contextlib.suppress(FrequencyError):  # one that lost its markers
-            t, values = liveliest(own, begin, end, MAX_SPECTRUM_FRAMES)
+            t, values = liveliest_series(own, begin, end, MAX_SPECTRUM_FRAMES)
             series.append((t, values[:, -EXAMINED_SERIES:].copy()))
     if not series:
         return Share(np.nan, np.nan, 0.0)
@@ -216,7 +216,7 @@ def share(
     return Share(explained, float(grid[peak]), float(np.sqrt(tone / fitted)))
 
 
-def bump(
+def find_jump(
     own: Recording, fit: Harmonics, omega: float, begin: float, end: float
 ) -> tuple[float, float]:
     """By how much all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
@@ -225,7 +225,7 @@ def bump(
     every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell
     times, common = [], []
     for t, uv in ((t[::every], uv[::every]) for t, uv in own.parts(begin, end)):
-        rest = uv - np.tensordot(basis(omega, t, order), fit.coefficients, axes=1)
+        rest = uv - np.tensordot(harmonic_basis(omega, t, order), fit.coefficients, axes=1)
         seen = np.isfinite(rest).any(axis=(1, 2))
         times.append(t[seen])
         common.append(np.nanmedian(rest[seen], axis=2))

@@ -9,30 +9,41 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting.aliasing import alias
-from thesis_lib.measure.fitting.aliasing import candidates as aliases_of
+from thesis_lib.measure.fitting.aliasing import fold_frequency
+from thesis_lib.measure.fitting.aliasing import list_aliases as aliases_of
 from thesis_lib.measure.fitting.calibration_error import common_errors
-from thesis_lib.measure.fitting.clocks import lags_of, late, paced, paces, shifted
-from thesis_lib.measure.fitting.frequency import advance, look_for, surer
-from thesis_lib.measure.fitting.harmonics import Fitted, amplitude, common_phase, deviation
-from thesis_lib.measure.fitting.models import candidates, compared
+from thesis_lib.measure.fitting.clocks import (
+    apply_paces,
+    estimate_paces,
+    lags_of,
+    phase_lags,
+    shift_starts,
+)
+from thesis_lib.measure.fitting.frequency import look_for, phase_advance, refine_frequency
+from thesis_lib.measure.fitting.harmonics import (
+    Fitted,
+    amplitude_std,
+    common_phase,
+    deflection_amplitude,
+)
+from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
-from thesis_lib.measure.fitting.reconstruction import check_sides, checked_frame, misfit_at_rest
+from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
 from thesis_lib.measure.fitting.residuals import (
-    bump,
     check_explained,
-    excess,
-    frozen,
-    held_back,
+    explained_share,
+    find_frozen,
+    find_jump,
     in_plane,
-    share,
+    in_plane_excess,
+    restore_scatter,
     without_each,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
-from thesis_lib.measure.tracking.tracks import Recording, lost_share
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.measure.tracking.tracks import Recording, share_lost
+from thesis_lib.studies.schema import label_values, parse_variables
 
 HARMONIC_ORDER = 2  # harmonics of the images that are fitted
 MAX_ALIAS_RATIO = 4.0  # frame rates up to which aliases are considered
@@ -40,7 +51,7 @@ ALIAS_FRAMES = 1000  # frames that tell them
 MAX_SCALE_ERROR = 0.002  # by which the grid's size may be off before it counts as wrong
 # Of the frame rate; from there on the second harmonic's alias nears the first's
 MIN_FOLDED_RATIO = 0.2
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     x(marker) [m] place along the structure
     y(marker) [m] place across the structure
     deflection(marker) [m] deflection at the maximum of the vibration
@@ -106,7 +117,7 @@ VARIABLES = declared("""
 """)
 
 
-SHARED_VARIABLES = declared("""
+SHARED_VARIABLES = parse_variables("""
     shared_real(row, marker) [m] what independent errors of the calibration, of one standard
         deviation each, add to the complex amplitudes, real part
     shared_imag(row, marker) [m] what independent errors of the calibration, of one standard
@@ -114,7 +125,7 @@ SHARED_VARIABLES = declared("""
 """)
 
 
-def result(
+def shape_result(
     manifest: Manifest,
     sound: xr.Dataset,
     recordings: Sequence[tracks.Recording],
@@ -133,8 +144,8 @@ def result(
     recordings : sequence of tracks.Recording
         Cameras, clocks and tracks.
     covariance : ndarray, optional
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife`; then the
-        result has :data:`SHARED_VARIABLES`, too, and standard errors hold it.
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
+        then the result has :data:`SHARED_VARIABLES`, too, and standard errors hold it.
 
     Returns
     -------
@@ -153,15 +164,15 @@ def result(
     excitation = manifest.excitation
     still_s = excitation.rest_s or end  # if never at rest, their mean place
     rest = np.array([at_rest(own, still_s) for own in recordings])
-    frame = checked_frame(cameras, rest, markers)
+    frame = check_frame(cameras, rest, markers)
     check_sides(frame, cameras)
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
-    pace = paces(recordings, begin, end, start, order)
-    recordings = paced(recordings, pace, 0.5 * (begin + end))
-    phases = advance(recordings, begin, end, start, order)
-    frequency = surer(start, phases, sound)
+    pace = estimate_paces(recordings, begin, end, start, order)
+    recordings = apply_paces(recordings, pace, 0.5 * (begin + end))
+    phases = phase_advance(recordings, begin, end, start, order)
+    frequency = refine_frequency(start, phases, sound)
     omega = 2 * np.pi * frequency
     exposures = np.array([own.exposure for own in recordings])
     raw = fit_tracks(recordings, rest, frame, omega, begin, end, order)
@@ -171,26 +182,26 @@ def result(
         for own, seen in zip(recordings, raw.harmonics, strict=True)
     ]
     softened = [
-        held_back(replace(own, covariance=power * own.covariance), markers.centres)
+        restore_scatter(replace(own, covariance=power * own.covariance), markers.centres)
         for own, power in zip(raw.harmonics, near, strict=True)
     ]
     fit = replace(raw, harmonics=[own for own, _ in softened])
     lags, lag_errors = lags_of(fit, omega, exposures)
-    fit = shifted(fit, omega, lags)
-    complex_shape = amplitude(fit, omega, exposures)
+    fit = shift_starts(fit, omega, lags)
+    complex_shape = deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     phase = common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
-    shape, error = turned.real, deviation(fit, omega, exposures)
-    still = frozen(scatter)
+    shape, error = turned.real, amplitude_std(fit, omega, exposures)
+    still = find_frozen(scatter)
     moved, allowed = in_plane(
         fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
     )
-    more = excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
-    tone = share(recordings, begin, end, frequency, order)
+    more = in_plane_excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
+    tone = explained_share(recordings, begin, end, frequency, order)
     check_explained(tone, given)
     jumps = [
-        bump(own, fitted, omega, begin, end)
+        find_jump(own, fitted, omega, begin, end)
         for own, fitted in zip(recordings, fit.harmonics, strict=True)
     ]
     alike, apart = _aliases(recordings, raw, begin, end, frequency)
@@ -215,7 +226,7 @@ def result(
         "phase": np.degrees(np.angle(complex_shape / force)) if force else np.nan * shape,
         "rest_position": frame.to_beam(fit.points),
         "cameras_seen": np.isfinite(fit.sigma).all(axis=1).sum(axis=0),
-        "missing": [lost_share(own) for own in recordings],
+        "missing": [share_lost(own) for own in recordings],
         "centre_scatter": scatter,
         "frozen": still.astype(int),
         "held_back": [size for _, size in softened],
@@ -250,22 +261,22 @@ def result(
         "frame_origin": frame.origin,
         "camera_centre": frame.to_beam(np.array([c.centre for c in cameras]).T).T,
     }
-    modes = candidates(manifest.structure)
-    beside, best = compared(shape, modes)
+    modes = candidate_modes(manifest.structure)
+    beside, best = compare_modes(shape, modes)
     coords = {
         "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
         "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
     }
     attrs = {"most_similar": best, "sound": excitation.sound}
-    data = xr.Dataset(labelled(values | beside, VARIABLES), coords, attrs)
+    data = xr.Dataset(label_values(values | beside, VARIABLES), coords, attrs)
     if covariance is None:
         return data
     rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
     shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(
-        labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
+        label_values({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
     )
 
 
@@ -278,13 +289,14 @@ def _aliases(
     a wrong frequency they seem to be out of step. The frequency itself comes first.
     """
     rates = np.array([own.rate for own in recordings])
-    shown, near = alias(frequency, rates[0]), 1 / (end - begin)
+    shown, near = fold_frequency(frequency, rates[0]), 1 / (end - begin)
     end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
     every = aliases_of(float(shown), float(rates[0]), MAX_ALIAS_RATIO * float(rates.max()))
     alike = [
         other
         for other in every
-        if other > near and np.all(np.abs(alias(other, rates) - alias(frequency, rates)) < near)
+        if other > near
+        and np.all(np.abs(fold_frequency(other, rates) - fold_frequency(frequency, rates)) < near)
     ]
     alike = [frequency, *(other for other in alike if abs(other - frequency) > near)]
     exposures = np.array([own.exposure for own in recordings])
@@ -292,7 +304,7 @@ def _aliases(
     for other in alike:
         omega = 2 * np.pi * other
         own = fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
-        apart.append(np.degrees(np.abs(late(own, omega, exposures)[0]).max()))
+        apart.append(np.degrees(np.abs(phase_lags(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
 
 

@@ -10,24 +10,30 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.aliasing import alias, candidates
+from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.modes.poles import (
     Block,
     Poles,
     Spectrum,
-    beside,
     block_of,
-    columns,
-    fitted,
-    reach,
-    scatter,
-    search,
-    seen_fit,
+    fit_known,
+    fit_poles,
+    pole_columns,
+    residual_power,
+    residual_scatter,
+    residual_spectrum,
+    search_modes,
+    search_range,
     span_of,
-    spectrum,
 )
-from thesis_lib.measure.modes.shapes import Rest, lags, paces, shapes, straightened
+from thesis_lib.measure.modes.shapes import (
+    Rest,
+    camera_lags,
+    clock_rates,
+    estimate_shapes,
+    remove_nonlinearity,
+)
 from thesis_lib.measure.modes.tracks import Track, without_outliers, without_strays
 
 MAX_MODES = 8  # modes that are sought if their number is not given
@@ -92,7 +98,7 @@ class Modes:
         return np.asarray(2 * np.pi * self.frequency * (-self.damping + 1j * turn), complex)
 
 
-def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
+def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     """Return the frequencies, damping and shapes of the modes in some tracks.
 
     Parameters
@@ -123,19 +129,19 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     for turn in range(OUTLIER_ROUNDS + 1):
         blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
         further = FURTHER_MODES if turn == OUTLIER_ROUNDS else 0
-        orders = search(blocks, asked.band, most + further, asked.damped, given)
+        orders = search_modes(blocks, asked.band, most + further, asked.damped, given)
         _check_found(blocks, orders, asked)
         poles = orders[min(most, len(orders)) - 1]
         if turn == 0:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
-        found = shapes(own, blocks, poles, rest)
+        found = estimate_shapes(own, blocks, poles, rest)
         if turn < OUTLIER_ROUNDS:
-            more, errors = lags(found, poles)
+            more, errors = camera_lags(found, poles)
             if turn:  # the first fit may rest on outliers
                 late = late + more
                 if not asked.damped:  # a decay is too short to tell how fast clocks run
-                    pace = pace / (1 + paces(poles, span_of(blocks)))
+                    pace = pace / (1 + clock_rates(poles, span_of(blocks)))
             kept = [
                 without_outliers(track, block, poles.rates, rest.places)
                 for track, block in zip(own, blocks, strict=True)
@@ -148,11 +154,11 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
                 track.shifted(float(by), float(rate), zero + span_of(blocks) / 2)
                 for track, by, rate in zip(tracks, late, pace, strict=True)
             ]
-            own = [straightened(track, found, poles, rest, zero) for track in moved]
+            own = [remove_nonlinearity(track, found, poles, rest, zero) for track in moved]
             noise = [_scatter(block, poles) for block in blocks]
     noise = [_scatter(block, poles) for block in blocks]
-    after = spectrum(blocks, poles.rates, asked.band)
-    most_left, mean_left = beside(after, poles, span_of(blocks))
+    after = residual_spectrum(blocks, poles.rates, asked.band)
+    most_left, mean_left = residual_power(after, poles, span_of(blocks))
     wider = np.sqrt(np.maximum(mean_left, 1))  # by the noise that is near, not anywhere
     surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
@@ -176,14 +182,14 @@ def identify(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in tracks]) / seen,
         aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
         orders=tuple(orders),
-        before=spectrum(blocks, np.empty((0, 2)), asked.band),
+        before=residual_spectrum(blocks, np.empty((0, 2)), asked.band),
         after=after,
         noise=float(np.nanmedian(np.concatenate(noise))),
         fits=tuple(found[k].fit for k in order),
     )
 
 
-def assurance(shapes_: ArrayLike) -> Array:
+def modal_assurance(shapes_: ArrayLike) -> Array:
     """Return the modal assurance criterion of complex shapes (modes, markers) among each other.
 
     |aᴴb|² / (aᴴa bᴴb) over the markers that are known in both, shape (modes, modes).
@@ -208,8 +214,8 @@ def _block(track: Track, zero: float, noise: Array) -> Block:
 
 def _scatter(block: Block, poles: Poles) -> Array:
     """Return the scatter of each series about the modes, px."""
-    B = columns(block.times, poles.rates)
-    return scatter(block, B, seen_fit(B, block)[0])
+    B = pole_columns(block.times, poles.rates)
+    return residual_scatter(block, B, fit_known(B, block)[0])
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
@@ -257,26 +263,26 @@ def _nearest_in_step(
     near, told = 1 / span_of(blocks), []
     for k, (alpha, omega) in enumerate(poles.rates):
         own = omega / (2 * np.pi)
-        every = candidates(float(alias(own, frames[0])), float(frames[0]), asked.band[1])
+        every = list_aliases(float(fold_frequency(own, frames[0])), float(frames[0]), asked.band[1])
         alike = [own] + [
             float(other)
             for other in every
             if other >= max(asked.band[0], near)
             and abs(other - own) > near
-            and np.all(np.abs(alias(other, frames) - alias(own, frames)) < near)
+            and np.all(np.abs(fold_frequency(other, frames) - fold_frequency(own, frames)) < near)
         ]
         apart: list[tuple[float, float]] = []
         for other in alike if len(alike) > 1 else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
             alone = np.vstack([trial, np.delete(poles.rates, k, axis=0)])
-            turned = shapes(tracks, blocks, replace(poles, rates=alone), rest)[0].turn
+            turned = estimate_shapes(tracks, blocks, replace(poles, rates=alone), rest)[0].turn
             apart.append((other, float(np.nanmax(np.abs(turned)))))
         apart.sort(key=lambda one: one[1])
         told.append(apart or [(own, 0.0)])
         rates[k, 1] = 2 * np.pi * told[k][0][0]
     if np.array_equal(rates, poles.rates):
         return poles, told
-    return fitted(blocks, rates, asked.damped), told
+    return fit_poles(blocks, rates, asked.damped), told
 
 
 def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
@@ -309,10 +315,10 @@ def _check_found(blocks: Sequence[Block], orders: Sequence[Poles], asked: Asked)
     """Refuse tracks in which no mode, or not one that is given, stands out."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
     hertz, seconds = rates[:, 1] / (2 * np.pi), span_of(blocks)
-    lost = [f for f in asked.given if not np.any(np.abs(hertz - f) <= reach(f, seconds))]
+    lost = [f for f in asked.given if not np.any(np.abs(hertz - f) <= search_range(f, seconds))]
     if orders and not lost:
         return
-    at, over = spectrum(blocks, rates, asked.band).peak
+    at, over = residual_spectrum(blocks, rates, asked.band).peak
     band = f"from {asked.band[0]:.4g} to {asked.band[1]:.4g} Hz"
     what = f"no tone near {lost[0]:.6g} Hz" if lost else f"no mode {band}"
     raise ModalError(

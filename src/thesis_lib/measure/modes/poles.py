@@ -92,7 +92,7 @@ def block_of(times: Array, values: Array, scale: Array) -> Block:
     return Block(times, np.where(known, over - mean, 0.0), known, scale)
 
 
-def columns(times: Array, rates: Array) -> Array:
+def pole_columns(times: Array, rates: Array) -> Array:
     """Evaluate 1, then e^{−αt} cos ωt and e^{−αt} sin ωt of each pole, (times, 1 + 2 modes)."""
     made = [np.ones_like(times)]
     for alpha, omega in rates:
@@ -101,7 +101,7 @@ def columns(times: Array, rates: Array) -> Array:
     return np.stack(made, axis=1)
 
 
-def seen_fit(B: Array, block: Block) -> tuple[Array, Array]:
+def fit_known(B: Array, block: Block) -> tuple[Array, Array]:
     """Fit columns (frames, n) to each series where it is known.
 
     Returns
@@ -124,22 +124,22 @@ def _moments(B: Array, C: Array, seen: Array) -> Array:
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
-def residual(block: Block, B: Array, fit: Array) -> Array:
+def subtract_fit(block: Block, B: Array, fit: Array) -> Array:
     """Subtract a fit of columns from the values, (frames, series); 0 where missing."""
     return np.where(block.known, block.values - B @ fit, 0.0)
 
 
 def left_of(block: Block, rates: Array) -> Array:
     """Subtract the best fit of some poles from the values, (frames, series); 0 where missing."""
-    B = columns(block.times, rates)
-    return residual(block, B, seen_fit(B, block)[0])
+    B = pole_columns(block.times, rates)
+    return subtract_fit(block, B, fit_known(B, block)[0])
 
 
-def scatter(block: Block, B: Array, fit: Array) -> Array:
+def residual_scatter(block: Block, B: Array, fit: Array) -> Array:
     """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
     freedom = block.known.sum(axis=0) - B.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        sigma = np.sqrt(np.sum(residual(block, B, fit) ** 2, axis=0) / freedom)
+        sigma = np.sqrt(np.sum(subtract_fit(block, B, fit) ** 2, axis=0) / freedom)
     return np.asarray(np.where(freedom >= 2, sigma, np.nan) * block.scale, float)
 
 
@@ -155,9 +155,9 @@ class Equations:
 
 def equations_of(block: Block, rates: Array) -> Equations:
     """Set up the equations of one camera at some poles."""
-    B, (seen, of) = columns(block.times, rates), block.patterns
-    fit, inverse = seen_fit(B, block)
-    left = residual(block, B, fit)
+    B, (seen, of) = pole_columns(block.times, rates), block.patterns
+    fit, inverse = fit_known(B, block)
+    left = subtract_fit(block, B, fit)
     tB = B * block.times[:, None]
     mix = np.zeros((len(of), len(fit), rates.size))  # tB @ mix is the derivative of a series' fit
     for k in range(len(rates)):
@@ -178,7 +178,7 @@ def equations_of(block: Block, rates: Array) -> Equations:
     )
 
 
-def fitted(blocks: Sequence[Block], start: Array, damped: bool) -> Poles:
+def fit_poles(blocks: Sequence[Block], start: Array, damped: bool) -> Poles:
     """Fit poles from a start (modes, 2); without damping only the frequencies."""
     free = np.flatnonzero(np.tile([damped, True], len(start)))
     every = np.ix_(free, free)
@@ -249,7 +249,7 @@ class Spectrum:
         return float(self.frequency[last]), top
 
 
-def spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
+def residual_spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
     """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
     span = max(float(np.ptp(block.times)) for block in blocks)
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
@@ -278,7 +278,7 @@ MAX_RELATIVE_OFFSET = 0.01  # of a given frequency, within which its line is sou
 MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are not told apart
 
 
-def search(
+def search_modes(
     blocks: Sequence[Block],
     band: tuple[float, float],
     most: int,
@@ -308,40 +308,40 @@ def search(
     found: list[Poles] = []
     rates = np.empty((0, 2))
     for near in (*given[:most], *[None] * most):
-        line = strongest(blocks, rates, band, near)
+        line = strongest_line(blocks, rates, band, near)
         if len(found) < most and line is not None:
             rates = np.vstack([rates, _start(blocks, rates, 2 * np.pi * line, damped)])
-            found.append(fitted(blocks, rates, damped))
+            found.append(fit_poles(blocks, rates, damped))
             rates = found[-1].rates
         elif near is None:
             break
     return found
 
 
-def reach(frequency: float, seconds: float) -> float:
+def search_range(frequency: float, seconds: float) -> float:
     """Return the search range in Hz about a given frequency in a recording of some seconds."""
     return max(2 * MIN_MODE_SPACING / seconds, MAX_RELATIVE_OFFSET * frequency)
 
 
-def strongest(
+def strongest_line(
     blocks: Sequence[Block], rates: Array, band: tuple[float, float], near: float | None = None
 ) -> float | None:
     """Frequency in Hz of the strongest line beside the poles, of those near a frequency if given.
 
     None if none stands out.
     """
-    seen = spectrum(blocks, rates, band)
+    seen = residual_spectrum(blocks, rates, band)
     apart = MIN_MODE_SPACING / span_of(blocks)
     clear = np.all(np.abs(seen.frequency[:, None] - rates[:, 1] / (2 * np.pi)) > apart, axis=1)
     if near is not None:
-        clear &= np.abs(seen.frequency - near) <= reach(near, span_of(blocks))
+        clear &= np.abs(seen.frequency - near) <= search_range(near, span_of(blocks))
     power = np.where(clear, seen.power, 0.0)
     if not power.size or not power.max() > STANDS_OUT:
         return None
     return Spectrum(seen.frequency, power).peak[0]
 
 
-def beside(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
+def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
     """Power over the noise of what is left within reach of each mode: the most, and the mean.
 
     Much of it tells of another mode that the recording is too short to tell apart, or of a tone

@@ -11,20 +11,20 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.harmonics import common_phase
-from thesis_lib.measure.fitting.models import candidates, scaled
+from thesis_lib.measure.fitting.models import candidate_modes, scale_model
 from thesis_lib.measure.fitting.of_tracks import at_rest
-from thesis_lib.measure.fitting.reconstruction import checked_frame, triangulate_seen
+from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.fitting.result import size_off
-from thesis_lib.measure.modes.identify import Asked, assurance, identify
+from thesis_lib.measure.modes.identify import Asked, identify_modes, modal_assurance
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.modes.tracks import tracks_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision.lens import projection_matrices
 
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     x(marker) [m] place along the structure
     y(marker) [m] place across the structure
     rest_position(axis, marker) [m] place at rest, from the structure's centre
@@ -73,7 +73,7 @@ VARIABLES = declared("""
     before(line) [1] power of the tracks over noise
     after(line) [1] power of what the modes leave
 """)
-SHARED_VARIABLES = declared("""
+SHARED_VARIABLES = parse_variables("""
     shared_real(row, mode, marker) [m] what independent errors of the calibration, of one standard
         deviation each, add to the complex amplitudes, real part
     shared_imag(row, mode, marker) [m] what independent errors of the calibration, of one standard
@@ -81,7 +81,7 @@ SHARED_VARIABLES = declared("""
 """)
 
 
-def result(
+def modes_result(
     manifest: Manifest,
     sound: xr.Dataset,
     recordings: Sequence[tracks.Recording],
@@ -89,7 +89,7 @@ def result(
 ) -> xr.Dataset:
     """Return the modes in some recordings.
 
-    Parameters are those of :func:`thesis_lib.measure.fitting.result.result`.
+    Parameters are those of :func:`thesis_lib.measure.fitting.result.shape_result`.
 
     Returns
     -------
@@ -105,14 +105,14 @@ def result(
         If the tracks do not tell what was asked.
     """
     rest, frame_off = rest_of(manifest, recordings)
-    begin, end = window(manifest, sound, recordings)
+    begin, end = fit_window(manifest, sound, recordings)
     seen = tracks_of(recordings, begin, end)
-    found = identify(seen, rest, asked_of(manifest, recordings))
+    found = identify_modes(seen, rest, requested_modes(manifest, recordings))
     turns = np.exp([[-1j * common_phase(own)] for own in found.shape])
     shape = found.shape * turns
     aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
     most = max(len(own.frequency) for own in found.orders)
-    models = candidates(manifest.structure)
+    models = candidate_modes(manifest.structure)
     values: dict[str, Any] = {
         "x": rest.places[0],
         "y": rest.places[1],
@@ -124,21 +124,21 @@ def result(
         "quadrature": shape.imag,
         "standard_error": np.hypot(found.deviation, frame_off * np.abs(shape)),
         "in_plane_excess": found.excess,
-        "assurance": assurance(found.shape),
+        "assurance": modal_assurance(found.shape),
         "out_of_step": np.degrees(np.nanmax(np.abs(found.turn), axis=1)),
         "rival": [own[1][0] for own in aliases],
         "rival_out_of_step": np.degrees([own[1][1] for own in aliases]),
         "window": [begin, end],
         "frames": [len(track.times) for track in seen],
         "frame_rate": [own.rate for own in recordings],
-        "missing": [tracks.lost_share(own) for own in recordings],
+        "missing": [tracks.share_lost(own) for own in recordings],
         "grid_rms": rest.frame.rms,
         "grid_scale": rest.frame.scale,
         "frame_rotation": rest.frame.R,
         "frame_origin": rest.frame.origin,
         "camera_centre": rest.frame.to_beam(np.array([o.camera.centre for o in recordings]).T).T,
-        "order_frequency": [_padded(own.frequency, own.frequency, most) for own in found.orders],
-        "order_damping": [_padded(own.damping, own.frequency, most) for own in found.orders],
+        "order_frequency": [_pad(own.frequency, own.frequency, most) for own in found.orders],
+        "order_damping": [_pad(own.damping, own.frequency, most) for own in found.orders],
         "line": found.before.frequency,
         "before": found.before.power,
         "after": found.after.power,
@@ -148,7 +148,7 @@ def result(
         "mac": mac.reshape(len(shape), len(models)),
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [
-            scaled(own, models[int(np.nanargmax(row))].shape) if len(models) else np.nan * own
+            scale_model(own, models[int(np.nanargmax(row))].shape) if len(models) else np.nan * own
             for own, row in zip(shape.real, mac, strict=True)
         ],
     }
@@ -157,7 +157,7 @@ def result(
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
         "candidate": ("candidate", [m.name for m in models], {"long_name": "mode of the model"}),
     }
-    data = xr.Dataset(labelled(values, VARIABLES), coords)
+    data = xr.Dataset(label_values(values, VARIABLES), coords)
     if covariance is None:
         return data
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
@@ -166,7 +166,7 @@ def result(
     shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
     data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
     return data.assign(
-        labelled({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
+        label_values({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
     )
 
 
@@ -180,14 +180,14 @@ def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple
     """Return the markers at rest, and the relative error of sizes that their grid tells."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     still = np.array([at_rest(own, manifest.excitation.rest_s) for own in recordings])
-    frame = checked_frame(cameras, still, markers)
+    frame = check_frame(cameras, still, markers)
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     rest = Rest(still, frame, points, markers.centres, thick)
     return rest, size_off(frame.scale)
 
 
-def window(
+def fit_window(
     manifest: Manifest, sound: xr.Dataset, recordings: Sequence[tracks.Recording]
 ) -> tuple[float, float]:
     """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
@@ -204,7 +204,7 @@ def window(
     return float(np.median(largest)), end
 
 
-def asked_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Asked:
+def requested_modes(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Asked:
     """Return the manifest's request for modes."""
     sought = manifest.excitation.modes
     highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)
@@ -216,9 +216,9 @@ def asked_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Aske
     )
 
 
-def _padded(values: Array, by: Array, length: int) -> Array:
+def _pad(values: Array, by: Array, length: int) -> Array:
     return np.pad(values[np.argsort(by)], (0, length - len(values)), constant_values=np.nan)
 
 
 def _mac(measured: Array, model: Array) -> float:
-    return float(assurance([measured, np.where(np.isfinite(measured), model, np.nan)])[0, 1])
+    return float(modal_assurance([measured, np.where(np.isfinite(measured), model, np.nan)])[0, 1])

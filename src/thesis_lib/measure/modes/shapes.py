@@ -16,15 +16,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS, late
-from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics, amplitude, deviation
+from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
+from thesis_lib.measure.fitting.harmonics import (
+    Fitted,
+    Harmonics,
+    amplitude_std,
+    deflection_amplitude,
+)
 from thesis_lib.measure.fitting.reconstruction import Frame
-from thesis_lib.measure.fitting.residuals import excess, held_back, in_plane
-from thesis_lib.measure.modes.poles import Block, Poles, columns, scatter, seen_fit
+from thesis_lib.measure.fitting.residuals import in_plane, in_plane_excess, restore_scatter
+from thesis_lib.measure.modes.poles import Block, Poles, fit_known, pole_columns, residual_scatter
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import jacobian
+from thesis_lib.vision.triangulation import image_jacobian
 
 # Times the usual error, from which on a camera has no part in a marker's result
 MAX_ERROR_RATIO = 8.0
@@ -53,25 +58,25 @@ class Shape:
     fit: Fitted  #: What it was triangulated from; rows and exposures took no time
 
 
-def blurred(rate: Array, exposure: float) -> complex:
+def blur_factor(rate: Array, exposure: float) -> complex:
     """Return the factor by which an exposure in s reduces the amplitude at a pole (α, ω)."""
     half = complex(-rate[0], rate[1]) * exposure / 2
     return complex(np.sinh(half) / half) if half else 1.0 + 0j
 
 
-def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
+def mode_images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
     """Return each mode in one camera's pictures, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
-    B = columns(block.times, poles.rates)
-    fit, inverse = seen_fit(B, block)
-    sigma = scatter(block, B, fit).reshape(2, markers)
+    B = pole_columns(block.times, poles.rates)
+    fit, inverse = fit_known(B, block)
+    sigma = residual_scatter(block, B, fit).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):
         own = slice(2 * k + 1, 2 * k + 3)
         cosine, sine = fit[own].reshape(2, 2, markers)
         pole = complex(-rate[0], rate[1])
-        factor = np.exp(-pole * track.usual) / blurred(rate, track.exposure)
+        factor = np.exp(-pole * track.usual) / blur_factor(rate, track.exposure)
         part = 0.5 * np.trace(inverse[:, own, own], axis1=1, axis2=2).reshape(2, markers)
         error = np.where(np.isfinite(sigma), sigma * np.sqrt(part), np.nan).max(axis=0)
         clear = np.isfinite(error) & (error <= MAX_ERROR_RATIO * np.nanmedian(error))
@@ -83,30 +88,32 @@ def images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
     return found
 
 
-def shapes(
+def estimate_shapes(
     tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest
 ) -> list[Shape]:
     """Estimate the shape of every mode."""
     cameras = [track.camera for track in tracks]
-    seen = [images(track, block, poles) for track, block in zip(tracks, blocks, strict=True)]
+    seen = [mode_images(track, block, poles) for track, block in zip(tracks, blocks, strict=True)]
     still = np.zeros(len(cameras))
     found = []
     for k, rate in enumerate(poles.rates):
         omega = float(rate[1])
         own = [
-            held_back(one[k].raised(images_at), rest.places)[0]
+            restore_scatter(one[k].raised(images_at), rest.places)[0]
             for one, images_at in zip(seen, np.nan_to_num(rest.images), strict=True)
         ]
         fit = Fitted(cameras, own, rest.images, rest.frame)
         moved, allowed = in_plane(fit, omega, still, rest.places, rest.thickness)
-        more = excess(moved, allowed)
-        error = deviation(fit, omega, still) * max(np.nan_to_num(more), 1.0)
-        turn, turn_error = late(fit, omega, still)
-        found.append(Shape(amplitude(fit, omega, still), error, more, turn, turn_error, fit))
+        more = in_plane_excess(moved, allowed)
+        error = amplitude_std(fit, omega, still) * max(np.nan_to_num(more), 1.0)
+        turn, turn_error = phase_lags(fit, omega, still)
+        found.append(
+            Shape(deflection_amplitude(fit, omega, still), error, more, turn, turn_error, fit)
+        )
     return found
 
 
-def straightened(
+def remove_nonlinearity(
     track: Track, found: Sequence[Shape], poles: Poles, rest: Rest, zero: float
 ) -> Track:
     """Return the track without its non-linear part; `zero` is when e^{λt} is one, s.
@@ -121,11 +128,11 @@ def straightened(
         at = (track.times - zero)[:, None] + late
         total = np.zeros((len(at), rest.points.shape[1]))
         for shape, rate in zip(found, poles.rates, strict=True):
-            own = np.nan_to_num(shape.amplitude) * blurred(rate, track.exposure)
+            own = np.nan_to_num(shape.amplitude) * blur_factor(rate, track.exposure)
             total += np.real(own * np.exp(complex(-rate[0], rate[1]) * at))
         return total
 
-    slope = np.einsum("ikn,k->in", jacobian(P, rest.points)[0], normal)
+    slope = np.einsum("ikn,k->in", image_jacobian(P, rest.points)[0], normal)
     linear = slope * height(track.usual[None])[:, None]
     lifted = rest.points[:, None] + normal[:, None, None] * height(np.nan_to_num(track.late))
     true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
@@ -138,7 +145,7 @@ MAX_PHASE_CHI2 = 100.0
 PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
-def lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
+def camera_lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
     """By how much cameras start later than was thought, where that is certain, and errors, s."""
     omega = poles.rates[:, 1]
     turn = np.array([shape.turn for shape in found])
@@ -165,7 +172,7 @@ def lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
     return np.where(certain, best, 0.0), errors
 
 
-def paces(poles: Poles, span: float) -> Array:
+def clock_rates(poles: Poles, span: float) -> Array:
     """Return the clocks' rates relative to the first camera's, where they are certain.
 
     All modes are higher by the same share to a camera whose clock runs slow.

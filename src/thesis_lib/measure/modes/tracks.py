@@ -16,9 +16,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.modes.poles import Block, columns, seen_fit
+from thesis_lib.measure.modes.poles import Block, fit_known, pole_columns
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision.lens import Camera, undistorted_tracks
+from thesis_lib.vision.lens import Camera, undistort_tracks
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
     for own in recordings:
         first, last = own.between(begin, end)
         centres = np.array(own.centres[first:last], float)
-        uv = undistorted_tracks(own.camera, centres)
+        uv = undistort_tracks(own.camera, centres)
         found.append(
             Track(own.camera, own.times[first:last], uv, own.exposure, own.readout, centres[:, 1])
         )
@@ -77,20 +77,20 @@ def without_strays(track: Track, places: Array) -> Track:
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         moved = track.uv - np.nanmedian(track.uv, axis=0)
-    return _without(track, strays(moved, places))
+    return _without(track, find_strays(moved, places))
 
 
 def without_outliers(track: Track, block: Block, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    B, known = columns(block.times, rates), block.known
+    B, known = pole_columns(block.times, rates), block.known
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = block.values - B @ seen_fit(B, replace(block, known=known))[0]
+        left = block.values - B @ fit_known(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
-        wrong = strays(left, places)
+        wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
         with np.errstate(invalid="ignore"):  # nearer to where the next one is than to its own place
             wrong |= (off > halfway) & (off > MIN_WORST_RATIO * np.nanmax(off))
@@ -101,7 +101,7 @@ def without_outliers(track: Track, block: Block, rates: Array, places: Array) ->
     return _without(track, ~kept)
 
 
-def strays(moved: Array, places: Array) -> Mask:
+def find_strays(moved: Array, places: Array) -> Mask:
     """Return which of some motions (frames, 2, markers) are far from those of their neighbours."""
     count = min(NEIGHBOUR_COUNT + 1, places.shape[1])
     _, near = KDTree(places.T).query(places.T, k=count)

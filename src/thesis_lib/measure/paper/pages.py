@@ -20,7 +20,7 @@ from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.outputs import check_file
-from thesis_lib.plotting.style import color, drawable
+from thesis_lib.plotting.style import cycle_color, drawable_names
 
 PAGE_SIZES_MM = {  # mm, upright
     "A4": (210.0, 297.0),
@@ -43,13 +43,13 @@ class PaperError(ValueError):
     """A sheet that cannot be; the message is one line: the option, what was given, what allowed."""
 
 
-def area(paper: str, landscape: bool) -> tuple[float, float]:
+def drawable_area(paper: str, landscape: bool) -> tuple[float, float]:
     """Return the width and height in mm that can be drawn on, above the strip with the ruler."""
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
     return width - 2 * BORDER_MM, height - 2 * BORDER_MM - STRIP_MM
 
 
-def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, str]]) -> None:
+def write_pages(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, str]]) -> None:
     """Write pages of a size as a PDF, whole or not at all.
 
     Parameters
@@ -61,8 +61,8 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
     landscape : bool
         Whether pages lie.
     pages : iterable of (callable, str)
-        What draws on axes in mm, whose origin is the lower left corner of the :func:`area`, and
-        words that stand beside the ruler.
+        What draws on axes in mm, whose origin is the lower left corner of the
+        :func:`drawable_area`, and words that stand beside the ruler.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def write(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, s
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
 
-def polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
+def draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
     """Draw filled polygons without outline, (polygons, vertices, 2), mm."""
     axes.add_collection(
         PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
@@ -95,24 +95,26 @@ def polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
     )
 
 
-def discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black") -> None:
+def draw_discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black") -> None:
     """Draw filled discs about centres (2, n), mm."""
     around = np.linspace(0, 2 * np.pi, 97)[:-1]
     ring = diameter / 2 * np.column_stack([np.cos(around), np.sin(around)])
-    polygons(axes, np.asarray(centres, float).T[:, None] + ring, colour)
+    draw_polygons(axes, np.asarray(centres, float).T[:, None] + ring, colour)
 
 
-def rectangle(x: float, y: float, width: float, height: float) -> list[tuple[float, float]]:
+def rectangle_vertices(
+    x: float, y: float, width: float, height: float
+) -> list[tuple[float, float]]:
     """Return the vertices of a rectangle with its lower left corner at x, y."""
     return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
 
 
 def _ruler(axes: Axes, words: str, width: float) -> None:
     y = -STRIP_MM + 4
-    polygons(axes, [rectangle(0, y, RULER_MM, 0.25)])
+    draw_polygons(axes, [rectangle_vertices(0, y, RULER_MM, 0.25)])
     for k in range(11):
         tall = 4.0 if k in (0, 10) else 2.5
-        polygons(axes, [rectangle(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
+        draw_polygons(axes, [rectangle_vertices(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
     axes.text(
         0,
         y - 3.2,
@@ -179,14 +181,14 @@ def write_board(
             f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
         )
     landscape = columns >= rows
-    wide, high = area(paper, landscape)
+    wide, high = drawable_area(paper, landscape)
     need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
     if need[0] > wide + 1e-9 or need[1] > high + 1e-9:
         most = min(wide / (columns + 1), high / (rows + 1))
         larger = [
             name
             for name in PAGE_SIZES_MM
-            if all(n <= a + 1e-9 for n, a in zip(need, area(name, landscape), strict=True))
+            if all(n <= a + 1e-9 for n, a in zip(need, drawable_area(name, landscape), strict=True))
         ]
         or_paper = f", or --paper {larger[0]}" if larger else ""
         raise PaperError(
@@ -215,12 +217,12 @@ def write_board(
     if two_sided:
         sides = [("front: ", dark), ("back: ", (dark * [-1, 1] + [wide, 0])[:, ::-1])]
 
-    write(path, paper, landscape, [(_drawing(tiles), side + said) for side, tiles in sides])
+    write_pages(path, paper, landscape, [(_drawing(tiles), side + said) for side, tiles in sides])
     return said
 
 
 def _drawing(tiles: Array) -> Draw:
-    return lambda axes: polygons(axes, tiles)
+    return lambda axes: draw_polygons(axes, tiles)
 
 
 def _marks(columns: int, rows: int, tile: float) -> Array:
@@ -240,7 +242,7 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
             y = (rows - row) * tile - (tile - side) / 2
             step = side / BITS_PER_MARK
             for i, j in np.argwhere(bits):
-                cells.append(rectangle(x + j * step, y - (i + 1) * step, step, step))
+                cells.append(rectangle_vertices(x + j * step, y - (i + 1) * step, step, step))
     return np.array(cells)
 
 
@@ -290,7 +292,7 @@ def write_markers(
         raise PaperError(
             f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing"
         )
-    wide, high = area(paper, landscape=True)
+    wide, high = drawable_area(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
     if not all(per):
         raise PaperError(
@@ -310,7 +312,7 @@ def write_markers(
             )
             size = nx * spacing_mm, ny * across
             pages.append((_sheet(centres, size, diameter_mm, bright), words))
-    write(path, paper, True, pages)
+    write_pages(path, paper, True, pages)
     return len(pages)
 
 
@@ -318,8 +320,8 @@ def _sheet(centres: Array, size: tuple[float, float], diameter: float, bright: b
     def draw(axes: Axes) -> None:
         width, height = size
         if bright:
-            polygons(axes, [rectangle(0, 0, width, height)])
-        discs(axes, centres, diameter, "white" if bright else "black")
+            draw_polygons(axes, [rectangle_vertices(0, 0, width, height)])
+        draw_discs(axes, centres, diameter, "white" if bright else "black")
         for x in (0.0, width):  # corner marks, outside of what is used
             for y in (0.0, height):
                 side, up = (-1 if x == 0 else 1), (-1 if y == 0 else 1)
@@ -354,7 +356,7 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         for name in PLACE_FIELDS:
             if getattr(camera, name) is None:
                 raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
-    wide, high = area(paper, landscape=False)
+    wide, high = drawable_area(paper, landscape=False)
     radius = min(wide, high) / 2 - 12
 
     def draw(axes: Axes) -> None:
@@ -377,13 +379,13 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             "Lay the sheet under the structure's centre, X along its length.",
             "Each camera stands on its ray, so far and so high with the middle of its lens:",
         ]
-        names = drawable([camera.name for camera in cameras], "camera")
+        names = drawable_names([camera.name for camera in cameras], "camera")
         for k, camera in enumerate(cameras):
             azimuth, elevation, distance = (
                 float(getattr(camera, name) or 0.0) for name in PLACE_FIELDS
             )
-            axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=color(k), lw=1.2)
-            axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=color(k))
+            axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=cycle_color(k), lw=1.2)
+            axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=cycle_color(k))
             away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
             lines.append(
                 f"{names[k]}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "
@@ -393,4 +395,4 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         for k, line in enumerate(lines):
             axes.text(4, high - 2 * radius - 24 - 6 * k, line, size=8)
 
-    write(path, paper, False, [(draw, "")])
+    write_pages(path, paper, False, [(draw, "")])

@@ -50,7 +50,7 @@ class Between:
         return float(np.linalg.norm(self.residual(of.value))), float(noise)
 
 
-def spacing(markers: Array) -> float:
+def largest_gap(markers: Array) -> float:
     """Return the distance in m to the next marker where that is largest, of markers (2, n).
 
     Along the structure and across it by themselves: close rows of markers that are far apart tell
@@ -65,7 +65,7 @@ def spacing(markers: Array) -> float:
 
 def by_model(model: Model, markers: Array, radius: float, places: Array) -> Between:
     """By the first modes of a model, from markers (2, n) with a radius in m, at places (2, ...)."""
-    waves = 2 * np.pi / (MARKERS_PER_WAVE * spacing(markers))
+    waves = 2 * np.pi / (MARKERS_PER_WAVE * largest_gap(markers))
     turn = 2 * np.pi * (np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS
     circle = radius * np.stack([np.cos(turn), np.sin(turn)])
     edge = _inside(model, markers[:, :, None] + circle[:, None], markers)
@@ -123,7 +123,7 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
     return Between("spline", moving, others)
 
 
-def along(corners: Array, edges: list[int], step: float) -> Array:
+def edge_places(corners: Array, edges: list[int], step: float) -> Array:
     """Places on some edges of a polygon (n, 2), a step in m apart at most, shape (2, places)."""
     found = [np.empty((2, 0))]
     for edge in edges:

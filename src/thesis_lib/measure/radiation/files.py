@@ -18,16 +18,16 @@ SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a so
 FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
 
 
-def write(folder: Path, data: xr.Dataset) -> None:
+def write_sound(folder: Path, data: xr.Dataset) -> None:
     """Write the sound, as numbers and as files that play, into a folder that is there."""
-    storage.write(data, folder / "radiated.nc")
-    write_csv(table(data), folder / "radiated.csv", "%.6g")
+    storage.write_netcdf(data, folder / "radiated.nc")
+    write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
-        samples = heard(data, number).astype(np.float32)
+        samples = audible_pressure(data, number).astype(np.float32)
         wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
 
 
-def heard(data: xr.Dataset, point: int) -> Array:
+def audible_pressure(data: xr.Dataset, point: int) -> Array:
     """Return the pressure in Pa at a point over time, all tones together, faded in and out.
 
     Tones have the phases that were measured. Modes die away from the moment on that their
@@ -42,7 +42,7 @@ def heard(data: xr.Dataset, point: int) -> Array:
     return np.asarray(np.real(pressure @ waves) * fade)
 
 
-def table(data: xr.Dataset) -> pd.DataFrame:
+def sound_table(data: xr.Dataset) -> pd.DataFrame:
     """Return every number with its standard error, one in a row."""
     rows: list[tuple[object, ...]] = []
 
@@ -65,14 +65,16 @@ def table(data: xr.Dataset) -> pd.DataFrame:
             told(hertz, "mode_power", mode + 1, one.isel(mode=mode))
         for point in range(one.sizes["point"]):
             here = one.isel(point=point)
-            told(hertz, "pressure", place(here), here.assign(pressure=absolute(here)))
-            told(hertz, "level", place(here), here)
+            told(
+                hertz, "pressure", format_point(here), here.assign(pressure=absolute_pressure(here))
+            )
+            told(hertz, "level", format_point(here), here)
     for band in data["band"].values if data.sizes["tone"] > 1 else ():
         one = data.sel(band=band)
         for name in ("band_power", "band_power_level"):
             told(band, name, "", one)
         for point in range(one.sizes["point"]):
-            told(band, "band_level", place(one.isel(point=point)), one.isel(point=point))
+            told(band, "band_level", format_point(one.isel(point=point)), one.isel(point=point))
     names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
     return pd.DataFrame(rows, columns=names)
 
@@ -84,11 +86,11 @@ def error_of(one: xr.Dataset, name: str) -> xr.DataArray:
     )
 
 
-def place(one: xr.Dataset) -> str:
+def format_point(one: xr.Dataset) -> str:
     """Format the position of a point, in mm."""
     return " ".join(f"{1000 * x:g}" for x in one["place"].values)
 
 
-def absolute(one: xr.Dataset) -> xr.DataArray:
+def absolute_pressure(one: xr.Dataset) -> xr.DataArray:
     """Return the absolute value of a pressure."""
     return abs(one["pressure_real"] + 1j * one["pressure_imag"]).assign_attrs(units="Pa")

@@ -17,7 +17,7 @@ from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
 from thesis_lib.measure.radiation import without_wall
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiated
+from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiate_sound
 from thesis_lib.measure.recordings.manifest_model import (
     MIN_SURFACE_MARKERS,
     Manifest,
@@ -38,9 +38,9 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`thesis_lib.measure.fitting.result.result` returns, or
-        :func:`thesis_lib.measure.modes.result.result`, with the calibration's covariance if that
-        is known.
+        What :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
+        :func:`thesis_lib.measure.modes.result.modes_result`, with the calibration's covariance if
+        that is known.
     manifest : Manifest
         With ``radiation``.
 
@@ -72,11 +72,11 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     shapes = shapes_of(several, known)
     screens = [Screen.of(corners, cells) for cells in without_wall.SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
-    both = _chosen(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
+    both = _choose_motion(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])
     moving, *others = np.split(both.moving, ends[:-1])
     between = replace(both, moving=moving)
-    made = radiated(
+    made = radiate_sound(
         surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
     )
     change = without_wall.estimate_change(
@@ -89,7 +89,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         float(np.ptp(corners, axis=0).min()),
         structure.thickness_mm / 1000,
     )
-    step = interpolation.spacing(markers)
+    step = interpolation.largest_gap(markers)
     told = {
         "between": between.kind,
         "modes": between.modes,
@@ -154,7 +154,7 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     Parameters
     ----------
     data : xarray.Dataset
-        As of :func:`thesis_lib.measure.modes.result.result`.
+        As of :func:`thesis_lib.measure.modes.result.modes_result`.
     known : ndarray, shape (markers,)
         Which markers count.
 
@@ -175,10 +175,12 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
         rows += [own, 1j * own]
     every = np.concatenate(rows)
     variance = data["error_of_scatter"].values[:, known] ** 2
-    return estimates.circular(amplitude.ravel(), variance.ravel(), every.reshape(len(every), -1))
+    return estimates.circular_estimate(
+        amplitude.ravel(), variance.ravel(), every.reshape(len(every), -1)
+    )
 
 
-def _chosen(
+def _choose_motion(
     asked: Radiation,
     structure: Structure,
     places: Array,
@@ -195,8 +197,8 @@ def _chosen(
         left = np.array([found.left(shapes.part(own)) for own in each])
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
-    step = interpolation.spacing(markers)
-    held = interpolation.along(corners, asked.held(structure.kind, len(corners)), step)
+    step = interpolation.largest_gap(markers)
+    held = interpolation.edge_places(corners, asked.held(structure.kind, len(corners)), step)
     return interpolation.by_spline(markers, held, places)
 
 

@@ -27,14 +27,14 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
 NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
 ALL_TONES = "all"
 
 
-def octaves(hertz: ArrayLike) -> dict[str, IntArray]:
+def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
     """Return the tones in each octave, by its nominal centre in Hz; before them all together.
 
     Tones below the lowest or above the highest band are in none.
@@ -56,7 +56,7 @@ SURFACE_NODES = 1600  # of the surface
 PER_WAVE = 8  # nodes to the length of a sound wave, at least
 LISTED_RADIATION_MODES = 6  # radiation modes that are told
 DECIBELS_PER_NEPER = 10 / np.log(10)
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     frequency(tone) [Hz] frequency
     power(tone) [W] sound power of one side, in a rigid wall
     power_error(tone) [W] standard error of the sound power of one side
@@ -118,7 +118,7 @@ class Tone:
     size_error: float = 0.0
 
 
-def radiated(
+def radiate_sound(
     surface: Surface,
     between: Between,
     tones: Sequence[Tone],
@@ -165,7 +165,7 @@ def radiated(
     values = {name: np.array([one[name] for one in told]) for name in told[0]}
     if any(tone.decay for tone in tones):
         values |= _of_decays(tones, values["power"], values["power_error"])
-    bands = octaves(values["frequency"])
+    bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows)
     values |= {
@@ -180,7 +180,9 @@ def radiated(
         "band": ("band", list(bands), {"long_name": "all tones, or nominal centre of an octave"}),
     }
     own = {name: one for name, one in VARIABLES.items() if name in values}
-    return xr.Dataset(labelled(values, own), coords).set_coords(["frequency", "place", "u", "z"])
+    return xr.Dataset(label_values(values, own), coords).set_coords(
+        ["frequency", "place", "u", "z"]
+    )
 
 
 def _ways(form: Array) -> Array:
@@ -203,17 +205,20 @@ def _of_tone(
     B, omega = between.moving, tone.omega
     plain = surface.plane_wave_form(B, omega, medium)
     power, efficiency = (
-        estimates.widened(one, surface.sum_std)
-        for one in (estimates.quadratic(form, shape), estimates.ratio(form, plain, shape))
+        estimates.widen_error(one, surface.sum_std)
+        for one in (
+            estimates.estimate_quadratic_form(form, shape),
+            estimates.estimate_ratio(form, plain, shape),
+        )
     )
-    each = estimates.factored(ways[:LISTED_RADIATION_MODES], shape)
-    here, size = at @ shape.value, estimates.magnitude(at, shape)
+    each = estimates.estimate_squares(ways[:LISTED_RADIATION_MODES], shape)
+    here, size = at @ shape.value, estimates.estimate_magnitude(at, shape)
     above = [
         surface.pressure_matrix(B, plane.points.reshape(3, -1), omega, medium) for plane in planes
     ]
     shown = (len(planes), *planes[0].shape)
     field = np.array([matrix @ shape.value for matrix in above]).reshape(shown)
-    spread = np.array([estimates.magnitude(matrix, shape).error for matrix in above])
+    spread = np.array([estimates.estimate_magnitude(matrix, shape).error for matrix in above])
     whole = np.linalg.norm(shape.value)
     left, noise = between.left(shape)
     return {
@@ -262,7 +267,7 @@ def _of_bands(
     """Powers, and mean squares at points, of the tones in each band, whose errors are in common."""
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
     found = [
-        [estimates.summed(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]
+        [estimates.estimate_sum(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]
         for band, shape in zip(bands, shapes, strict=True)
     ]
     value, error = (

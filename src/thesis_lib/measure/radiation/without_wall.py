@@ -12,14 +12,14 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.arrays import Array
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 SCREEN_CELLS = (
     400,
     200,
 )  # of the screen, and of one whose answer differs by the error: 0.1 dB or less
 DECIBELS_PER_NEPER = 10 / np.log(10)
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     no_wall_change(tone) [dB] estimated sound power level of one side without a wall, less that in a
         rigid wall
     no_wall_change_std(tone) [dB] standard uncertainty of the estimated change without a wall, by
@@ -70,10 +70,10 @@ def estimate_change(
         shape = shapes.part(np.arange(number * n, (number + 1) * n))
         wall = surface.power_form(moving, omega, medium)
         fine, coarse = (
-            estimates.ratio(screen.power_form(by, omega, medium), wall, shape)
+            estimates.estimate_ratio(screen.power_form(by, omega, medium), wall, shape)
             for screen, by in screens
         )
-        square = float(estimates.ratio(*surface.wavenumber_forms(moving), shape).value)
+        square = float(estimates.estimate_ratio(*surface.wavenumber_forms(moving), shape).value)
         k = max(np.sqrt(max(square, 0.0)), np.pi / narrow)
         with np.errstate(invalid="ignore", divide="ignore"):
             level, other = (DECIBELS_PER_NEPER * np.log(one.value) for one in (fine, coarse))
@@ -81,4 +81,4 @@ def estimate_change(
             std = np.sqrt(noise**2 + (level - other) ** 2 + thick**2)
         known = level if np.isfinite(std) else np.nan
         rows.append((known, std, k * medium.speed_of_sound / (2 * np.pi)))
-    return xr.Dataset(labelled(dict(zip(VARIABLES, np.array(rows).T, strict=True)), VARIABLES))
+    return xr.Dataset(label_values(dict(zip(VARIABLES, np.array(rows).T, strict=True)), VARIABLES))

@@ -97,7 +97,7 @@ class _Source:
 
 
 @contextmanager
-def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
+def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     """Open the sound of a video or a sound file of any length.
 
     Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
@@ -122,7 +122,7 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
         track = file.streams.audio[source.track]
         film = start_of_film(path)
         picture = source.start if film is None else film
-        survey, chosen = _surveyed(path)[source.track], source.channels
+        survey, chosen = _scan_tracks(path)[source.track], source.channels
         rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
         late = MP3_DELAY / rate if film is not None and _hides_delay(file, track) else 0.0
         own = rate / source.pace if source.pace != 1 else float(rate)
@@ -131,7 +131,7 @@ def opened_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]
         yield AudioTrack(
             rate=own,
             start=source.start - picture - late,
-            blocks=_mixed_blocks(path, file, track, source),
+            blocks=_mix_blocks(path, file, track, source),
             stated_rate=rate,
             source="; ".join(filter(None, words)),
             level=float(np.sqrt(max(part.mean(), 0.0))),
@@ -153,9 +153,9 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
     Raises
     ------
     MediaError
-        As :func:`opened_audio`.
+        As :func:`open_audio`.
     """
-    with opened_audio(path) as audio:
+    with open_audio(path) as audio:
         return np.concatenate(list(audio.blocks)), audio.rate, audio.start
 
 
@@ -164,7 +164,7 @@ def _hides_delay(file: InputContainer, track: AudioStream) -> bool:
     return file.format.name == "avi" and track.codec_context.name.startswith("mp3")
 
 
-def _mixed_blocks(
+def _mix_blocks(
     path: Path, file: InputContainer, track: AudioStream, source: _Source
 ) -> Iterator[Array]:
     convert = av.AudioResampler(format="fltp")
@@ -187,7 +187,7 @@ def _mixed_blocks(
         yield np.concatenate(blocks, dtype=float)
 
 
-def _surveyed(path: Path) -> list[_Survey]:
+def _scan_tracks(path: Path) -> list[_Survey]:
     """Survey all audio tracks of a file; once, unless it changes."""
     about = path.stat()
     return _survey(path.absolute(), about.st_size, about.st_mtime_ns)
@@ -228,7 +228,7 @@ def _seconds_of(one: _Survey) -> float:
 
 def _source_of(path: Path, channel: int | None) -> _Source:
     """Choose the track and channels, and measure their start and pace."""
-    surveys = _surveyed(path)
+    surveys = _scan_tracks(path)
     if channel is None:
         track, channels, words = _loud(surveys)
     else:
@@ -263,18 +263,18 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
     count = len(each)
     channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
     if len(channels) < count:
-        names = _listed(channels)
+        names = _list_tracks(channels)
         why = f"{names} of {count}, since the other{'s hold' if count > 2 else ' holds'} no sound"
     else:
         why = ""
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])
-        why = f"{_listed(channels)} of {count}, since the channels cancel when mixed"
+        why = f"{_list_tracks(channels)} of {count}, since the channels cancel when mixed"
     return track, channels.tolist(), "; ".join(filter(None, [words, why]))
 
 
-def _listed(channels: IntArray) -> str:
+def _list_tracks(channels: IntArray) -> str:
     numbers = ", ".join(str(c + 1) for c in channels)
     return f"channel{'s' if len(channels) > 1 else ''} {numbers}"
 

@@ -27,12 +27,12 @@ from thesis_lib.measure.recordings.media_info import (
     file_address,
     frame_clock,
     open_media,
-    probe,
+    probe_media,
     video_track,
 )
 from thesis_lib.measure.recordings.text_files import TextFileError, read_text
 from thesis_lib.measure.recordings.validation import rate_of
-from thesis_lib.studies.fields import shown
+from thesis_lib.studies.fields import format_given
 
 MAX_SAMPLED_PICTURES = 50  # of a folder, in which the brightest grey level is looked for
 #: Names in the text header and in the XML header of what is needed, and the numbers allowed
@@ -47,7 +47,7 @@ RAW_FIELDS = {
 BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 
 
-def pack(
+def pack_frames(
     source: Path,
     target: Path,
     rate: float | None = None,
@@ -84,8 +84,8 @@ def pack(
     if source.is_file() and not raw:
         if rate is None:
             raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
-        probe(source)
-        return retime(source, target, rate), probe(target).size
+        probe_media(source)
+        return retime_frames(source, target, rate), probe_media(target).size
     own, frames = _raw(source) if raw else _pictures(source, say)
     if rate is None and own is None:
         raise MediaError(f"{source}: pictures do not say their rate: give --rate-hz")
@@ -138,7 +138,7 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     side = _header_value(header, text, BIT_SIDE_FIELD[xml])
     if side not in ("Lower", "Higher"):
         raise MediaError(
-            f"{header}: {BIT_SIDE_FIELD[xml]}: given {shown(side)}, allowed: Lower or Higher"
+            f"{header}: {BIT_SIDE_FIELD[xml]}: given {format_given(side)}, allowed: Lower or Higher"
         )
     bits, shape = number["bits"], (number["height"], number["width"])
     taken = _EIGHT_BITS.get(bits)
@@ -183,7 +183,7 @@ def _header_number(header: Path, text: str, name: str, low: float, high: float) 
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise MediaError(f"{header}: {name}: given {shown(given)}, allowed: {low} to {high}")
+        raise MediaError(f"{header}: {name}: given {format_given(given)}, allowed: {low} to {high}")
     return value
 
 
@@ -207,7 +207,7 @@ _EIGHT_BITS: dict[int, Callable[[Image, int], Image]] = {8: _eight, 12: _twelve,
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
 
-def retime(source: Path, target: Path, rate: float) -> int:
+def retime_frames(source: Path, target: Path, rate: float) -> int:
     """Write the frames of a film or of a raw stream to a video that plays at another rate.
 
     Sound is left out: it does not go with frames that were taken at another rate. Frames are copied

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
-from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse
+from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
 
 
 class Sought(Fields):
@@ -173,7 +173,7 @@ class Force(Fields):
             self._refuse("at_mm", "allowed: null, or [x, y] on the structure")
 
     def _refuse(self, name: str, why: str) -> None:
-        refuse(f"force.{name}", getattr(self, name), why)
+        refuse_value(f"force.{name}", getattr(self, name), why)
 
 
 class Excitation(Fields):

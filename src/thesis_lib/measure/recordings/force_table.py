@@ -152,7 +152,7 @@ def read_force_table(path: Path) -> ForceTable:
     newtons = values[:, force] * _newtons(units[force])
     _check(path, times, [number for number, _ in body], units[time], names[time])
     told = [
-        f"{kind} from column {k + 1}{_named(names, k)} in {units[k] or unit}"
+        f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
         for kind, k, unit in (("time", time, "s"), ("force", force, "N"))
     ]
     return ForceTable(times, newtons, ", ".join(told))
@@ -270,7 +270,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
                 unit if _is_unit(unit) else old for unit, old in zip(alone, units, strict=True)
             ]
             continue
-        if names != [""] * width and not any(_known(_split(cell)[0]) for cell in cells):
+        if names != [""] * width and not any(_is_known(_split(cell)[0]) for cell in cells):
             continue
         split = [_split(cell) for cell in cells]
         names, units = [name for name, _ in split], [unit for _, unit in split]
@@ -282,7 +282,7 @@ def _is_unit(text: str) -> bool:
     return low in TIME_UNITS_S or low in FORCE_UNITS_N or low in OTHER_UNITS
 
 
-def _known(name: str) -> bool:
+def _is_known(name: str) -> bool:
     return bool(_kinds(name))
 
 
@@ -362,24 +362,27 @@ def _columns(
         if k not in full:
             bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
             raise ForceError(
-                f"{path}: row {bad + 1} has no number in column {k + 1}{_named(names, k)}, the "
+                f"{path}: row {bad + 1} has no number in column {k + 1}{_name_column(names, k)}, "
+                "the "
                 f"{what}; {EXAMPLE_TEXT}"
             )
     if unit[force] and unit[force] not in FORCE_UNITS_N:
         raise ForceError(
-            f"{path}: column {force + 1}{_named(names, force)} is in {units[force]}, allowed: "
+            f"{path}: column {force + 1}{_name_column(names, force)} is in {units[force]}, "
+            "allowed: "
             "N, mN, kN or lbf"
         )
     return time, force
 
 
-def _named(names: Sequence[str], k: int) -> str:
+def _name_column(names: Sequence[str], k: int) -> str:
     return f" ({names[k]})" if names[k] else ""
 
 
 def _refuse(path: Path, names: Sequence[str], units: Sequence[str], why: str) -> None:
     shown = ", ".join(
-        f"{k + 1}{_named(names, k)}{f' in {unit}' if unit else ''}" for k, unit in enumerate(units)
+        f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
+        for k, unit in enumerate(units)
     )
     raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE_TEXT}")
 

@@ -15,7 +15,7 @@ from thesis_lib.measure.recordings.text_files import (
     parse_yaml,
     read_text,
 )
-from thesis_lib.studies.fields import first_problem, shown
+from thesis_lib.studies.fields import first_problem, format_given
 
 IMAGE_SUFFIXES = {
     ".png",
@@ -64,7 +64,9 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
     except TextFileError as error:
         raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
-        raise ManifestError(f"{path}: given {shown(values)}, allowed: fields and their values")
+        raise ManifestError(
+            f"{path}: given {format_given(values)}, allowed: fields and their values"
+        )
     try:
         manifest = Manifest.model_validate(values)
     except ValidationError as error:
@@ -134,7 +136,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             continue
         if isinstance(camera.shots, str):
             if outside(camera.shots):
-                yield f"{where}: given {shown(camera.shots)}, allowed: {INSIDE_TEXT}"
+                yield f"{where}: given {format_given(camera.shots)}, allowed: {INSIDE_TEXT}"
                 continue
         else:
             named += [(f"{where}[{k}]", s) for k, s in enumerate(camera.shots) if s is not None]
@@ -143,24 +145,25 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
             yield (
-                f"{where}: given {shown(camera.shots)}, which is {len(files)} pictures, "
+                f"{where}: given {format_given(camera.shots)}, which is {len(files)} pictures, "
                 f"allowed: at least 3{_unread(camera, folder)}"
             )
         if isinstance(camera.shots, str):
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):
-                    yield f"{where}: {shown(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
+                    name = format_given(shot.name)
+                    yield f"{where}: {name} leads outside, allowed: {INSIDE_TEXT}"
     named += [("force.file", manifest.force.file)] if manifest.force else []  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
         if outside(text):
-            yield f"{where}: given {shown(text)}, allowed: {INSIDE_TEXT}"
+            yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
         elif exist and not _is_file(folder / text):
-            yield f"{where}: given {shown(text)}, no such file in {folder}"
+            yield f"{where}: given {format_given(text)}, no such file in {folder}"
         else:
             first = videos.setdefault((root / text).resolve(), where)
             if where.endswith(".video") and first != where:
-                yield f"{where}: given {shown(text)}, the same as {first}"
+                yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
         yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
@@ -172,7 +175,7 @@ def _unread(camera: CameraFiles, folder: Path) -> str:
         return ""
     endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
     others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}
-    told = " and ".join(f"{count} of {shown(ending)}" for ending, count in others.items())
+    told = " and ".join(f"{count} of {format_given(ending)}" for ending, count in others.items())
     read = f" of {', '.join(sorted(IMAGE_SUFFIXES))}"
     return f"{read} (there are {told}, which are not read: export JPEG)" if told else read
 

@@ -31,7 +31,7 @@ from thesis_lib.studies.fields import (
     Real,
     Whole,
     Width,
-    refuse,
+    refuse_value,
 )
 
 if TYPE_CHECKING:
@@ -52,18 +52,18 @@ class BoardSpec(Fields):
     margin_mm: Real = Field(45.0, ge=0, le=1e5, description="width of the white margin")
     mark_mm: Positive | None = Field(
         default_factory=lambda data: (
-            round(MARK_RATIO * data.get("tile_mm", 0), 9) if _marked(data) else None
+            round(MARK_RATIO * data.get("tile_mm", 0), 9) if _mark_default(data) else None
         ),
         description="side of a mark",
     )
     dictionary: str | None = Field(
-        default_factory=lambda data: MARK_DICTIONARY if _marked(data) else None,
+        default_factory=lambda data: MARK_DICTIONARY if _mark_default(data) else None,
         pattern=r"^DICT_(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
         title="null, or DICT_4X4_50 to DICT_7X7_1000",
         description="OpenCV's name of the dictionary that the marks are of",
     )
     two_sided: Flag = Field(
-        default_factory=lambda data: not _marked(data),
+        default_factory=lambda data: not _mark_default(data),
         description="whether it is printed on both sides",
     )
     thickness_mm: Real = Field(0.0, ge=0, le=100, description="distance of the two printed sides")
@@ -73,7 +73,7 @@ class BoardSpec(Fields):
         if self.kind == "checkerboard":
             for name in ("mark_mm", "dictionary"):
                 if (given := getattr(self, name)) is not None:
-                    refuse(name, given, "allowed where kind is checkerboard: null")
+                    refuse_value(name, given, "allowed where kind is checkerboard: null")
             return self
         if self.mark_mm is None or self.mark_mm >= self.tile_mm:
             self.refuse("mark_mm", "allowed: a number below tile_mm, in mm")
@@ -101,7 +101,7 @@ class BoardSpec(Fields):
         )
 
 
-def _marked(given: dict[str, object]) -> bool:
+def _mark_default(given: dict[str, object]) -> bool:
     return given.get("kind") == "charuco"
 
 
@@ -214,7 +214,12 @@ class Radiation(Fields):
 
     def check(self, kind: str, size: tuple[float, float], markers: Array, diameter: float) -> None:
         """Refuse what does not go with the structure; lengths in m."""
-        from thesis_lib.vibration.polygons import area, contains, distances, is_simple
+        from thesis_lib.vibration.polygons import (
+            edge_distances,
+            is_simple,
+            polygon_area,
+            polygon_contains,
+        )
 
         count = markers.shape[1]
         if count < MIN_SURFACE_MARKERS:
@@ -224,11 +229,13 @@ class Radiation(Fields):
         corners = self.corners(size, markers, diameter)
         if isinstance(self.outline_mm, tuple):
             simple = 3 <= len(self.outline_mm) <= 200 and is_simple(self.outline_mm)
-            if not simple or abs(area(self.outline_mm)) == 0:
+            if not simple or abs(polygon_area(self.outline_mm)) == 0:
                 self._refuse(
                     "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
                 )
-            on = contains(corners, markers) | (distances(corners, markers).min(axis=0) < 1e-9)
+            on = polygon_contains(corners, markers) | (
+                edge_distances(corners, markers).min(axis=0) < 1e-9
+            )
             if not on.all():
                 x, y = 1000 * markers[:, ~on][:, 0]
                 why = f"allowed: corners around all markers, the one at ({x:g}, {y:g}) is outside"
@@ -243,7 +250,7 @@ class Radiation(Fields):
             self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
 
     def _refuse(self, name: str, why: str) -> None:
-        refuse(f"radiation.{name}", getattr(self, name), why)
+        refuse_value(f"radiation.{name}", getattr(self, name), why)
 
 
 Count = Annotated[Whole, Field(ge=1, le=200)]
@@ -255,7 +262,7 @@ def _beam(name: str) -> Any:
     """Return a property of the thesis's beam (Table 3.1)."""
     from thesis_lib.facts import setups
 
-    return getattr(setups.beam(), name)
+    return getattr(setups.thesis_beam(), name)
 
 
 def _default(name: str, scale: float = 1.0) -> Any:
@@ -339,22 +346,22 @@ class Structure(Fields):
         if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
             self.refuse("force_across_mm", "allowed: null, or at most width_mm, in mm")
         if self.kind == "plate" and self.markers.points_mm is None and self.markers.rows < 2:
-            refuse("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
+            refuse_value("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
         size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
         points, hole = 1000 * self.marker_points, self.markers.hole_mm
         name = "markers.points_mm" if self.markers.points_mm else "markers"
         given = self.markers.model_dump(mode="json", exclude={"hole_mm"})
         if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
-            refuse(name, given, "allowed: markers that lie on the structure")
+            refuse_value(name, given, "allowed: markers that lie on the structure")
         apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
         if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
-            refuse(name, given, "allowed: markers that do not overlap")
+            refuse_value(name, given, "allowed: markers that do not overlap")
         if hole is not None:
             place = np.array(hole)[:, None]
             near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
             if near or np.any(place < 0) or np.any(place > size):
                 away = "on the structure, at least a diameter from every marker's centre"
-                refuse("markers.hole_mm", hole, f"allowed: null, or [x, y] {away}")
+                refuse_value("markers.hole_mm", hole, f"allowed: null, or [x, y] {away}")
         return self
 
     @property
@@ -478,28 +485,28 @@ class Manifest(Fields):
     def _check(self) -> Manifest:
         kind, own, behaviour = self.excitation.kind, self.structure, self.excitation.behaviour
         if self.force is None and behaviour.force == "required":
-            refuse("force", None, f"allowed where excitation.kind is {kind}: an object")
+            refuse_value("force", None, f"allowed where excitation.kind is {kind}: an object")
         if self.force is not None:
             if behaviour.force == "none":
                 forced = list_kinds(lambda one: one.force != "none")
-                refuse("excitation.kind", kind, f"allowed with a force: {forced}")
+                refuse_value("excitation.kind", kind, f"allowed with a force: {forced}")
             self.force.check((own.length_mm, own.width_mm))
             if self.excitation.sound == "none" and self.force.offset_s is None:
-                refuse("force.offset_s", None, "allowed without sound: a number")
+                refuse_value("force.offset_s", None, "allowed without sound: a number")
         if self.radiation is not None and behaviour.result == "response":
             shaped = list_kinds(lambda one: one.result != "response")
-            refuse("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
+            refuse_value("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
                 if camera.shots is None:
                     why = "allowed without calibration: pictures of the board"
-                    refuse(f"cameras[{i}].shots", None, why)
+                    refuse_value(f"cameras[{i}].shots", None, why)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
                 given = getattr(other, name)
                 if given == getattr(one, name):
                     why = f"the same as cameras[{i}].{name}, allowed: another one"
-                    refuse(f"cameras[{j}].{name}", given, why)
+                    refuse_value(f"cameras[{j}].{name}", given, why)
         if self.radiation is not None:
             size = own.length_mm / 1000, own.width_mm / 1000
             self.radiation.check(own.kind, size, own.marker_points, own.markers.diameter_mm / 1000)

@@ -34,7 +34,7 @@ from thesis_lib.measure.recordings.media_info import (
     file_address,
     open_media,
     orientation_of,
-    probe,
+    probe_media,
     video_track,
 )
 
@@ -155,9 +155,10 @@ def read_frames(
     Raises
     ------
     MediaError
-        While the frames are taken: as :func:`probe`, or if a frame is missing or cannot be decoded.
+        While the frames are taken: as :func:`probe_media`, or if a frame is missing or cannot be
+        decoded.
     """
-    info = probe(path)
+    info = probe_media(path)
     with open_media(path) as file:
         stream = video_track(file, path)
         timed = clock is None and file.format.name not in UNTIMED_FORMATS

@@ -203,7 +203,7 @@ def _end_of(stream: VideoStream | AudioStream) -> float | None:
     return _seconds(stream.metadata["DURATION"]) if "DURATION" in stream.metadata else None
 
 
-def probe(path: Path) -> VideoInfo:
+def probe_media(path: Path) -> VideoInfo:
     """Return what a video and its first frames say about it; the size is that of frames as shown.
 
     Raises
@@ -262,7 +262,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         )
 
 
-def packed_from(path: Path) -> str | None:
+def source_of_packed(path: Path) -> str | None:
     """Return the name of the film that ``thesis pack`` made a .mov of, None of another file."""
     if path.suffix.lower() != ".mov":
         return None
@@ -277,7 +277,7 @@ def packed_from(path: Path) -> str | None:
 def start_of_film(path: Path) -> float | None:
     """Return when the first frame of a file is shown, by its own clock, s; None without frames."""
     try:
-        return probe(path).start
+        return probe_media(path).start
     except MediaError:  # a sound file, a cover alone, or frames that cannot be decoded
         return None
 
@@ -338,7 +338,7 @@ def _capture_rate(file: InputContainer, stream: VideoStream, path: Path) -> floa
 
 def describe_reading(path: Path) -> list[str]:
     """Return what a user should know of how a video is read, one sentence each."""
-    info, lines = probe(path), []
+    info, lines = probe_media(path), []
     if info.tracks > 1:
         lines.append(
             f"{path.name} has {info.tracks} video tracks; number {info.track}, "
@@ -369,7 +369,7 @@ def frame_clock(path: Path) -> Array:
         As :func:`frame_times`, or if two frames have one time.
     """
     times = frame_times(path)
-    even = np.arange(len(times)) / probe(path).frame_rate
+    even = np.arange(len(times)) / probe_media(path).frame_rate
     if np.abs(times - even).max() <= MAX_TIMESTAMP_ROUNDING_S:
         return even
     slope, offset = np.polyfit(np.arange(len(times)), times, 1)
@@ -389,7 +389,7 @@ def frame_times(path: Path) -> Array:
     Raises
     ------
     MediaError
-        As :func:`probe`, or if the video has no presentation times.
+        As :func:`probe_media`, or if the video has no presentation times.
     """
     with open_media(path) as file:
         stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS
@@ -406,7 +406,7 @@ def frame_times(path: Path) -> Array:
                     times.append(float(stamp * packet.time_base))
         except (av.FFmpegError, OSError):
             raise MediaError(f"{path}: damaged after frame {len(times)}") from None
-    start = -np.inf if untimed else probe(path).start
+    start = -np.inf if untimed else probe_media(path).start
     ordered = np.sort(times)
     ordered = ordered[ordered > start - 1e-6]  # those before cannot be decoded
     if not len(ordered):

@@ -32,8 +32,8 @@ from thesis_lib.measure.recordings.media_info import (
     describe_reading,
     frame_clock,
     frame_times,
-    packed_from,
-    probe,
+    probe_media,
+    source_of_packed,
 )
 from thesis_lib.measure.recordings.validation import is_slowed, rate_of
 from thesis_lib.outputs import put_files
@@ -97,20 +97,20 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
             f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to ask before any is "
             "filmed: -p cameras=4"
         )
-    infos = [probe(video) for video in videos]
-    manifest = validated(_values(folder, videos, infos, given))
-    asked = asked_of(manifest)
+    infos = [probe_media(video) for video in videos]
+    manifest = validate_manifest(_values(folder, videos, infos, given))
+    asked = list_asked(manifest)
     if not any(is_slowed(info) for info in infos):
         asked = (*asked, "cameras.captured_hz")
-    told = [*_told(manifest, folder, infos), *passed, *_cornered(manifest, folder)]
+    told = [*_describe_found(manifest, folder, infos), *passed, *_ask_corners(manifest, folder)]
     with staging(folder) as part:
         (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
         put_files(part, folder)
-    return path, [*told, *assumed(manifest, given, asked)]
+    return path, [*told, *list_assumed(manifest, given, asked)]
 
 
-def validated(values: dict[str, Any]) -> Manifest:
+def validate_manifest(values: dict[str, Any]) -> Manifest:
     """Return the manifest with some values.
 
     Raises
@@ -124,7 +124,7 @@ def validated(values: dict[str, Any]) -> Manifest:
         raise ManifestError(f"-p: {first_problem(Manifest, values, error)}") from None
 
 
-def asked_of(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
+def list_asked(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
     """Return what no file shows of such a structure and board."""
     return (*among, *ASKED_OF_MARKS * (manifest.board.kind == "charuco"))
 
@@ -206,7 +206,7 @@ def _is_hidden(path: Path) -> bool:
     return path.name.startswith(".")
 
 
-def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
+def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
     """Yield what was found of each camera, and what is missing."""
     counts = []
     for camera, info in zip(manifest.cameras, infos, strict=True):
@@ -247,7 +247,7 @@ def _told(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Itera
             yield f"missing: {file}, no such file in {folder}"
 
 
-def _cornered(manifest: Manifest, folder: Path) -> Iterator[str]:
+def _ask_corners(manifest: Manifest, folder: Path) -> Iterator[str]:
     """Ask for corners where no hole tells which end is which."""
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
     if manifest.structure.hole is None and lacking:
@@ -261,7 +261,9 @@ def _and(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
-def assumed(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> Iterator[str]:
+def list_assumed(
+    manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]
+) -> Iterator[str]:
     """Yield what no file shows and was not given, with what stands for it."""
     for name in asked:
         if not _is_given(name, given):
@@ -366,7 +368,7 @@ def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         else:
             lines.append(f"passed over: {file.name}, which is no video that can be read")
     names = {video.name for video in videos}
-    packed = {source: file.name for file in videos if (source := packed_from(file)) in names}
+    packed = {source: file.name for file in videos if (source := source_of_packed(file)) in names}
     lines += [f"passed over: {one}, since {packed[one]} was packed from it" for one in packed]
     videos = [video for video in videos if video.name not in packed]
     _check_names(folder, videos)

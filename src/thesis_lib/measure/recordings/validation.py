@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, opened_audio
+from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
@@ -22,9 +22,9 @@ from thesis_lib.measure.recordings.media_info import (
     MediaError,
     VideoInfo,
     frame_clock,
-    probe,
+    probe_media,
 )
-from thesis_lib.studies.fields import shown
+from thesis_lib.studies.fields import format_given
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
@@ -44,7 +44,7 @@ def markers_of(manifest: Manifest) -> Markers:
     return Markers(size, given.marker_points, diameter, hole, given.markers.tone == "bright")
 
 
-def check(manifest: Manifest, folder: Path) -> list[Array]:
+def check_files(manifest: Manifest, folder: Path) -> list[Array]:
     """Refuse recordings that are not what the manifest says, or not whole.
 
     Returns
@@ -63,7 +63,7 @@ def check(manifest: Manifest, folder: Path) -> list[Array]:
     for camera in manifest.cameras:
         path = folder / camera.video
         clock = frame_clock(path)
-        info = probe(path)
+        info = probe_media(path)
         says, end = info.frames, info.duration
         late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
         if says is not None and len(clock) < says and (late or end is None):
@@ -81,7 +81,7 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
         If the video cannot be read.
     """
     path = folder / camera.video
-    return _scale_clock(frame_clock(path), camera, probe(path).frame_rate)
+    return _scale_clock(frame_clock(path), camera, probe_media(path).frame_rate)
 
 
 def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
@@ -91,7 +91,7 @@ def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
     return np.asarray(clock * (rate_of(clock, rate) / camera.captured_hz))
 
 
-def timed(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
+def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
     """Return the manifest with the frame rates that the videos have, the mean where it varies."""
     cameras = tuple(
         camera.model_copy(update={"frame_rate_hz": rate_of(clock, camera.rate_hz)})
@@ -150,7 +150,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
         path = folder / camera.video
         where, says = f"cameras[{i}].video: {path}", "as the manifest says"
         try:
-            info = probe(path)
+            info = probe_media(path)
             rate = info.frame_rate
             if info.size != camera.size:
                 lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
@@ -188,7 +188,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
 
 def _sound(path: Path, channel: int | None = None) -> Iterator[str]:
     """Say what a sound lacks; a gap or damage is raised."""
-    with opened_audio(path, channel) as audio:
+    with open_audio(path, channel) as audio:
         if audio.level < MAX_SILENT_RMS:
             yield (
                 f"silent audio (rms {audio.level:.1e} of full scale), allowed: at least "
@@ -254,7 +254,7 @@ def _check_plane(structure: Structure) -> list[str]:
     if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
         return []
     name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
-    given = shown(getattr(markers, name))
+    given = format_given(getattr(markers, name))
     return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
 
 

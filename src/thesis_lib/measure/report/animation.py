@@ -23,7 +23,7 @@ from PIL import Image as Pictures
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
-from thesis_lib.measure.exchange.mesh import edges, faces
+from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.media_info import file_address
 from thesis_lib.measure.tracking.tracks import Recording
@@ -68,7 +68,7 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
     x, y = 1e3 * (x - x.mean()), 1e3 * (y - y.mean())
     most, length = float(np.abs(amplitude).max()), float(max(np.ptp(x), np.ptp(y)))
     scale = DRAWN_DEFLECTION * length / most
-    corners, lines = faces(x / 1e3, y / 1e3), edges(x / 1e3, y / 1e3)
+    corners, lines = marker_faces(x / 1e3, y / 1e3), marker_edges(x / 1e3, y / 1e3)
     norm = Normalize(-most, most)
     with in_style():
         figure = Figure(figsize=(SHAPE_SIZE_PX[0] / 100, SHAPE_SIZE_PX[1] / 100), dpi=100)

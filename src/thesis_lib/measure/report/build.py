@@ -12,10 +12,10 @@ import xarray as xr
 from markupsafe import Markup
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.feasibility.assess import Assessment, describe
-from thesis_lib.measure.fitting.models import rms
+from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
+from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
-from thesis_lib.measure.radiation.files import absolute, place
+from thesis_lib.measure.radiation.files import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
@@ -27,7 +27,7 @@ from thesis_lib.measure.report.warnings import (
     check_sound,
     no_wall_change,
 )
-from thesis_lib.plotting.style import MATH_STYLE, saved
+from thesis_lib.plotting.style import MATH_STYLE, save_figure
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
 
 _TEMPLATE_FOLDER = "measure/report/templates/"
@@ -100,7 +100,7 @@ def build_shape(
         distance=distance,
         azimuth=np.degrees(np.arctan2(centre[:, 0], centre[:, 1])),
         elevation=np.degrees(np.arcsin(centre[:, 2] / distance)),
-        scatter=("camera", [rms(one) for one in data["centre_scatter"].values]),
+        scatter=("camera", [known_rms(one) for one in data["centre_scatter"].values]),
     )
     order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
     page = render_html(
@@ -117,7 +117,7 @@ def build_shape(
         sound=_embed(sound),
         candidates=[data.isel(candidate=k) for k in order],
         cameras=[placed.isel(camera=k) for k in range(data.sizes["camera"])],
-        feasibility="\n".join(describe(assessment)),
+        feasibility="\n".join(describe_assessment(assessment)),
         warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
         source_of_size=_source_of_size(manifest),
         grid_excess=float(data["grid_scale"]) - 1,
@@ -138,11 +138,11 @@ def _draw_shape(
     }
     if data["shots_used"].any():
         figures["corners"] = draw.draw_corners(data)
-    pictures = {name: ("svg", saved(figure, "svg")) for name, figure in figures.items()}
+    pictures = {name: ("svg", save_figure(figure, "svg")) for name, figure in figures.items()}
     for i, first in enumerate(firsts):
         one = seen.isel(camera=i)
         photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
-        pictures[f"camera-{i:02d}"] = ("png", saved(photo, "png", dpi=140))
+        pictures[f"camera-{i:02d}"] = ("png", save_figure(photo, "png", dpi=140))
     return pictures
 
 
@@ -166,7 +166,7 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
         data=data,
         largest=data.isel(marker=most),
         measured=np.count_nonzero(np.isfinite(w)),
-        error=rms(error),
+        error=known_rms(error),
     )
 
 
@@ -192,7 +192,9 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
-    pictures: dict[str, Picture] = {k: ("svg", saved(one, "svg")) for k, one in figures.items()}
+    pictures: dict[str, Picture] = {
+        k: ("svg", save_figure(one, "svg")) for k, one in figures.items()
+    }
     summary, notes = summarise_modes(data), list(check_modes(data, manifest))
     viewers = [view_shape(data.isel(mode=k), _extent(manifest)) for k in range(data.sizes["mode"])]
     page = render_html(
@@ -262,7 +264,10 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on motion over a force."""
     markers = _select_markers(data)
     pictures: dict[str, Picture] = {
-        f"response-{role}": ("svg", saved(draw.draw_response(data, marker), "svg", MATH_STYLE))
+        f"response-{role}": (
+            "svg",
+            save_figure(draw.draw_response(data, marker), "svg", MATH_STYLE),
+        )
         for role, marker in markers.items()
     }
     summary, notes = summarise_response(data), list(check_response(data, manifest))
@@ -336,8 +341,8 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         tones=_tones(data),
         whole=data.sel(band=ALL_TONES),
         viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
-        place=place,
-        points=[one.assign(pressure=absolute(one)) for one in places],
+        place=format_point,
+        points=[one.assign(pressure=absolute_pressure(one)) for one in places],
         bands=[{"data": one, "points": _points(one)} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),

@@ -12,11 +12,11 @@ from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import declared, labelled
-from thesis_lib.vision.lens import project
+from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.vision.lens import project_points
 
 MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     found(camera, side, marker) [px] centres in the camera's first frame
     outline(camera, side, vertex) [px] the structure's corners in the camera's first frame, by the
         calibration
@@ -37,9 +37,9 @@ def collect_diagnostics(
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns, with ``steady``.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
     moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.motion` returns.
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
     manifest : Manifest
         Its structure.
     recordings : sequence of Recording
@@ -67,7 +67,7 @@ def collect_diagnostics(
         "residual": moved["residual"].values,
     }
     places = {"camera": data["camera"], "time": moved["time"]}
-    return xr.Dataset(labelled(values, VARIABLES), places)
+    return xr.Dataset(label_values(values, VARIABLES), places)
 
 
 def _track(own: Recording, marker: int, begin: float, end: float) -> tuple[int, Array, Array]:
@@ -85,4 +85,4 @@ def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> Array:
     markers = markers_of(manifest)
     corners = on_surface(markers.extent, markers.corners)
     R, origin = data["frame_rotation"].values, data["frame_origin"].values
-    return project(own.camera, R.T @ corners + origin[:, None])
+    return project_points(own.camera, R.T @ corners + origin[:, None])

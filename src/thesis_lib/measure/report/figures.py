@@ -23,8 +23,8 @@ from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     MATH_STYLE,
     REFERENCE_COLOR,
-    color,
-    drawable,
+    cycle_color,
+    drawable_names,
     in_style,
     subplots,
 )
@@ -60,7 +60,7 @@ def _draw_rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
             w[row],
             BAR_SIGMAS * error[row],
             fmt=".-",
-            color=color(k),
+            color=cycle_color(k),
             linewidth=0.9,
             capsize=2,
             label=f"row at y = {y[row][0]:.4g} mm",
@@ -118,9 +118,11 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
                 color=REFERENCE_COLOR,
             )
             panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
-            for k, name in enumerate(drawable(data["camera"].values, "camera")):
-                panel.plot([centre[k, i], 0], [centre[k, j], 0], color=color(k), linewidth=0.6)
-                panel.plot(centre[k, i], centre[k, j], "s", color=color(k))
+            for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
+                panel.plot(
+                    [centre[k, i], 0], [centre[k, j], 0], color=cycle_color(k), linewidth=0.6
+                )
+                panel.plot(centre[k, i], centre[k, j], "s", color=cycle_color(k))
                 panel.annotate(
                     name,
                     (centre[k, i], centre[k, j]),
@@ -139,9 +141,9 @@ def draw_corners(data: xr.Dataset) -> Figure:
     residuals = data["residuals"].values
     with in_style():
         figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
-        for k, name in enumerate(drawable(data["camera"].values, "camera")):
+        for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
             u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
-            axes.plot(u, v, ".", color=color(k), markersize=2, alpha=0.5, label=name)
+            axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
         most = 1.05 * float(np.nanmax(np.abs(residuals)))
         axes.set(
             aspect="equal",
@@ -159,7 +161,7 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
     """Draw the marker that moves most, folded into one period, as each camera saw it."""
     period, count = 1 / float(data["frequency"]), seen.sizes["camera"]
     rows = -(-count // 2)
-    names = drawable([f"camera {name}" for name in seen["camera"].values], "camera")
+    names = drawable_names([f"camera {name}" for name in seen["camera"].values], "camera")
     with in_style():
         figure, axes = subplots(
             rows,
@@ -172,7 +174,7 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
         for k, panel in enumerate(axes.flat[:count]):
             one = seen.isel(camera=k)
             turns = (one["track_time"].values % period) / period
-            panel.plot(turns, one["track"], ".", color=color(k), markersize=3)
+            panel.plot(turns, one["track"], ".", color=cycle_color(k), markersize=3)
             panel.set(title=f"{names[k]}, {'uv'[int(one['track_side'])]} in px")
         for panel in axes.flat[count:]:
             panel.set_visible(False)
@@ -185,8 +187,8 @@ def draw_residuals(seen: xr.Dataset) -> Figure:
     """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
     with in_style():
         figure, axes = subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
-        for k, name in enumerate(drawable(seen["camera"].values, "camera")):
-            axes.plot(seen["time"], seen["residual"][k], color=color(k), label=name)
+        for k, name in enumerate(drawable_names(seen["camera"].values, "camera")):
+            axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
         axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
         axes.legend(ncols=4)
     return figure
@@ -233,7 +235,7 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
         figure, (top, low) = subplots(
             2, 1, figsize=(WIDTH_IN, 5.0), layout="constrained", sharex=True
         )
-        for name, ink in (("before", color(0)), ("after", REFERENCE_COLOR)):
+        for name, ink in (("before", cycle_color(0)), ("after", REFERENCE_COLOR)):
             label = "tracks" if name == "before" else "residual of the modes"
             top.semilogy(data["line"], data[name], color=ink, linewidth=0.8, label=label)
         top.axhline(STANDS_OUT, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode")
@@ -243,7 +245,7 @@ def draw_stabilisation(data: xr.Dataset) -> Figure:
         f, kept = data["order_frequency"].values, _stable_poles(data)
         orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
         known = np.isfinite(f)
-        low.plot(f[known & kept], orders[known & kept], "o", color=color(0), label="stable")
+        low.plot(f[known & kept], orders[known & kept], "o", color=cycle_color(0), label="stable")
         low.plot(
             f[known & ~kept],
             orders[known & ~kept],
@@ -304,13 +306,13 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
         )
         if averaged:
             top.plot(f, np.abs(whole[1]), color=HIGHLIGHT_COLOR, linewidth=0.7, label="H2")
-        top.plot(f, size, color=color(0), linewidth=0.9, label="H1")
+        top.plot(f, size, color=cycle_color(0), linewidth=0.9, label="H1")
         top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
         top.legend(ncols=3)
-        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=color(0), markersize=3)
+        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=cycle_color(0), markersize=3)
         middle.set(ylabel="phase in °", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
         for axes in low:
-            axes.plot(f, data["coherence"].values[marker], color=color(0), linewidth=0.8)
+            axes.plot(f, data["coherence"].values[marker], color=cycle_color(0), linewidth=0.8)
             axes.set(ylabel="coherence", ylim=(0, 1.05))
         last = [top, middle, *low][-1]
         last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from thesis_lib.measure.exchange.mesh import edges, faces
+from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.plotting.style import DIVERGING_COLORS
-from thesis_lib.plotting.viewer_data import encoded
+from thesis_lib.plotting.viewer_data import encode_field
 from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 
 _NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
@@ -22,8 +22,8 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.result` returns. The picture begins at the
-        maximum of the deflection.
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns. The picture begins at
+        the maximum of the deflection.
     extent : tuple of float
         Length and width of the structure in m.
     """
@@ -36,8 +36,8 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
         "real": (1e3 * turned.real[known]).tolist(),
         "imag": (1e3 * turned.imag[known]).tolist(),
         "error": (1e3 * np.nan_to_num(data["standard_error"].values[known])).tolist(),
-        "faces": faces(x, y).tolist(),
-        "edges": edges(x, y).tolist(),
+        "faces": marker_faces(x, y).tolist(),
+        "edges": marker_edges(x, y).tolist(),
         "frequency": float(data["frequency"]),
         "colormap": list(DIVERGING_COLORS),
         "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
@@ -60,7 +60,7 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
     }
     state = {
         "planes": [{"name": name, **extent} for name in names],
-        "fields": [encoded(part) for part in field],
+        "fields": [encode_field(part) for part in field],
         "halves": [halves[name[0]] for name in names],
         "frequency": float(one["frequency"]),
         "colormap": list(DIVERGING_COLORS),

@@ -10,13 +10,13 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
 from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES
-from thesis_lib.measure.fitting.models import rms
+from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.response.force import dwell, settling
+from thesis_lib.measure.response.force import dwell_time, settling_time
 
 MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
 MAX_STRAY_FRACTION = 0.01  # of the centres that are left out
@@ -181,7 +181,7 @@ def check_board(data: xr.Dataset) -> Iterator[Note]:
     if "single_rms" not in data:  # a calibration that was reused
         return
     together = float(data.get("reprojection_rms", np.nan))
-    if together > MAX_CORNER_RATIO * (alone := rms(data["single_rms"].values)):
+    if together > MAX_CORNER_RATIO * (alone := known_rms(data["single_rms"].values)):
         kept = together > MAX_CONTRADICTION * alone
         lenses = "Lenses are those of each camera alone. " if kept else ""
         yield make_note("board-moved", together=together, alone=alone, lenses=lenses)
@@ -208,12 +208,12 @@ def _check_fit(data: xr.Dataset) -> Iterator[Note]:
         yield make_note("growth", growth=growth)
     if int(data["ambiguous"]):
         yield make_note("whole-periods")
-    off = rms(data["quadrature"].values) / rms(data["deflection"].values)
+    off = known_rms(data["quadrature"].values) / known_rms(data["deflection"].values)
     if off > MAX_QUADRATURE:
         yield make_note("quadrature", off=off)
     change: Array = data["without_camera"].values - data["deflection"].values
     with np.errstate(invalid="ignore", divide="ignore"):
-        spread = rms(change / data["without_deviation"].values)
+        spread = known_rms(change / data["without_deviation"].values)
     if spread > MAX_CAMERA_SPREAD:
         yield make_note("cameras-contradict", spread=spread)
 
@@ -326,7 +326,7 @@ def _check_ringing(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     last = data["displacement"].values[-(data.sizes["time"] // 8) :]
     noisy = np.nanstd(last) < 2 * np.sqrt(np.nanmean(data["noise"].values ** 2))
     if (left := float(data["ringing"])) > MAX_RINGING and not noisy:
-        seconds = settling(top, zeta)
+        seconds = settling_time(top, zeta)
         yield make_note("still-ringing", left=left, seconds=seconds, hertz=top, damping=100 * zeta)
 
 
@@ -337,8 +337,8 @@ def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         return
     (top, _), zeta = _peak(data), manifest.structure.damping
     duration = float(data["sweep_duration"])
-    stays = dwell(Sweep(from_hz=begin, to_hz=end, duration_s=duration), top, zeta)
-    needs = settling(top, zeta)
+    stays = dwell_time(Sweep(from_hz=begin, to_hz=end, duration_s=duration), top, zeta)
+    needs = settling_time(top, zeta)
     if stays < needs:
         yield make_note(
             "sweep-fast",

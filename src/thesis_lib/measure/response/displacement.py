@@ -28,9 +28,9 @@ from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision.lens import distorted, projection_matrices, undistorted_tracks
+from thesis_lib.vision.lens import distort_pixels, projection_matrices, undistort_tracks
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import jacobian
+from thesis_lib.vision.triangulation import image_jacobian
 
 NEAR_SAMPLES = 24  # samples that an estimate rests on
 MAX_SIGNAL_RATIO = 0.45  # of the rate, up to which the signal is taken to reach
@@ -90,12 +90,12 @@ def at_times(
         taken = values[index]
         known = np.isfinite(taken)
         part = np.einsum("tns,tns->ts", np.linalg.solve(S, s), np.where(known, taken, 0.0))
-        found[start : start + CHUNK_TIMES] = _mended(part, S, s, taken, known)
+        found[start : start + CHUNK_TIMES] = _mend(part, S, s, taken, known)
     inside = (wanted[:, None] >= times[0] + shift) & (wanted[:, None] <= times[-1] + shift)
     return np.where(inside, found, np.nan)
 
 
-def _mended(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
+def _mend(part: Array, S: Array, s: Array, taken: Array, known: Mask) -> Array:
     """Return the estimates, repeated where samples are missing."""
     near, found = known.shape[1], part.copy()
     t, k = np.nonzero(~known.all(axis=1))
@@ -126,13 +126,13 @@ def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
     return max(first for first, _ in ends), min(last for _, last in ends)
 
 
-def deflections(
+def estimate_deflections(
     recordings: Sequence[Recording], rest: Rest, times: Array, repeated: int = 0
 ) -> Array:
     """Return the deflections along the structure's normal at some times, m, shape (times, markers).
 
     NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
-    camera has then taken it for its neighbour. `repeated` is that of :func:`images`.
+    camera has then taken it for its neighbour. `repeated` is that of :func:`undistorted_images`.
     """
     P = projection_matrices([own.camera for own in recordings])
     off = rest.images - project(P, rest.points)  # what the cameras disagree by at rest
@@ -141,7 +141,10 @@ def deflections(
     found = []
     for start in range(0, len(times), CHUNK_TIMES):
         at = times[start : start + CHUNK_TIMES]
-        seen = [images(own, rest.images[k], at, repeated) for k, own in enumerate(recordings)]
+        seen = [
+            undistorted_images(own, rest.images[k], at, repeated)
+            for k, own in enumerate(recordings)
+        ]
         points, _ = triangulate_seen(P, np.array(seen) - off[:, :, None])
         along, across, normal = rest.frame.to_beam(points) - still[:, None]
         with np.errstate(invalid="ignore"):
@@ -149,7 +152,7 @@ def deflections(
     return np.concatenate(found)
 
 
-def images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
+def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
     """Return a camera's images at some times without distortion, px, shape (2, times, markers).
 
     If `repeated`, gaps are filled, and the same gaps are made so many frames later.
@@ -157,13 +160,13 @@ def images(own: Recording, still: Array, at: Array, repeated: int = 0) -> Array:
     pad = (NEAR_SAMPLES + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)
     seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
-    uv, times = undistorted_tracks(own.camera, seen) - still, own.times[first:last]
+    uv, times = undistort_tracks(own.camera, seen) - still, own.times[first:last]
     full = without_gaps(times, uv, own.rate)
     if repeated:
         lost = np.zeros(uv.shape, bool)
         lost[repeated:] = np.isnan(uv)[:-repeated]
         uv = np.where(lost, np.nan, full)
-    rows = distorted(own.camera, still)[1]
+    rows = distort_pixels(own.camera, still)[1]
     late = np.nan_to_num(own.readout * (rows / height - 0.5))
     later = own.readout * full[:, 1] / height  # since the marker has moved across rows
     uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
@@ -253,10 +256,10 @@ def in_step(
 def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
     """Return the deflections along the normal by each camera alone, m, (times, markers)."""
     P = projection_matrices([own.camera for own in recordings])
-    slopes = np.einsum("cikn,k->cin", jacobian(P, rest.points), rest.frame.R[2])
+    slopes = np.einsum("cikn,k->cin", image_jacobian(P, rest.points), rest.frame.R[2])
     found = []
     for own, still, slope in zip(recordings, rest.images, slopes, strict=True):
-        moved = images(own, still, at) - still[:, None]
+        moved = undistorted_images(own, still, at) - still[:, None]
         found.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
     return found
 

@@ -21,7 +21,7 @@ from thesis_lib.measure.recordings.force_table import ForceError, read_force_tab
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.checks import FULL_SCALE
-from thesis_lib.measure.synchronisation.decimation import cut_off, decimate, step_to
+from thesis_lib.measure.synchronisation.decimation import cut_off, decimate_blocks, step_to
 from thesis_lib.measure.synchronisation.pairs import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
@@ -32,7 +32,7 @@ MIN_SEGMENT_POWER_RATIO = 0.03
 SWEEP_SEGMENTS = 100  # segments of a recording in which the frequency is sought
 
 
-def found_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
+def find_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
     """Return a sweep, with missing fields estimated from the force's strongest line over time."""
     length = max(len(newtons) // SWEEP_SEGMENTS * 2, 16)
     made = ShortTimeFFT(np.hanning(length), length // 2, rate, mfft=8 * length)
@@ -47,13 +47,13 @@ def found_sweep(newtons: Array, rate: float, given: Sweep) -> Sweep:
     )
 
 
-def dwell(sweep: Sweep, frequency: float, damping: float) -> float:
+def dwell_time(sweep: Sweep, frequency: float, damping: float) -> float:
     """Return the time that a sweep of even speed spends in a resonance's half-power band, s."""
     begin, end, seconds = (float(x or np.nan) for x in sweep.model_dump().values())
     return 2 * damping * frequency * seconds / abs(end - begin)
 
 
-def settling(frequency: float, damping: float) -> float:
+def settling_time(frequency: float, damping: float) -> float:
     """Return the time that a resonance takes to settle, s."""
     return SETTLING_TIME_CONSTANTS / (2 * math.pi * damping * frequency)
 
@@ -86,7 +86,7 @@ class Recorded:
         return (len(self.times) - 1) / float(self.times[-1] - self.times[0])
 
 
-def recorded_force(
+def read_force(
     manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
 ) -> Recorded:
     """Return the force of a manifest.
@@ -140,7 +140,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     with AudioSource("the force", path, given.channel).opened() as file:
         step = step_to(file.rate, wanted)
         rate = file.rate / step
-        values = np.concatenate([np.empty(0), *decimate(noted(file.blocks), step)])
+        values = np.concatenate([np.empty(0), *decimate_blocks(noted(file.blocks), step)])
         start = file.start + cut_off(file.rate, rate)
     peak = max(largest, default=0.0)
     if peak < MAX_SILENT_RMS:

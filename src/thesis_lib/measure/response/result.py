@@ -18,29 +18,29 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.displacement import (
     MAX_REPORTED_RATIO,
     at_times,
-    deflections,
+    estimate_deflections,
     in_step,
     noise_of,
     span_of,
 )
-from thesis_lib.measure.response.force import Recorded, found_sweep, recorded_force
+from thesis_lib.measure.response.force import Recorded, find_sweep, read_force
 from thesis_lib.measure.response.spectra import (
     ESTIMATORS,
     Cut,
     Response,
     cut_of,
-    response,
-    segments,
+    receptance_of_segments,
+    segment_spectra,
 )
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import declared, labelled
+from thesis_lib.studies.schema import label_values, parse_variables
 
 RECORDING_PARTS = 8  # into which a recording is cut
 MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
 REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
 GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
 MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
-VARIABLES = declared("""
+VARIABLES = parse_variables("""
     receptance_real(estimator, marker, frequency) [m/N] deflection over force, real part
     receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
     mobility_real(estimator, marker, frequency) [m/(N s)] velocity over force, real part
@@ -77,7 +77,7 @@ VARIABLES = declared("""
 """)
 
 
-def responded(
+def estimate_response(
     manifest: Manifest, sound: xr.Dataset, recordings: Sequence[Recording], folder: Path
 ) -> xr.Dataset:
     """Return the motion of every marker over the force.
@@ -87,7 +87,7 @@ def responded(
     manifest : Manifest
         With a force.
     sound : xarray.Dataset
-        What :func:`~thesis_lib.measure.steps.heard` returns.
+        What :func:`~thesis_lib.measure.steps.read_sound` returns.
     recordings : sequence of Recording
         The cameras and their tracks.
     folder : Path
@@ -108,7 +108,7 @@ def responded(
     most = min(sought.to_hz or np.inf, MAX_REPORTED_RATIO * slowest)
     recordings, steps = in_step(recordings, rest, span_of(recordings), (sought.from_hz, most))
     delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of pictures
-    force = recorded_force(manifest, folder, delays, [own.pace for own in recordings])
+    force = read_force(manifest, folder, delays, [own.pace for own in recordings])
     filmed = span_of(recordings)
     low, high = _band(manifest, force, slowest)
     begin, end = _common(manifest, force, filmed, low)
@@ -120,22 +120,22 @@ def responded(
     pushed = np.nan_to_num(newtons)
     sweep = None
     if excitation.behaviour.sweeps:
-        sweep = found_sweep(pushed, finer * rate, excitation.sweep)
+        sweep = find_sweep(pushed, finer * rate, excitation.sweep)
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
-    moved = deflections(recordings, rest, times)
+    moved = estimate_deflections(recordings, rest, times)
     still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
-    still_noise = noise_of(deflections(recordings, rest, still), rate, (low, high))
+    still_noise = noise_of(estimate_deflections(recordings, rest, still), rate, (low, high))
     noise = still_noise
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
-    spectra = segments(pushed[:, None], cut, finer)[:, :, 0]
+    spectra = segment_spectra(pushed[:, None], cut, finer)[:, :, 0]
     checked = moved
     if cut.count == 1 and any(np.isnan(own.centres).any() for own in recordings):
-        again = deflections(recordings, rest, times, REPEATED_AFTER)
+        again = estimate_deflections(recordings, rest, times, REPEATED_AFTER)
         checked = np.where(np.isnan(again), np.nan, moved)
         noise = noise + _gap_noise(again - moved, cut)
     unknown = np.isnan(checked).mean(axis=0)
-    found = response(spectra, segments(checked, cut), cut, noise)
+    found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise)
     if not found.averages.any():
         raise ForceError(
             f"force.segment_s: in each of {cut.count} segments of {cut.length / rate:.3g} s every "
@@ -187,7 +187,7 @@ def responded(
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }
-    data = xr.Dataset(labelled(values, VARIABLES), coords)
+    data = xr.Dataset(label_values(values, VARIABLES), coords)
     return data.assign_attrs(force_source=force.source)
 
 
@@ -197,7 +197,7 @@ def _gap_noise(off: Array, cut: Cut) -> Array:
     `off` is by how much deflections change where the same gaps are made again some frames later,
     m, (times, markers).
     """
-    power = np.abs(segments(off, cut)[:, 0]) ** 2
+    power = np.abs(segment_spectra(off, cut)[:, 0]) ** 2
     return np.asarray(uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest"), float)
 
 

@@ -64,7 +64,7 @@ def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
     return Cut(rate, length, 1 + (samples - length) // (length // 2) if length < whole else 1)
 
 
-def segments(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
+def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
     """Spectra of segments of series (samples · finer, series), shape (lines, segments, series).
 
     `finer` samples stand for one of the motion's: lines are the same for all. Amplitudes are those
@@ -94,7 +94,9 @@ class Response:
     averages: Array  #: Independent segments of each marker, shape (markers,)
 
 
-def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -> Response:
+def receptance_of_segments(
+    force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array
+) -> Response:
     """Return the receptance from spectra of segments.
 
     Parameters
@@ -125,7 +127,7 @@ def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -
         scatter = np.where(count > 1, relative * np.abs(whole) ** 2, alone)
     blur = np.zeros(whole.shape)
     if cut.count > 1:
-        squares = np.abs(blurred(first)) ** 2 - BLUR_BY_NOISE * scatter
+        squares = np.abs(estimate_blur(first)) ** 2 - BLUR_BY_NOISE * scatter
         blur = np.sqrt(np.maximum(squares, 0))
     error = np.hypot(np.sqrt(scatter), blur)
     return Response(
@@ -139,7 +141,7 @@ def response(force: ComplexArray, moved: ComplexArray, cut: Cut, noise: Array) -
     )
 
 
-def blurred(receptance: ComplexArray) -> ComplexArray:
+def estimate_blur(receptance: ComplexArray) -> ComplexArray:
     """Estimate by how much segments with a Hann window blur H1, H2 and Hv, (3, lines, markers).
 
     From H1, (lines, markers), the receptance is sharpened, and from that it is computed what the

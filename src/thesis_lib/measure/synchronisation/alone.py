@@ -13,19 +13,19 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
 from thesis_lib.measure.exchange.tables import write_csv
-from thesis_lib.measure.recordings.audio import opened_audio
-from thesis_lib.measure.recordings.media_info import MediaError, probe
-from thesis_lib.measure.synchronisation.audio import AudioSource, hear
+from thesis_lib.measure.recordings.audio import open_audio
+from thesis_lib.measure.recordings.media_info import MediaError, probe_media
+from thesis_lib.measure.synchronisation.audio import AudioSource, load_audio
 from thesis_lib.measure.synchronisation.drift import Drift
 from thesis_lib.measure.synchronisation.pairs import beside_first
 from thesis_lib.outputs import check_outputs, put_files
-from thesis_lib.plotting.style import color, drawable, in_style, saved, subplots
+from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
 
 ENVELOPE_POINTS = 1500  # points of an envelope
 MIN_AGREED_SHARE = 0.9  # share of the windows below which it is said that they do not agree
 
 
-def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
+def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     """Return starts and clocks of all videos but the first, relative to it, and the names of all.
 
     Raises
@@ -37,7 +37,7 @@ def synchronised(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     if len(set(names)) < len(names):
         names = [str(video) for video in videos]
     recordings = [AudioSource(*one) for one in zip(names, videos, strict=True)]
-    hear(recordings, None, 0.0)  # it refuses
+    load_audio(recordings, None, 0.0)  # it refuses
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
@@ -45,11 +45,11 @@ def frame_rate_of(videos: Sequence[Path]) -> float:
     """Return the frame rate of the first file that has pictures, Hz; NaN if none has."""
     for video in videos:
         with suppress(MediaError):
-            return probe(video).frame_rate
+            return probe_media(video).frame_rate
     return np.nan
 
 
-def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
+def start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
     """Return a row a video: start after the first, in s and frames, and drift in 10⁻⁶."""
     nothing = np.array([])
     rows = [Drift(0.0, 0.0, 0.0, 0.0, nothing, nothing), *drifts]
@@ -66,7 +66,9 @@ def table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> p
     )
 
 
-def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> Iterator[str]:
+def describe_starts(
+    drifts: Sequence[Drift], names: Sequence[str], frame_rate: float
+) -> Iterator[str]:
     """Report the table in sentences, uncertainties with two digits."""
     for name, one in zip(names[1:], drifts, strict=True):
         frames = f" ({one.delay * frame_rate:+.3f} frames)" if np.isfinite(frame_rate) else ""
@@ -78,9 +80,10 @@ def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -
             continue
         ppm, ppm_std = 1e6 * one.fast, 1e6 * one.drift_deviation
         yield (
-            f"{name} starts {one.delay:+.{decimals(one.delay_deviation)}f} s ± "
+            f"{name} starts {one.delay:+.{significant_decimals(one.delay_deviation)}f} s ± "
             f"{format_seconds(one.delay_deviation)} after {names[0]}{frames}; its clock is fast by "
-            f"{ppm:+.{decimals(ppm_std)}f} ± {ppm_std:.{decimals(ppm_std)}f} ppm"
+            f"{ppm:+.{significant_decimals(ppm_std)}f} ± "
+            f"{ppm_std:.{significant_decimals(ppm_std)}f} ppm"
         )
         if one.agreement < MIN_AGREED_SHARE:
             yield (
@@ -90,7 +93,7 @@ def describe(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -
             )
 
 
-def decimals(std: float) -> int:
+def significant_decimals(std: float) -> int:
     """Return how many decimals show two significant digits of a standard uncertainty."""
     return max(0, 1 - int(np.floor(np.log10(std))))
 
@@ -101,7 +104,7 @@ def format_seconds(std: float) -> str:
         (unit, factor) for unit, factor in (("s", 1), ("ms", 1e3), ("µs", 1e6))
         if std * factor >= 1 or unit == "µs"
     )  # fmt: skip
-    return f"{std * factor:.{decimals(std * factor)}f} {unit}"
+    return f"{std * factor:.{significant_decimals(std * factor)}f} {unit}"
 
 
 def _sources(videos: Sequence[Path], names: Sequence[str]) -> Iterator[str]:
@@ -121,35 +124,37 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         What was found.
     """
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
-    drifts, names = synchronised(videos)
+    drifts, names = synchronise_videos(videos)
     frame_rate = frame_rate_of(videos)
-    picture = saved(_picture(videos, drifts, names), "png", dpi=140)
+    picture = save_figure(_picture(videos, drifts, names), "png", dpi=140)
     with staging(out) as part:
-        rows = table(drifts, names, frame_rate)
+        rows = start_table(drifts, names, frame_rate)
         write_csv(rows, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    return [*describe(drifts, names, frame_rate), *_sources(videos, names)]
+    return [*describe_starts(drifts, names, frame_rate), *_sources(videos, names)]
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
     """Loudness on the first video's clock, one above the other, and the delays of the windows."""
-    shown = drawable(names, "video")
+    shown = drawable_names(names, "video")
     with in_style():
         figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")
         for k, video in enumerate(videos):
             times, loud = _envelope(video)
             if k:
                 times = times * (1 - np.nan_to_num(drifts[k - 1].drift)) + drifts[k - 1].delay
-            top.fill_between(times, -k - 0.45 * loud, -k + 0.45 * loud, color=color(k), lw=0)
+            top.fill_between(times, -k - 0.45 * loud, -k + 0.45 * loud, color=cycle_color(k), lw=0)
         top.set(yticks=-np.arange(len(names)), xlabel=f"time on the clock of {shown[0]} in s",
                 title="sound, put on one clock")  # fmt: skip
         top.set_yticklabels(shown)
         for k, one in enumerate(drifts, 1):
-            low.plot(one.times, 1e3 * (one.delays - one.delay), ".", color=color(k), label=shown[k])
+            low.plot(
+                one.times, 1e3 * (one.delays - one.delay), ".", color=cycle_color(k), label=shown[k]
+            )
             if np.isfinite(one.drift):
                 ends = np.array([0.0, one.times.max()])
-                low.plot(ends, -1e3 * one.drift * ends, color=color(k), linewidth=0.8)
+                low.plot(ends, -1e3 * one.drift * ends, color=cycle_color(k), linewidth=0.8)
         low.set(xlabel="time in s", ylabel="ms", title="windows: delay less that at the start")
         low.legend()
     return figure
@@ -157,7 +162,7 @@ def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[st
 
 def _envelope(video: Path) -> tuple[Array, Array]:
     """Return times in s and the largest sound about them, from 0 to 1."""
-    with opened_audio(video) as audio:
+    with open_audio(video) as audio:
         sound, rate, start = np.concatenate(list(audio.blocks)), audio.rate, audio.start
     step = max(len(sound) // ENVELOPE_POINTS, 1)
     loud = np.abs(sound[: len(sound) // step * step]).reshape(-1, step).max(axis=1)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.audio import AudioTrack, opened_audio
-from thesis_lib.measure.synchronisation.checks import checked, shortest_of
+from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
+from thesis_lib.measure.synchronisation.checks import check_blocks, shortest_of
 from thesis_lib.measure.synchronisation.decimation import (
     LowRate,
     common_rate,
     cut_off,
-    decimate,
+    decimate_blocks,
     step_to,
 )
 from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
@@ -42,7 +42,7 @@ class AudioSource:
 
     def opened(self) -> AbstractContextManager[AudioTrack]:
         """Its sound, while the file is open."""
-        return opened_audio(self.path, self.channel)
+        return open_audio(self.path, self.channel)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
             return
 
 
-def held(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
+def hold_signal(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
     """Return the whole signal, or, if it is longer than `most` samples, so many from `skip` on.
 
     All blocks are taken.
@@ -103,7 +103,7 @@ def held(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
     return kept[:size].copy(), begin
 
 
-def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float) -> Heard:
+def load_audio(recordings: Sequence[AudioSource], frequency: float | None, skip: float) -> Heard:
     """Read and check all tracks, and hold a tone of theirs.
 
     Parameters
@@ -129,13 +129,15 @@ def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float
     for recording in recordings:
         with recording.opened() as audio:
             lengths: list[int] = []
-            blocks = checked(_noted(audio.blocks, lengths), audio.rate, shortest, recording.name)
+            blocks = check_blocks(
+                _note_lengths(audio.blocks, lengths), audio.rate, shortest, recording.name
+            )
             if frequency is None:
                 blocks = (block[:0] for block in blocks)
             else:
                 check_rate(audio.rate, frequency)
-                blocks = decimate(low.reduce(blocks, audio.rate), step)
-            tone, before = held(blocks, round(skip * low.rate / step), SPAN_SAMPLES)
+                blocks = decimate_blocks(low.reduce(blocks, audio.rate), step)
+            tone, before = hold_signal(blocks, round(skip * low.rate / step), SPAN_SAMPLES)
             tones.append(tone)
             skipped.append(before)
             starts.append(audio.start)
@@ -153,7 +155,7 @@ def hear(recordings: Sequence[AudioSource], frequency: float | None, skip: float
     )
 
 
-def _noted(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
+def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
     """Yield the blocks, and note their lengths."""
     for block in blocks:
         lengths.append(len(block))
@@ -184,8 +186,8 @@ def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track,
     with recording.opened() as audio:
         step = step_to(audio.rate, max(CORRELATION_RATE, least))
         rate = audio.rate / step
-        blocks = checked(audio.blocks, audio.rate, shortest_of(None), recording.name)
-        track, before = held(decimate(blocks, step), round(skip * rate), SPAN_SAMPLES)
+        blocks = check_blocks(audio.blocks, audio.rate, shortest_of(None), recording.name)
+        track, before = hold_signal(decimate_blocks(blocks, step), round(skip * rate), SPAN_SAMPLES)
         return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
 
 
@@ -195,7 +197,7 @@ def low_part(recording: AudioSource, low: LowRate, first: int, last: int) -> Ite
         yield from part_of(low.reduce(audio.blocks, audio.rate), first, last)
 
 
-def matches(
+def match_recordings(
     recordings: Sequence[AudioSource], frequency: float | None, room: bool
 ) -> dict[int, Match]:
     """Match each recording but the first to the first.
@@ -208,7 +210,7 @@ def matches(
     Parameters
     ----------
     recordings : sequence of AudioSource
-        The files, which :func:`hear` has checked.
+        The files, which :func:`load_audio` has checked.
     frequency : float or None
         Frequency of the force's tone in Hz.
     room : bool
@@ -224,7 +226,7 @@ def matches(
             tracks.append(
                 without_ends(blocks, round(BUTTON_SOUND_S * low.rate)) if room else blocks
             )
-        for span in islice(spans(tracks, SPAN_SAMPLES), ROOM_SPANS if room else None):
+        for span in islice(joint_spans(tracks, SPAN_SAMPLES), ROOM_SPANS if room else None):
             for i, other in enumerate(span[1:], 1):
                 if i in found and (found[i].certain or len(other) < SPAN_SAMPLES // 4):
                     continue
@@ -250,12 +252,12 @@ def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
         last = last[max(len(last) - n, 0) :]
 
 
-def spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track]]:
+def joint_spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track]]:
     """Yield the same spans of some signals in blocks, each half a `length` after the one before.
 
     The first is given in any case; others while the first signal and another one last.
     """
-    halves = [pieces(track, length // 2) for track in tracks]
+    halves = [signal_pieces(track, length // 2) for track in tracks]
     none = np.empty(0, np.float32)
     before = [next(half, none) for half in halves]
     first = True
@@ -270,7 +272,7 @@ def spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track
         yield span
 
 
-def pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
+def signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
     """Yield a signal in blocks as pieces of `length` samples, the last of which may be shorter."""
     piece, size = np.empty(length, np.float32), 0
     for block in blocks:

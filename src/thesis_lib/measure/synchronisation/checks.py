@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
-from thesis_lib.measure.synchronisation.decimation import decimated
+from thesis_lib.measure.synchronisation.decimation import decimate_signal
 from thesis_lib.measure.synchronisation.tones import (
     MAX_FREQUENCY_ERROR,
     MAX_SLIP_TURNS,
@@ -19,8 +19,8 @@ from thesis_lib.measure.synchronisation.tones import (
     SPECTRUM_SAMPLES,
     TONE_RATE,
     SynchronisationError,
-    settled_part,
-    strongest,
+    settle_interval,
+    strongest_frequency,
     tone_frequency,
     tone_share,
 )
@@ -43,7 +43,7 @@ def shortest_of(frequency: float | None) -> float:
     return 0.5 if frequency is None else 2.5 / frequency
 
 
-def checked(
+def check_blocks(
     blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
 ) -> Iterator[Array]:
     """Yield the blocks of a recording as they come; refuse at its end one that cannot be used.
@@ -106,7 +106,7 @@ def check_signals(
         raise SynchronisationError(f"given {len(signals)} recordings, allowed: at least 2")
     same_rate(rates, names)
     for signal, rate, name in zip(signals, rates, names, strict=True):
-        for _ in checked([signal], rate, shortest, name):
+        for _ in check_blocks([signal], rate, shortest, name):
             pass
 
 
@@ -127,8 +127,8 @@ def check_tone(
     SynchronisationError
         Naming it.
     """
-    x, low_rate = decimated(signal, rate, TONE_RATE * frequency)
-    start, end = settled_part(x, low_rate, frequency)
+    x, low_rate = decimate_signal(signal, rate, TONE_RATE * frequency)
+    start, end = settle_interval(x, low_rate, frequency)
     if steady is not None:
         start, end = max(steady[0], 0.0), min(steady[1], len(x) / low_rate)
     if not (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
@@ -191,11 +191,13 @@ def find_tone(
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]
     share, guess, seconds = 0.0, 0.0, len(x) / rate
     if seconds * rate > MIN_SAMPLES_PER_PERIOD * MIN_SETTLED_PERIODS:
-        guess = strongest(
+        guess = strongest_frequency(
             x, rate, MIN_SETTLED_PERIODS / seconds, rate / MIN_SAMPLES_PER_PERIOD, SPECTRUM_SAMPLES
         )
-        tone, low_rate = decimated(x, rate, TONE_RATE * guess)
-        start, end = (0.0, len(tone) / low_rate) if steady else settled_part(tone, low_rate, guess)
+        tone, low_rate = decimate_signal(x, rate, TONE_RATE * guess)
+        start, end = (
+            (0.0, len(tone) / low_rate) if steady else settle_interval(tone, low_rate, guess)
+        )
         if (end - start) * guess > MIN_SETTLED_PERIODS - 0.1:
             part = tone[round(start * low_rate) : round(end * low_rate)]
             guess, seconds = tone_frequency(part, low_rate, guess), end - start

@@ -31,7 +31,7 @@ def low_pass(step: int) -> Array:
     return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
 
 
-def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
+def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     """Low-pass a signal in blocks, and yield every `step`-th sample.
 
     The same as doing it to the whole signal: an FIR low-pass without delay, whose result is kept
@@ -68,7 +68,7 @@ def decimate(blocks: Iterable[Array], step: int) -> Iterator[Array]:
             held = held[count * step :]
 
 
-def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, float]:
+def decimate_signal(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, float]:
     """Low-pass a signal to the lowest rate above `wanted`; return it and that rate in Hz.
 
     Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
@@ -78,11 +78,11 @@ def decimated(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, fl
     if step == 1:
         return (x if x.dtype.kind == "f" else x.astype(float)), rate
     blocks = (x[k : k + FILTERED_SAMPLES] for k in range(0, len(x), FILTERED_SAMPLES))
-    return np.concatenate([np.empty(0), *decimate(blocks, step)]), rate / step
+    return np.concatenate([np.empty(0), *decimate_blocks(blocks, step)]), rate / step
 
 
 def cut_off(rate: float, low_rate: float) -> float:
-    """Return the delay in s that :func:`decimated` adds from one rate to another."""
+    """Return the delay in s that :func:`decimate_signal` adds from one rate to another."""
     return FILTER_REACH_SAMPLES / low_rate if low_rate < rate else 0.0
 
 
@@ -98,8 +98,8 @@ class LowRate:
         ratio = rate / self.rate
         step = round(ratio)
         if abs(ratio - step) < 1e-12 * step and (step > 1) == (self.cut > 0):
-            return decimate(blocks, step)
-        return resample(blocks, ratio, self.cut * rate)
+            return decimate_blocks(blocks, step)
+        return resample_blocks(blocks, ratio, self.cut * rate)
 
 
 def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
@@ -122,11 +122,11 @@ def _phases(ratio: float) -> Array:
     return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
 
 
-def resample(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
+def resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
     """Low-pass a signal in blocks, and take a sample every `ratio` of its own, at any ratio.
 
-    As :func:`decimate` does it, with the low-pass between samples taken from a table; what lies
-    before the signal counts as 0.
+    As :func:`decimate_blocks` does it, with the low-pass between samples taken from a table; what
+    lies before the signal counts as 0.
 
     Parameters
     ----------

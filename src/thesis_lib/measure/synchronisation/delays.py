@@ -17,12 +17,12 @@ from scipy.fft import irfft, rfft
 from scipy.signal import find_peaks
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.synchronisation.decimation import decimated
+from thesis_lib.measure.synchronisation.decimation import decimate_signal
 from thesis_lib.measure.synchronisation.tones import (
     TONE_RATE,
     SynchronisationError,
     check_rate,
-    settled_part,
+    settle_interval,
     tone_at,
 )
 
@@ -34,7 +34,7 @@ MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the oth
 MAX_PEAK_RATIO = 0.9998
 
 
-def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
+def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
     """Return the correlation coefficient of a[j + lag] and b[j] over the j that both have.
 
     Each lag is normalised by the means and energies of its own overlap: without, the shrinking
@@ -56,14 +56,14 @@ def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntAr
     first, last = max(-most, 1 - n_y), min(most, n_x - 1)
     size = 1 << (max(n_x, n_y) + most - 1).bit_length()
     size = size // 4 * 3 if max(n_x, n_y) + most <= size // 4 * 3 else size
-    product, other = rfft(_centred(a), size), rfft(_centred(b), size)
+    product, other = rfft(_subtract_mean(a), size), rfft(_subtract_mean(b), size)
     product *= np.conj(other, out=other)
     del other
     values = irfft(product, size, overwrite_x=True)
     del product
     c = np.concatenate([values[first:] if first else values[:0], values[: last + 1]])
     del values
-    sums_x, sums_y = _running(_centred(a)), _running(_centred(b))
+    sums_x, sums_y = _running(_subtract_mean(a)), _running(_subtract_mean(b))
     for k in range(0, len(c), NORMALISED_LAGS):
         lag = np.arange(first + k, min(first + k + NORMALISED_LAGS, last + 1))
         low, high = np.maximum(lag, 0), np.minimum(n_y + lag, n_x)  # the overlap, in x
@@ -78,7 +78,7 @@ def normalised_correlation(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntAr
     return np.arange(first, last + 1), c
 
 
-def _centred(v: ArrayLike) -> Array:
+def _subtract_mean(v: ArrayLike) -> Array:
     """Return a copy less its mean."""
     x = np.array(v, float)
     x -= x.mean()
@@ -99,7 +99,7 @@ def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[A
     return total, np.maximum(sums[1][high] - sums[1][low] - total**2 / (high - low), 0)
 
 
-def summit(lags: IntArray, c: Array, top: int) -> float:
+def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
     """Return the lag of a peak between samples, by a polynomial through its cap.
 
     A slow tone's peak is so flat that noise decides among three samples; a clap's has no more.
@@ -119,7 +119,7 @@ def summit(lags: IntArray, c: Array, top: int) -> float:
     return float(lags[top] + reach * shift)
 
 
-def heights(c: Array, tops: IntArray) -> Array:
+def peak_heights(c: Array, tops: IntArray) -> Array:
     """Return heights of peaks between samples, by a parabola through the three highest of each."""
     left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
     bend = np.maximum(2 * middle - left - right, 1e-15)
@@ -149,7 +149,7 @@ class Match:
         return not self.ambiguous and self.peak >= self.least
 
 
-def compared(
+def compare_signals(
     a: ArrayLike,
     b: ArrayLike,
     rate: float,
@@ -189,7 +189,7 @@ def compared(
     """
     shorter = min(len(np.asarray(a)), len(np.asarray(b)))
     most = shorter // 2 if max_delay is None else min(int(max_delay * rate), shorter - 2)
-    lags, c = normalised_correlation(a, b, most)
+    lags, c = correlation_coefficient(a, b, most)
     if either_sign and -c.min() > c.max():
         c = -c
     best = int(np.argmax(c))
@@ -199,13 +199,13 @@ def compared(
     tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
     if not len(tops):
         snr = peak / max(1 - peak, 1e-12)
-        return Match(summit(lags, c, best) / rate, peak, 0.0, 1.0, None, False, snr)
+        return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, None, False, snr)
     overlap = shorter - np.abs(lags[best])
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
     scatter = MIN_PEAK_SIGMAS * 2 / np.sqrt(telling or overlap)
     thresholds = np.minimum(same, 1 - by_noise * noise * (scatter + apart / overlap))
-    ratios = heights(c, tops) / heights(c, np.array([best]))
+    ratios = peak_heights(c, tops) / peak_heights(c, np.array([best]))
     doubtful = ratios >= thresholds
     second = int(np.argmax(ratios))
     alike = np.append(tops[doubtful], best)
@@ -213,7 +213,7 @@ def compared(
     others = np.abs(lags[alike[alike != chosen]] - lags[chosen])
     period = float(others.min() if len(others) else apart[second])
     return Match(
-        summit(lags, c, chosen) / rate,
+        interpolate_peak(lags, c, chosen) / rate,
         peak,
         float(ratios[second]),
         float(thresholds[second]),
@@ -223,11 +223,13 @@ def compared(
     )
 
 
-def match(reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None) -> Match:
-    """Return the delay of one recording by correlation with another; see :func:`compared`."""
-    a, low_rate = decimated(reference, rate, CORRELATION_RATE)
-    b, _ = decimated(other, rate, CORRELATION_RATE)
-    return compared(a, b, low_rate, max_delay)
+def match_signals(
+    reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None
+) -> Match:
+    """Return the delay of one recording after another; see :func:`compare_signals`."""
+    a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
+    b, _ = decimate_signal(other, rate, CORRELATION_RATE)
+    return compare_signals(a, b, low_rate, max_delay)
 
 
 def phase_delays(
@@ -268,9 +270,9 @@ def phase_delays(
     check_rate(rate, frequency)
     near = np.asarray(guess, float)
     near = near - near[reference]
-    parts = [decimated(x, rate, TONE_RATE * frequency) for x in signals]
+    parts = [decimate_signal(x, rate, TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = steady or settled_part(parts[reference][0], low_rate, frequency)
+    start, end = steady or settle_interval(parts[reference][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)

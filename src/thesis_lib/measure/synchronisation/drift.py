@@ -6,8 +6,8 @@ reference: a straight line through the delays of windows tells both.
 
 A window's correlation has several peaks where sound reverberates or repeats; the line is that
 which most of the windows have a peak on. Windows are compared as they are left by
-:func:`~thesis_lib.measure.synchronisation.transients.whitening`, so that neither hum nor a note
-has a peak at each of its periods.
+:func:`~thesis_lib.measure.synchronisation.transients.design_whitening`, so that neither hum nor a
+note has a peak at each of its periods.
 """
 
 from __future__ import annotations
@@ -18,8 +18,16 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.delays import Match, normalised_correlation, summit
-from thesis_lib.measure.synchronisation.transients import WHITENING_BINS, WHITENING_DELAY, whitening
+from thesis_lib.measure.synchronisation.delays import (
+    Match,
+    correlation_coefficient,
+    interpolate_peak,
+)
+from thesis_lib.measure.synchronisation.transients import (
+    WHITENING_BINS,
+    WHITENING_DELAY,
+    design_whitening,
+)
 
 WINDOW_S = 1.0  # s
 HOP_S = 0.005  # s of a step of loudness
@@ -86,7 +94,7 @@ def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
     second = float(height[rest].max(initial=0.0))
     ratio = second / max(float(height[top]), 1e-12)
     return Match(
-        delay=float(HOP_S * summit(lags, c, top)),
+        delay=float(HOP_S * interpolate_peak(lags, c, top)),
         peak=float(height[top]),
         ratio=ratio,
         threshold=MAX_SECOND_PEAK_RATIO,
@@ -104,7 +112,7 @@ def loudness_candidates(reference: Signal, other: Signal, rate: float) -> list[f
     least = MAX_SECOND_PEAK_RATIO * float(height.max(initial=0.0))
     while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > least:
         top = int(np.argmax(height))
-        found.append(float(HOP_S * summit(lags, c, top)))
+        found.append(float(HOP_S * interpolate_peak(lags, c, top)))
         height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
     return found
 
@@ -115,7 +123,7 @@ def _loudness_heights(
     """Return lags, correlation of the loudness, and how far that is above chance."""
     a, b = (_loudness(sound, rate) for sound in (reference, other))
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
-    lags, c = normalised_correlation(a, b, most)
+    lags, c = correlation_coefficient(a, b, most)
     overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
     enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
     return lags, c, np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
@@ -152,7 +160,7 @@ def drift_of(
     """
     if min(len(reference), len(other)) <= 2 * WHITENING_BINS:
         return _nothing(delay)
-    taps = whitening(reference, rate), whitening(other, rate)
+    taps = design_whitening(reference, rate), design_whitening(other, rate)
     n = round(WINDOW_S * rate)
     most = round((WINDOW_SEARCH_S + MAX_DRIFT * len(other) / rate) * rate)
     peaks: list[tuple[int, float, float]] = []  # window, delay, correlation
@@ -164,7 +172,7 @@ def drift_of(
             continue
         one = oaconvolve(reference[low:high], taps[0], "valid")
         two = oaconvolve(other[first : first + n + WHITENING_BINS - 1], taps[1], "valid")
-        lags, c = normalised_correlation(one, two, 2 * most)
+        lags, c = correlation_coefficient(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]
         for top in _tops(np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)):

@@ -26,22 +26,22 @@ from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation.audio import (
     AudioSource,
     Heard,
-    hear,
+    load_audio,
     low_part,
     low_track,
-    matches,
+    match_recordings,
 )
 from thesis_lib.measure.synchronisation.checks import find_tone
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT
 from thesis_lib.measure.synchronisation.pairs import beside_first
-from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combined
+from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combine_matches
 from thesis_lib.measure.synchronisation.tones import (
     MAX_SLIP_TURNS,
     MIN_SAMPLES_PER_PERIOD,
     SynchronisationError,
-    fitted_tone,
+    fit_tone,
     frequency_deviation,
-    settled_part,
+    settle_interval,
     tone_frequency,
 )
 
@@ -66,7 +66,7 @@ class Sound:
     frequency_deviation: float | None = None
 
 
-def listen(manifest: Manifest, folder: Path) -> Sound:
+def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
     """Return the delays, and the force's frequency and phase.
 
     Raises
@@ -115,8 +115,8 @@ def _unheard(manifest: Manifest, folder: Path) -> Sound:
 def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     """Return starts from microphones, and all cameras' common time after the rest."""
     excitation = manifest.excitation
-    heard = hear(recordings, None, 0.0)
-    matched = matches(recordings, None, room=True)
+    heard = load_audio(recordings, None, 0.0)
+    matched = match_recordings(recordings, None, room=True)
     known = {i: one.delay if one.certain else None for i, one in matched.items()}
     drifts = beside_first(recordings, known)
     for i, one in list(drifts.items()):  # clocks that drift apart have no one delay
@@ -131,7 +131,7 @@ def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
             matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
         else:
             del drifts[i]
-    found = combined(
+    found = combine_matches(
         matched,
         [],
         heard.low.rate,
@@ -164,14 +164,14 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     excitation = manifest.excitation
     skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
     frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
-    heard = hear(recordings, frequency, skip)
+    heard = load_audio(recordings, frequency, skip)
     steady = None
     if excitation.steady_s is not None:
         _check_steady(manifest, 0.0, float(heard.ends[0]))
         zero = float(heard.starts[0]) + heard.tone_start
         steady = excitation.steady_s[0] - zero, excitation.steady_s[1] - zero
-    found = combined(
-        matches(recordings, frequency, room=False),
+    found = combine_matches(
+        match_recordings(recordings, frequency, room=False),
         heard.tones,
         heard.tone_rate,
         manifest.cameras[0].frame_rate_hz,
@@ -184,7 +184,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     if excitation.steady_s is not None:
         _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
-    begin, end = steady or settled_part(tone, rate, frequency)
+    begin, end = steady or settle_interval(tone, rate, frequency)
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
     measured = tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
@@ -194,7 +194,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     first, last = max(round((begin + later) * low_rate), 0), round((end + later) * low_rate)
     begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
     blocks = low_part(recordings[0], heard.low, first, last)
-    force, _ = fitted_tone(blocks, low_rate, used, -begin)
+    force, _ = fit_tone(blocks, low_rate, used, -begin)
     return Sound(
         found,
         used,

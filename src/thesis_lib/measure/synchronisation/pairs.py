@@ -72,9 +72,9 @@ def _surest(recordings: Sequence[AudioSource], stamped: _Tracks, stated: _Tracks
     SynchronisationError
         If there is doubt.
     """
-    tries = [_sought(stamped, k)]
+    tries = [_find_start(stamped, k)]
     if stamped.paces[k] != stamped.paces[0]:
-        tries.append(_by_stamps(_sought(stated, k), stamped, k))
+        tries.append(_by_stamps(_find_start(stated, k), stamped, k))
     sure = [one for one in tries if one is not None]
     if not sure:
         raise SynchronisationError(
@@ -115,7 +115,7 @@ class _Tracks:
         return self._read[k]
 
 
-def _sought(tracks: _Tracks, k: int) -> Drift | None:
+def _find_start(tracks: _Tracks, k: int) -> Drift | None:
     """Find start and clock of a sound whose delay is unknown; None if there is doubt.
 
     Candidates come from the loudness and from the waveform of the first minutes; windows of the

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.synchronisation.checks import check_signals, check_tone, shortest_of
-from thesis_lib.measure.synchronisation.decimation import decimated
+from thesis_lib.measure.synchronisation.decimation import decimate_signal
 from thesis_lib.measure.synchronisation.delays import (
     CORRELATION_RATE,
     MIN_CORRELATION,
@@ -147,7 +147,7 @@ def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
     return np.rint(np.asarray(delays, float) * frame_rate).astype(np.int64)
 
 
-def synchronise(
+def synchronise_cameras(
     signals: Sequence[ArrayLike],
     rate: float | Sequence[float],
     frame_rate: float,
@@ -195,7 +195,8 @@ def synchronise(
     if frequency is not None:
         check_rate(rates[0], frequency)
     low = [
-        decimated(x, rates[0], ROOM_RATE if sound == "room" else CORRELATION_RATE) for x in signals
+        decimate_signal(x, rates[0], ROOM_RATE if sound == "room" else CORRELATION_RATE)
+        for x in signals
     ]
     first, low_rate = low[reference]
     matches = {
@@ -207,9 +208,9 @@ def synchronise(
     }
     tones, tone_rate = [], rates[0]
     if frequency is not None:
-        both = [decimated(x, rates[0], TONE_RATE * frequency) for x in signals]
+        both = [decimate_signal(x, rates[0], TONE_RATE * frequency) for x in signals]
         tones, tone_rate = [x for x, _ in both], both[0][1]
-    return combined(
+    return combine_matches(
         matches,
         tones,
         tone_rate,
@@ -222,7 +223,7 @@ def synchronise(
     )
 
 
-def combined(
+def combine_matches(
     matches: Mapping[int, Match],
     tones: Sequence[ArrayLike],
     rate: float,
@@ -246,7 +247,7 @@ def combined(
     rate : float
         Sample rate of the tones in Hz.
     frame_rate, frequency, names, sound, starts, reference
-        As of :func:`synchronise`.
+        As of :func:`synchronise_cameras`.
     steady : tuple of float, optional
         From when to when the tone is steady, s after the first sample of the reference's; if not
         given, it is where the tone has settled.

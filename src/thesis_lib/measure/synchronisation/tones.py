@@ -13,7 +13,7 @@ from scipy.fft import next_fast_len, rfft
 from scipy.optimize import minimize_scalar
 
 from thesis_lib.arrays import Signal
-from thesis_lib.measure.synchronisation.decimation import decimated
+from thesis_lib.measure.synchronisation.decimation import decimate_signal
 
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
 MIN_SAMPLES_PER_PERIOD = 8  # samples per period from which on one is fitted
@@ -39,7 +39,7 @@ def check_rate(rate: float, frequency: float) -> None:
         )
 
 
-def fitted_tone(
+def fit_tone(
     blocks: Iterable[ArrayLike], rate: float, frequency: float, centre: float
 ) -> tuple[complex, float]:
     """Return the least-squares fit of a tone plus a constant to a signal that comes in blocks.
@@ -79,15 +79,15 @@ def fitted_tone(
 
 def tone_at(signal: ArrayLike, rate: float, frequency: float, centre: float) -> complex:
     """Return complex amplitude at `centre` s after the first sample of a tone plus a constant."""
-    return fitted_tone([signal], rate, frequency, centre)[0]
+    return fit_tone([signal], rate, frequency, centre)[0]
 
 
 def tone_share(signal: ArrayLike, rate: float, frequency: float) -> float:
     """Return the share of a signal's variance that a tone explains."""
-    return fitted_tone([signal], rate, frequency, len(np.asarray(signal)) / rate / 2)[1]
+    return fit_tone([signal], rate, frequency, len(np.asarray(signal)) / rate / 2)[1]
 
 
-def strongest(
+def strongest_frequency(
     signal: ArrayLike, rate: float, low: float, high: float, most: int | None = None
 ) -> float:
     """Return the frequency in Hz from `low` to `high` at which a signal's spectrum is highest.
@@ -108,14 +108,14 @@ def strongest(
 
 def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
     """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
-    x, low_rate = decimated(signal, rate, TONE_RATE * guess)
+    x, low_rate = decimate_signal(signal, rate, TONE_RATE * guess)
     resolution, low, high = low_rate / len(x), 0.9 * guess, 1.1 * guess
     coarse = (
-        decimated(x, low_rate, MIN_SAMPLES_PER_PERIOD * guess)
+        decimate_signal(x, low_rate, MIN_SAMPLES_PER_PERIOD * guess)
         if len(x) > SPECTRUM_SAMPLES
         else (x, low_rate)
     )
-    best = strongest(*coarse, low, high)
+    best = strongest_frequency(*coarse, low, high)
     bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
 
     def missed(off: float) -> float:
@@ -173,7 +173,7 @@ def steady_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]
     return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
 
 
-def settled_part(x: Signal, rate: float, frequency: float) -> tuple[float, float]:
+def settle_interval(x: Signal, rate: float, frequency: float) -> tuple[float, float]:
     """Return the steady part without residuals of a tone that grows before or fades after it.
 
     That is its first period, and its last unless the recording ends with it.

@@ -16,13 +16,18 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import oaconvolve, welch
 
 from thesis_lib.arrays import Signal
-from thesis_lib.measure.synchronisation.decimation import decimated
-from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match, compared, match
+from thesis_lib.measure.synchronisation.decimation import decimate_signal
+from thesis_lib.measure.synchronisation.delays import (
+    CORRELATION_RATE,
+    Match,
+    compare_signals,
+    match_signals,
+)
 from thesis_lib.measure.synchronisation.tones import (
     MIN_SAMPLES_PER_PERIOD,
     MIN_SETTLED_PERIODS,
     TONE_RATE,
-    settled_part,
+    settle_interval,
     tone_frequency,
 )
 
@@ -71,7 +76,7 @@ def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
     return rest
 
 
-def whitening(x: Signal, rate: float) -> Signal:
+def design_whitening(x: Signal, rate: float) -> Signal:
     """Design a filter that makes the background of a signal equally strong at all frequencies.
 
     The background is the median over time of short spectra, so that hum and rumble weigh no more
@@ -99,13 +104,13 @@ def whitening(x: Signal, rate: float) -> Signal:
     return (taps / np.abs(taps).max()).astype(x.dtype)
 
 
-def whitened(x: Signal, rate: float) -> Signal:
-    """Make the background of a signal equally strong at all frequencies, :func:`whitening`.
+def whiten_signal(x: Signal, rate: float) -> Signal:
+    """Make the background of a signal equally strong at all frequencies, :func:`design_whitening`.
 
     Where the filter reaches beyond the ends of `x` at `rate` Hz nothing is left: `BINS` samples
     less.
     """
-    return oaconvolve(x, whitening(x, rate), "valid")
+    return oaconvolve(x, design_whitening(x, rate), "valid")
 
 
 def standing_out(x: Signal, rate: float) -> tuple[Signal, int]:
@@ -160,16 +165,16 @@ def force_match(
     max_delay : float, optional
         Largest delay looked for in s; half of the shorter recording if not given.
     """
-    a, low_rate = decimated(reference, rate, CORRELATION_RATE)
-    b, _ = decimated(other, rate, CORRELATION_RATE)
-    whole = match(a, b, low_rate, max_delay)
+    a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
+    b, _ = decimate_signal(other, rate, CORRELATION_RATE)
+    whole = match_signals(a, b, low_rate, max_delay)
     if whole.certain or frequency is None or MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
         return whole
     if min(len(a), len(b)) < 2 * MIN_SETTLED_PERIODS * low_rate / frequency:
         return whole
     most = _largest(a, b, low_rate, max_delay)
-    tone, tone_rate = decimated(a, low_rate, TONE_RATE * frequency)
-    start, end = settled_part(tone, tone_rate, frequency)
+    tone, tone_rate = decimate_signal(a, low_rate, TONE_RATE * frequency)
+    start, end = settle_interval(tone, tone_rate, frequency)
     if (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tone_frequency(part, tone_rate, frequency)
@@ -177,7 +182,7 @@ def force_match(
     loud_b, n_b = standing_out(without_tone(b, low_rate, frequency), low_rate)
     if not n_a or not n_b:
         return whole
-    loud = compared(
+    loud = compare_signals(
         loud_a,
         loud_b,
         low_rate,
@@ -195,9 +200,9 @@ def room_match(
 ) -> Match:
     """Delay between recordings of what microphones hear in a room; not certain if there is doubt.
 
-    First by all that they hear, :func:`whitened`: certain if the highest correlation is far above
-    the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by what
-    stands out, as claps, which must be alike.
+    First by all that they hear, :func:`whiten_signal`: certain if the highest correlation is far
+    above the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by
+    what stands out, as claps, which must be alike.
 
     Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
     both hear: several claps at irregular intervals can.
@@ -211,11 +216,11 @@ def room_match(
     max_delay : float, optional
         Largest delay looked for in s; half of the shorter recording if not given.
     """
-    a, low_rate = decimated(reference, rate, ROOM_RATE)
-    b, _ = decimated(other, rate, ROOM_RATE)
+    a, low_rate = decimate_signal(reference, rate, ROOM_RATE)
+    b, _ = decimate_signal(other, rate, ROOM_RATE)
     most = _largest(a, b, low_rate, max_delay)
-    a, b = whitened(a, low_rate), whitened(b, low_rate)
-    whole = compared(a, b, low_rate, most, same=ROOM_SAME, by_noise=False, either_sign=True)
+    a, b = whiten_signal(a, low_rate), whiten_signal(b, low_rate)
+    whole = compare_signals(a, b, low_rate, most, same=ROOM_SAME, by_noise=False, either_sign=True)
     n = min(len(a), len(b)) - abs(whole.delay) * low_rate
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
@@ -223,7 +228,7 @@ def room_match(
     (loud_a, n_a), (loud_b, n_b) = standing_out(a, low_rate), standing_out(b, low_rate)
     if not n_a or not n_b:
         return whole
-    loud = compared(
+    loud = compare_signals(
         loud_a,
         loud_b,
         low_rate,

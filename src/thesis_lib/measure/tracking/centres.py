@@ -19,7 +19,7 @@ EDGE_STD_PX = 0.05  # px by which the beam's edge may be off its place
 NOISE_GREY = 3.0  # grey levels against which that is weighed
 
 
-def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Array, float]:
+def refine_centres(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Array, float]:
     """Return centres in px by a least-squares fit of blurred discs on a white beam to the frame.
 
     The model of the grey levels around a marker is g + (b − g) W − c D: W is 1 on the beam and D
@@ -73,7 +73,7 @@ def refine(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Arra
     contrast = bright - np.min(np.where(usable, grey, 255), axis=(1, 2))
     for _ in range(steps):
         du, dv = u - centre[0, :, None], v - centre[1, :, None]
-        dark, *dark_by = blurred_ellipses(du, dv, ellipses, blur)
+        dark, *dark_by = blur_ellipses(du, dv, ellipses, blur)
         white, outward = patch.beam(u - start[0, :, None], v - start[1, :, None], outer)
         b, c = bright[:, None, None], contrast[:, None, None]
         residual = (grey - background - (b - background) * white + c * dark) * usable
@@ -164,7 +164,7 @@ class Patch:
         return share, slope
 
 
-def blurred_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
+def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     """Blurred indicators of ellipses and their derivatives in the centre.
 
     An ellipse is cut into chords along u. Blurred along u a chord is a difference of two normal

@@ -18,8 +18,8 @@ from thesis_lib.measure.tracking.homography import (
     view_of,
 )
 from thesis_lib.measure.tracking.tabulated import Follower
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen
-from thesis_lib.vision.lens import Camera, resized, undistorted
+from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
+from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
 
 
 def trackers_of(
@@ -66,9 +66,9 @@ def trackers_of(
         return [Follower(Tracker(view, turn), image)], []
     trackers: list[Tracker | Follower] = []
     for picture in pictures_of(image, shares):
-        own = _resized(view, picture.shape[1], picture.shape[0])
+        own = _resize(view, picture.shape[1], picture.shape[0])
         try:
-            own = sharpen(picture, own)
+            own = sharpen_view(picture, own)
         except TrackingError as error:
             notes.append(f"{picture.shape[1]} px: {error}")
         trackers.append(Tracker(own, turn))
@@ -77,10 +77,10 @@ def trackers_of(
 
 def pictures_of(image: Image, shares: Sequence[float]) -> list[Image]:
     """Return a frame as each tracker takes it: reduced to shares of its width, or as it is."""
-    return [reduced(image, round(share * image.shape[1])) for share in shares] or [image]
+    return [reduce_frame(image, round(share * image.shape[1])) for share in shares] or [image]
 
 
-def reduced(image: Image, width: int) -> Image:
+def reduce_frame(image: Image, width: int) -> Image:
     """Reduce a frame to a smaller width (section 5.2.1), by the mean over areas.
 
     By a factor such as 3 : 2 that mean moves every other pixel by 0.06 px; the frame is then
@@ -109,17 +109,17 @@ def first_view(
         If either are not found.
     """
     if corners_px is None:
-        return _found_view(image, camera, markers)
-    corners = undistorted(camera, np.array(corners_px, float).T)
-    return sharpen(image, view_of(camera, markers, corners))
+        return _find_view(image, camera, markers)
+    corners = undistort_pixels(camera, np.array(corners_px, float).T)
+    return sharpen_view(image, view_of(camera, markers, corners))
 
 
-def _found_view(image: Image, camera: Camera, markers: Markers) -> View:
+def _find_view(image: Image, camera: Camera, markers: Markers) -> View:
     """Return the view by corners found in the frame, as it is or with even light."""
     failures: list[TrackingError] = []
     for even in even_light(image):
         try:
-            return sharpen(image, find_view(even, camera, markers))
+            return sharpen_view(image, find_view(even, camera, markers))
         except TrackingError as error:
             failures.append(error)
         if markers.hole is None:  # nothing tells the ends apart in any light
@@ -127,8 +127,8 @@ def _found_view(image: Image, camera: Camera, markers: Markers) -> View:
     raise failures[0]
 
 
-def _resized(view: View, width: int, height: int) -> View:
+def _resize(view: View, width: int, height: int) -> View:
     scale = width / view.camera.size[0]
     H = np.diag([scale, height / view.camera.size[1], 1.0]) @ view.H_image_plane
-    camera = resized(view.camera, (width, height))
+    camera = resize_camera(view.camera, (width, height))
     return replace(view, camera=camera, H_image_plane=H)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.vision.lens import HALF_PIXEL, Camera, distorted, undistorted
+from thesis_lib.vision.lens import HALF_PIXEL, Camera, distort_pixels, undistort_pixels
 
 
 def as_dark(image: Image, markers: Markers) -> Image:
@@ -38,11 +38,13 @@ class View:
 
     def to_image(self, plane: ArrayLike) -> Array:
         """Return the pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
-        return distorted(self.camera, apply(self.H_image_plane, plane))
+        return distort_pixels(self.camera, apply_homography(self.H_image_plane, plane))
 
     def to_plane(self, uv: ArrayLike) -> Array:
         """Return the points (2, ...) of the plane in m of pixels (2, ...)."""
-        return apply(np.linalg.inv(self.H_image_plane), undistorted(self.camera, uv))
+        return apply_homography(
+            np.linalg.inv(self.H_image_plane), undistort_pixels(self.camera, uv)
+        )
 
     def stretch(self, plane: ArrayLike) -> Array:
         """Return the derivative of :meth:`to_image` at (2, n), shape (2, 2, n), in px/m."""
@@ -57,14 +59,14 @@ class View:
         return smallest
 
 
-def apply(H: ArrayLike, points: ArrayLike) -> Array:
+def apply_homography(H: ArrayLike, points: ArrayLike) -> Array:
     """Apply a homography (3, 3) to points (2, ...)."""
     H, p = np.asarray(H, float), np.asarray(points, float)
     x, y, w = np.tensordot(H[:, :2], p, axes=1) + H[:, 2].reshape((3,) + (1,) * (p.ndim - 1))
     return np.stack([x / w, y / w])
 
 
-def homography(source: ArrayLike, target: ArrayLike) -> Array:
+def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
     """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out.
 
     Raises
@@ -123,7 +125,7 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
         If they are no quadrilateral.
     """
     try:
-        return View(camera, markers, homography(markers.corners, corners))
+        return View(camera, markers, fit_homography(markers.corners, corners))
     except TrackingError as error:
         raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
 
@@ -143,7 +145,7 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
     inside = cv2.drawContours(np.zeros_like(image), [region], 0, 255, cv2.FILLED)
     beam = cv2.bitwise_and(inside, bright)
     outlines, _ = cv2.findContours(beam, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    points = undistorted(camera, np.concatenate(outlines)[:, 0].T + HALF_PIXEL).T
+    points = undistort_pixels(camera, np.concatenate(outlines)[:, 0].T + HALF_PIXEL).T
     points = points[np.isfinite(points[:, 0])]
     hull = cv2.convexHull(points.astype(np.float32))
     if cv2.contourArea(region) < 50 or len(hull) < 4 or min(cv2.minAreaRect(hull)[1]) < 2:

@@ -18,10 +18,10 @@ from thesis_lib.measure.tracking.centres import (
     MAX_POOR_SHARE,
     NOISE_GREY,
     Patch,
-    blurred_ellipses,
+    blur_ellipses,
 )
 from thesis_lib.measure.tracking.homography import View
-from thesis_lib.measure.tracking.tracker import Tracker, filled
+from thesis_lib.measure.tracking.tracker import Tracker, fill_missing
 from thesis_lib.vision.lens import HALF_PIXEL
 
 CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
@@ -80,7 +80,7 @@ class Table:
             dv = np.tile(down + HALF_PIXEL - (row + 0.5) / CELLS_PER_PIXEL, (n, 1))
             white, outward = patch.beam(du, dv, np.zeros(n))
             usable = patch.usable(du, dv)
-            parts = [1 - white, white, *blurred_ellipses(du, dv, ellipses, view.blur), outward]
+            parts = [1 - white, white, *blur_ellipses(du, dv, ellipses, view.blur), outward]
             model = (np.stack(parts, axis=1) * usable[:, None]).reshape(n, 6, size)
             gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR_WEIGHTS + 1e-6)
             self.columns[:, row, column] = model
@@ -166,7 +166,9 @@ class Follower:
         Frames are to be given in their order: what moved before tells where to look.
         """
         lost = np.isnan(self.moved[0])
-        moved = filled(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
+        moved = (
+            fill_missing(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
+        )
         ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
         found = None
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))

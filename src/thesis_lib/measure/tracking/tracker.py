@@ -19,9 +19,9 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.tracking.centres import refine
-from thesis_lib.measure.tracking.homography import TrackingError, View, homography
-from thesis_lib.vision.lens import HALF_PIXEL, undistorted
+from thesis_lib.measure.tracking.centres import refine_centres
+from thesis_lib.measure.tracking.homography import TrackingError, View, fit_homography
+from thesis_lib.vision.lens import HALF_PIXEL, undistort_pixels
 
 PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
 # Diameters that it is searched beyond the beam: more than a row moves on its plane
@@ -36,7 +36,7 @@ BLUR_RANGE_PX = (0.15, 1.5)  # px
 LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be considered
 
 
-def sharpen(image: Image, view: View) -> View:
+def sharpen_view(image: Image, view: View) -> View:
     """Return the view with the homography of all markers at rest, and the blur that fits them best.
 
     Raises
@@ -46,9 +46,9 @@ def sharpen(image: Image, view: View) -> View:
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
-        found, _ = assign(grid, Tracker(view).matches(image), gate_of(view.markers))
+        found, _ = assign_places(grid, Tracker(view).matches(image), gate_of(view.markers))
         view = replace(view, blur=_best_blur(image, view, found))
-        centres, _ = refine(image, view, found)
+        centres, _ = refine_centres(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
         if count < max(4, grid.shape[1] / 2):
             raise TrackingError(
@@ -56,7 +56,7 @@ def sharpen(image: Image, view: View) -> View:
                 "frame"
             )
         try:
-            H = homography(grid, undistorted(view.camera, centres))
+            H = fit_homography(grid, undistort_pixels(view.camera, centres))
         except TrackingError as error:
             raise TrackingError(f"camera {name}: the markers found: {error}") from None
         view = replace(view, H_image_plane=H)
@@ -88,7 +88,7 @@ def _best_blur(image: Image, view: View, found: Array) -> float:
     """Return the blur in px that fits best; the one the view has if nothing fits."""
 
     def misfit(blur: float) -> float:
-        value = refine(image, replace(view, blur=blur), found)[1]
+        value = refine_centres(image, replace(view, blur=blur), found)[1]
         return value if np.isfinite(value) else 1e3
 
     if misfit(view.blur) == 1e3:
@@ -163,10 +163,10 @@ class Tracker:
         """
         found = self._assigned(self.matches(image))
         self.matched = self.view.to_image(found[:, : self.view.markers.count])
-        uv, _ = refine(image, self.view, found)
+        uv, _ = refine_centres(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
         self.before = self.moved
-        self.moved = filled(seen, self.grid, self.moved)
+        self.moved = fill_missing(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]
 
     def _assigned(self, matches: Array) -> Array:
@@ -178,7 +178,7 @@ class Tracker:
         found: list[Array] = []
         for one in ahead:
             predicted = self.grid + np.clip(one, -self.reach, self.reach)
-            found.append(assign(predicted, matches, self.gate)[0])
+            found.append(assign_places(predicted, matches, self.gate)[0])
             if np.isfinite(found[-1]).all():
                 break
         return min(found, key=lambda places: np.count_nonzero(np.isnan(places)))
@@ -196,7 +196,7 @@ class Tracker:
         return np.stack([columns + half, rows + half]) / self.scale + self.origin[:, None]
 
 
-def filled(seen: Array, grid: Array, last: Array) -> Array:
+def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     """Displacements on the plane; where a marker is missing, from a smooth surface through others.
 
     Thin-plate splines through the nearest markers; as they were in the frame before, if few are
@@ -225,7 +225,7 @@ def _disc(diameter: float) -> Image:
     return np.asarray(np.rint(200 - 170 * covered), np.uint8)
 
 
-def assign(predicted: Array, found: Array, gate: float) -> tuple[Array, int]:
+def assign_places(predicted: Array, found: Array, gate: float) -> tuple[Array, int]:
     """Give each predicted place (2, n) at most one of the found ones, nearest in the sum.
 
     The Hungarian method on squared distances; pairs farther apart than `gate` are not made, so a

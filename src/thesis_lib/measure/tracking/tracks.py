@@ -27,7 +27,7 @@ from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
-from thesis_lib.vision.lens import Camera, undistorted_tracks
+from thesis_lib.vision.lens import Camera, undistort_tracks
 
 FRAMES_PER_STATE = 100  # frames after which the state is written
 CHUNK_FRAMES = 512  # frames that are read back at once
@@ -78,11 +78,11 @@ class Recording:
         first, last = self.between(begin, end)
         for start in range(first, last, CHUNK_FRAMES):
             stop = min(start + CHUNK_FRAMES, last)
-            uv = undistorted_tracks(self.camera, self.centres[start:stop])
+            uv = undistort_tracks(self.camera, self.centres[start:stop])
             yield self.times[start:stop], uv
 
 
-def record(
+def record_track(
     files: CameraFiles,
     folder: Path,
     clock: Array,
@@ -189,7 +189,7 @@ def record(
     return notes
 
 
-def lost_share(recording: Recording) -> Array:
+def share_lost(recording: Recording) -> Array:
     """Return the share of the frames in which each marker is missing, shape (markers,)."""
     missing, count = np.zeros(recording.centres.shape[2]), len(recording.centres)
     for start in range(0, count, CHUNK_FRAMES):
