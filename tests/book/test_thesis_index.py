@@ -246,7 +246,7 @@ def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypa
     api.mkdir()
     (api / "vibration.rst").write_text(
         ".. automodule:: thesis_lib.vibration.beam\n   :members: Beam\n\n"
-        ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance\n"
+        ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance_frequency\n"
     )
     text = thesis_index.tabulate_chapter("3")
     assert text.count("{py:obj}") == sum(
