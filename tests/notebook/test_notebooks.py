@@ -193,7 +193,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
             patch.setattr(law, "noisy_shares", lambda _: {})
             return law.run(asked)
     if asked.name == "planner":
-        names = (*planned.THESIS.values(), planned.READABLE)
+        names = (*planned.THESIS_QUESTIONS.values(), planned.READABLE_QUESTION)
         own = {name: asked.questions[name] for name in names}
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(type(asked), "questions", own)
