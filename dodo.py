@@ -144,10 +144,14 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
-    writers = (thesis_index, assumptions, conformance)
+    writers = {
+        thesis_index: thesis_index.write_thesis_index,
+        assumptions: assumptions.write_assumptions,
+        conformance: conformance.write_conformance,
+    }
     yield make_task(
         "index, assumptions and conformance",
-        lambda: [one.write(EXECUTED_FOLDER) for one in writers],
+        lambda: [write(EXECUTED_FOLDER) for write in writers.values()],
         [*PAGES, *PUBLISHED, *library_files()],
         included(*(piece for one in writers for piece in one.PIECES)),
     )  # fmt: skip
