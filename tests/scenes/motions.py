@@ -45,10 +45,12 @@ def look(sigma=0.0, seed=0):
 
 def films(study, sigma=0.0, seed=0):
     """Return the replicates that a study of ``lab-modes`` or ``lab-plate`` needs."""
-    film = beam_films if study.study == "modes" else plate_films
+    is_beam = study.study == "modes"
+    rigs_of = (beam_films if is_beam else plate_films).rigs_of
+    estimate = beam_films.estimate_motions if is_beam else plate_films.estimate_deflections
     replicates = []
     for number in range(study.trials + 1):
-        rigs = film.rigs_of(study, number)
+        rigs = rigs_of(study, number)
         data = lab_films.record_tracks(rigs, study.frames, look(sigma, seed))[["tracks"]]
-        replicates.append(data.merge(film.estimate(study, data, number)))
+        replicates.append(data.merge(estimate(study, data, number)))
     return join_replicates(replicates, ("tracks",))
