@@ -136,7 +136,7 @@ def test_threads_may_share_the_work(conforms, fast, compiled):
 
         def solve(part):
             points = np.empty((3, part.shape[2]))
-            compiled.solve(P_, middle, np.ascontiguousarray(part), 3, points)
+            compiled.solve_points(P_, middle, np.ascontiguousarray(part), 3, points)
             return points
 
         found = np.concatenate(list(pool.map(solve, parts)), axis=1)
@@ -146,7 +146,7 @@ def test_threads_may_share_the_work(conforms, fast, compiled):
 @pytest.mark.parametrize("more", [0, 1])
 def test_only_more_than_a_million_points_are_compiled_for(conforms, compiled, monkeypatch, more):
     called = []
-    solve = compiled.solve
+    solve = compiled.solve_points
     monkeypatch.setattr(compiled, "solve_points", lambda *a: (called.append(1), solve(*a)))
     P = rig(2)
     uv = np.tile(images(P, 1000), 1000)
