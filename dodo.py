@@ -144,16 +144,17 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
-    writers = {
-        thesis_index: thesis_index.write_thesis_index,
-        assumptions: assumptions.write_assumptions,
-        conformance: conformance.write_conformance,
-    }
+    writers = (
+        thesis_index.write_thesis_index,
+        assumptions.write_assumptions,
+        conformance.write_conformance,
+    )
+    pieces = (*thesis_index.PIECES, *assumptions.PIECES, *conformance.PIECES)
     yield make_task(
         "index, assumptions and conformance",
-        lambda: [write(EXECUTED_FOLDER) for write in writers.values()],
+        lambda: [write(EXECUTED_FOLDER) for write in writers],
         [*PAGES, *PUBLISHED, *library_files()],
-        included(*(piece for one in writers for piece in one.PIECES)),
+        included(*pieces),
     )  # fmt: skip
     yield make_task(
         "explorer, form and demonstrations", lambda: demos.write_demos(EXECUTED_FOLDER),

@@ -45,9 +45,10 @@ def look(sigma=0.0, seed=0):
 
 def films(study, sigma=0.0, seed=0):
     """Return the replicates that a study of ``lab-modes`` or ``lab-plate`` needs."""
-    is_beam = study.study == "modes"
-    rigs_of = (beam_films if is_beam else plate_films).rigs_of
-    estimate = beam_films.estimate_motions if is_beam else plate_films.estimate_deflections
+    if study.study == "modes":
+        rigs_of, estimate = beam_films.rigs_of, beam_films.estimate_motions
+    else:
+        rigs_of, estimate = plate_films.rigs_of, plate_films.estimate_deflections
     replicates = []
     for number in range(study.trials + 1):
         rigs = rigs_of(study, number)
