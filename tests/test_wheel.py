@@ -61,6 +61,7 @@ class Reader:
         wheel.unlink()
         ours = sysconfig.get_paths(vars={"base": str(root / ".venv")})["purelib"]
         (Path(ours) / "present.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+        (root / ".venv" / "share").mkdir(exist_ok=True)
         (root / ".venv" / "share" / "jupyter").symlink_to(Path(sys.prefix, "share", "jupyter"))
         project = tuple(str(PROJECT / part) for part in PARTS)
         (Path(ours) / "sitecustomize.py").write_text(GUARD.format(project=project))
