@@ -272,10 +272,13 @@ def test_noise_that_cannot_be_is_named(sigma):
 def test_as_fast_as_the_analytic_centre_within_a_factor_of_two():
     P = rig(12).P
     uv = rounded(P, box(4000))
-    calls, least = (analytic_centre, posterior), [np.inf, np.inf]
-    for _ in range(12):  # in turns, of which the fastest is the least disturbed
-        for i, call in enumerate(calls):
+    least = {analytic_centre: np.inf, posterior: np.inf}
+    for _ in range(60):  # in turns, of which the fastest is the least disturbed
+        for call in least:
             start = time.process_time()
             call(P, uv)
-            least[i] = min(least[i], time.process_time() - start)
-    assert least[1] < 2 * least[0]
+            least[call] = min(least[call], time.process_time() - start)
+        if least[posterior] < 2 * least[analytic_centre]:
+            break
+    else:
+        pytest.fail(f"{least[posterior] / least[analytic_centre]:.2f} times as long")
