@@ -62,7 +62,7 @@ def parse_variables(lines: str) -> dict[str, Variable]:
 
     Examples
     --------
-    >>> declared("rate(camera) [Hz] frames per second")
+    >>> parse_variables("rate(camera) [Hz] frames per second")
     {'rate': Variable(dims=('camera',), units='Hz', long_name='frames per second')}
 
     Raises
