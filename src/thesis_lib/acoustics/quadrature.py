@@ -28,8 +28,8 @@ def enough_nodes(plate: Plate, height: float) -> tuple[int, int]:
     Examples
     --------
     >>> from thesis_lib.facts import setups
-    >>> enough_nodes(setups.plate(), 0.0445)
-    (54, 40)
+    >>> enough_nodes(setups.thesis_plate(), 0.0445)
+    (54, 39)
     """
     rate = 2 * np.arcsinh(height / (np.array(plate.extent) / 2))
     nx, ny = np.ceil(-np.log(_MAX_RELATIVE_ERROR) / rate).astype(int) + _EXTRA_NODES

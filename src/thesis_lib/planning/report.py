@@ -90,7 +90,7 @@ def plan_command(request: PlanRequest, file: str = "") -> str:
 
     Examples
     --------
-    >>> command(PlanRequest(body="plate", target_percent=2.0))
+    >>> plan_command(PlanRequest(body="plate", target_percent=2.0))
     'thesis plan -p body=plate -p target_percent=2.0'
     """
     structure = ["--structure", file] if file else []

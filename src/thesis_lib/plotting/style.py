@@ -93,7 +93,7 @@ def drawable_names(names: Iterable[Any], otherwise: str) -> list[str]:
 
     Examples
     --------
-    >>> drawable(["links", "左"], "camera")
+    >>> drawable_names(["links", "左"], "camera")
     ['links', 'camera 2']
     """
     letters = get_font(findfont("DejaVu Sans"))

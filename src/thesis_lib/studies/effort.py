@@ -55,7 +55,7 @@ def total_effort(efforts: Iterable[Effort]) -> Effort:
 
     Examples
     --------
-    >>> together([Effort(40, 300, 1), Effort(50, 200, 2)])
+    >>> total_effort([Effort(40, 300, 1), Effort(50, 200, 2)])
     Effort(seconds=90, peak_memory_mb=300, cube_mb=3)
     """
     every = list(efforts)

@@ -43,8 +43,8 @@ def unit_of_field(field: str) -> str:
 
     Examples
     --------
-    >>> unit("distances_mm"), unit("azimuth_deg"), unit("speed_of_sound_m_s"), unit("seed")
-    ('mm', '°', 'm/s', '')
+    >>> [unit_of_field(one) for one in ("distances_mm", "azimuth_deg", "seed")]
+    ['mm', '°', '']
     """
     return next((unit for suffix, unit in FIELD_UNITS.items() if field.endswith(suffix)), "")
 

@@ -185,7 +185,7 @@ def changed_parameters(study: Study) -> dict[str, Any]:
     Examples
     --------
     >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
-    >>> given(camera_study("beam-distance", {"modes": [1], "seed": 0}))
+    >>> changed_parameters(camera_study("beam-distance", {"modes": [1], "seed": 0}))
     {'modes': [1]}
     """
     defaults = type(study)().request
@@ -198,7 +198,7 @@ def study_command(study: Study) -> str:
     Examples
     --------
     >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
-    >>> command(camera_study("beam-distance", {"modes": [1]}))
+    >>> study_command(camera_study("beam-distance", {"modes": [1]}))
     "thesis run beam-distance -p 'modes=[1]'"
     """
     return join_command(["thesis", "run", study.folder or study.name], changed_parameters(study))

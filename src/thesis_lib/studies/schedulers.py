@@ -45,7 +45,7 @@ def check_address(scheduler: str) -> str:
 
     Examples
     --------
-    >>> checked("tcp://10.0.0.5:8786"), checked("tcp://[::1]:8786")
+    >>> check_address("tcp://10.0.0.5:8786"), check_address("tcp://[::1]:8786")
     ('tcp://10.0.0.5:8786', 'tcp://[::1]:8786')
     """
     match = re.fullmatch(

@@ -71,7 +71,7 @@ def find_optimum(values: ArrayLike, errors: ArrayLike) -> Optimum | None:
 
     Examples
     --------
-    >>> best = optimum([5, 10, 20, 40], [2, 1, 1, 2])
+    >>> best = find_optimum([5, 10, 20, 40], [2, 1, 1, 2])
     >>> round(best.at, 1), round(best.error, 2)
     (14.1, 0.92)
     """

@@ -45,7 +45,7 @@ def free_room(body: str) -> tuple[float, float]:
 
     Examples
     --------
-    >>> room("beam"), room("plate")
+    >>> free_room("beam"), free_room("plate")
     ((350.0, 1500.0), (450.0, 1500.0))
     """
     return 50.0 * float(np.ceil(_reach(body) / 50 + 0.5)), 1500.0

@@ -19,8 +19,8 @@ def fold_frequency(frequency: ArrayLike, rate: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> float(alias(110.0, 60.0)), float(alias(40.0, 60.0)), float(alias(25.0, 60.0))
-    (10.0, 20.0, 25.0)
+    >>> [float(fold_frequency(hertz, 60.0)) for hertz in (110.0, 40.0, 25.0)]
+    [10.0, 20.0, 25.0]
     """
     f, rate = np.asarray(frequency, float), np.asarray(rate, float)
     return np.asarray(np.abs(f - rate * np.rint(f / rate)), float)

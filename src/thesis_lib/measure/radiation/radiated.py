@@ -41,7 +41,7 @@ def group_octaves(hertz: ArrayLike) -> dict[str, IntArray]:
 
     Examples
     --------
-    >>> {name: own.tolist() for name, own in octaves([110.0, 5.0, 130.0, 300.0]).items()}
+    >>> {name: own.tolist() for name, own in group_octaves([110.0, 5.0, 130.0, 300.0]).items()}
     {'all': [0, 1, 2, 3], '125': [0, 2], '250': [3]}
     """
     f = np.asarray(hertz, float)
