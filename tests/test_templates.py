@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
-
 import jinja2
 import numpy as np
 import pytest
@@ -23,10 +21,6 @@ def fill(tmp_path):
         return templates.render(tmp_path / "module.py", "piece", **values)
 
     return render
-
-
-def test_examples_of_the_filters():
-    assert doctest.testmod(templates).failed == 0
 
 
 def test_arrays_of_one_value_are_formatted(fill):

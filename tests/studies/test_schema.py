@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import doctest
-
 import numpy as np
 import pytest
 
-from thesis_lib.studies import schema
 from thesis_lib.studies.schema import label_values, parse_variables
 
 TABLE = """
@@ -43,7 +40,3 @@ def test_values_come_in_their_order_over_what_they_have_beside():
 def test_what_declares_nothing_is_named(line):
     with pytest.raises(ValueError, match=r"given .*allowed: name"):
         parse_variables(line)
-
-
-def test_examples():
-    assert doctest.testmod(schema).failed == 0

@@ -330,8 +330,8 @@ def count_verdicts(found: Iterable[Entry], **where: object) -> dict[str, int]:
 
     Examples
     --------
-    >>> list(count_verdicts([], chapter=3))
-    ['agrees', 'within scatter', 'differs', 'no material change', 'undefined']
+    >>> count_verdicts([], chapter=3)
+    {'agrees': 0, 'within scatter': 0, 'differs': 0, 'no material change': 0, 'undefined': 0}
     """
     chosen = [e for e in found if all(getattr(e, name) == value for name, value in where.items())]
     counts = Counter(entry.verdict for entry in chosen)

@@ -43,8 +43,9 @@ def unit_of_field(field: str) -> str:
 
     Examples
     --------
-    >>> [unit_of_field(one) for one in ("distances_mm", "azimuth_deg", "seed")]
-    ['mm', '°', '']
+    >>> fields = "distances_mm", "azimuth_deg", "speed_of_sound_m_s", "seed"
+    >>> [unit_of_field(field) for field in fields]
+    ['mm', '°', 'm/s', '']
     """
     return next((unit for suffix, unit in FIELD_UNITS.items() if field.endswith(suffix)), "")
 
