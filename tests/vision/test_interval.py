@@ -273,12 +273,12 @@ def test_as_fast_as_the_analytic_centre_within_a_factor_of_two():
     P = rig(12).P
     uv = rounded(P, box(4000))
     least = {analytic_centre: np.inf, posterior: np.inf}
-    for _ in range(60):  # in turns, of which the fastest is the least disturbed
+    for turn in range(1, 61):  # of which the fastest is the least disturbed
         for call in least:
             start = time.process_time()
             call(P, uv)
             least[call] = min(least[call], time.process_time() - start)
-        if least[posterior] < 2 * least[analytic_centre]:
+        if turn >= 12 and least[posterior] < 2 * least[analytic_centre]:
             break
     else:
         pytest.fail(f"{least[posterior] / least[analytic_centre]:.2f} times as long")
