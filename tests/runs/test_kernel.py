@@ -135,8 +135,9 @@ def test_no_home_is_no_matter(plain, tmp_path, extra):
 @pytest.mark.slow
 def test_a_kernel_ends_with_its_notebook(tmp_path):
     """A book executes 26 notebooks in one process; each idle kernel would keep 0.3 GB."""
+    before = set(psutil.Process().children(recursive=True))  # of other tests in this process
     execute_notebook(validate_request(NAME, {"trials": 2, "modes": [1]}), tmp_path)
-    assert not psutil.Process().children(recursive=True)
+    assert set(psutil.Process().children(recursive=True)) <= before
 
 
 def test_a_plan_takes_no_module_from_elsewhere(checkout, tmp_path):

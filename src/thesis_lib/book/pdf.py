@@ -19,8 +19,9 @@ from thesis_lib.files import whole_file
 from thesis_lib.web.page import BookError
 
 BROWSER_COMMANDS = ("chromium", "chromium-browser", "google-chrome")
-EXTERNAL_PREFIXES = ("#", "http:", "https:", "mailto:")
 PRINT_STYLE = "book/assets/print.css"
+UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
+  link => link.protocol === "file:" && link.removeAttribute("href"))"""
 BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 
 
@@ -54,12 +55,17 @@ def print_book(root: Path) -> Path:
     text = prepare_page(page.read_text(encoding="utf-8"))
     printable = page.with_name("print.html")
     printable.write_text(text, encoding="utf-8")
-    whole_file(pdf, lambda part: print_page(browser, printable, root / PRINT_STYLE, part))
+
+    def print_and_mend(part: Path) -> None:
+        print_page(browser, printable, root / PRINT_STYLE, part)
+        mend_outline(part)
+
+    whole_file(pdf, print_and_mend)
     return pdf
 
 
 def prepare_page(text: str) -> str:
-    """Return the book in one page without viewers and without links to other files."""
+    """Return the book in one page without viewers, its details open."""
     page, name = lxml.html.document_fromstring(text), ""
     for element in [*page.iter(lxml.html.etree.Element)]:
         if (anchor := element.get("id", "")).startswith("document-"):
@@ -69,8 +75,6 @@ def prepare_page(text: str) -> str:
                 follower.drop_tree()
             note = builder.P(builder.EM(f"Interactive, in the book: {name}.html"))
             element.getparent().replace(element, note)
-        elif element.tag == "a" and not element.get("href", "#").startswith(EXTERNAL_PREFIXES):
-            del element.attrib["href"]
         elif element.tag == "details":
             element.set("open", "")
     return lxml.html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
@@ -87,7 +91,26 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
         opened.goto(page.resolve().as_uri(), wait_until="load")
         opened.evaluate("() => window.MathJax?.startup?.promise")
         opened.add_style_tag(path=style)
+        opened.evaluate(UNLINK_PAGES)  # those that the explorer and the ledger made, too
         opened.pdf(
             path=pdf, prefer_css_page_size=True, print_background=True, tagged=True, outline=True
         )
         chromium.close()
+
+
+def mend_outline(pdf: Path) -> None:
+    """Write titles of the outline once: Chromium doubles that of a heading moved to a new page."""
+    from pypdf import PdfWriter
+    from pypdf.generic import NameObject, TextStringObject
+
+    writer = PdfWriter(clone_from=pdf)
+    entries = [writer.root_object.get("/Outlines")]
+    while entries:
+        if entry := entries.pop():
+            entry = entry.get_object()
+            entries += [entry.get("/First"), entry.get("/Next")]
+            title = str(entry.get("/Title", ""))
+            half = title[: len(title) // 2]
+            if len(half) > 1 and title == 2 * half:
+                entry[NameObject("/Title")] = TextStringObject(half)
+    writer.write(pdf)
