@@ -188,8 +188,8 @@ def of_the_steps(asked: Study) -> xr.Dataset:
             for part in empty:
                 patch.setattr(law, part, lambda *_: {})
             patch.setattr(law, "CHAPTER_PARTS", ("distance",))
-            patch.setattr(law.dither, "estimated", lambda _: {})
-            patch.setattr(law.dither, "dithered", lambda _: {})
+            patch.setattr(law.dither, "simulate_estimators", lambda _: {})
+            patch.setattr(law.dither, "simulate_dither", lambda _: {})
             patch.setattr(law, "noisy_shares", lambda _: {})
             return law.run(asked)
     if asked.name == "planner":
