@@ -295,7 +295,7 @@ def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
 
 def test_a_camera_without_shots_is_named():
     uv = without(observations(), [(2, s) for s in range(12)])
-    with pytest.raises(CalibrationError, match=r"^C: no shot shows the board$"):
+    with pytest.raises(CalibrationError, match=r"^C: no image shows the board$"):
         adjust_bundle(uv, POINTS, rig())
 
 

@@ -81,7 +81,7 @@ def test_absent_shots_are_left_out_and_stay_in_their_place(conforms):
 
 def test_too_few_shots_are_refused_with_the_cameras_name():
     shots = [*observations()[0][:2], None, None]
-    with pytest.raises(CalibrationError, match=r"^B: 2 of 4 shots show the board, needs 3$"):
+    with pytest.raises(CalibrationError, match=r"^B: 2 of 4 board images show the board, needs 3$"):
         calibrate_camera(shots, BOARD, SIZE, name="B")
 
 
@@ -207,7 +207,7 @@ def folder(tmp_path, monkeypatch):
     """A manifest, and a function that calibrates its cameras from corners or refusals by shot."""
     cameras = [
         {"name": c.name, "video": f"{c.name}.mkv", "exposure_s": 0.001, "width_px": SIZE[0],
-         "height_px": SIZE[1], "shots": [f"{c.name}-{k:02d}.png" for k in range(12)]}
+         "height_px": SIZE[1], "board_images": [f"{c.name}-{k:02d}.png" for k in range(12)]}
         for c in rig()
     ]  # fmt: skip
     path = tmp_path / "manifest.yaml"

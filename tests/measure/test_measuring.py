@@ -199,7 +199,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     station = rig.stations[0]
     media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
     files = CameraFiles(name="A", video="A.mkv", width_px=960, height_px=540, exposure_s=0.004,
-                        shots="shots")  # fmt: skip
+                        board_images="shots")  # fmt: skip
     monkeypatch.setattr(recording_module, "FRAMES_PER_STATE", 7)
 
     def run(name, key="k", tick=lambda done: None):

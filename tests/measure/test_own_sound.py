@@ -38,7 +38,8 @@ SURFACE = Surface.of(
 NOISE, COMMON = 4e-6, 1e-3  # m of a marker; of all together, relative
 POINTS = np.array([[0.0, 0.3], [0.0, 0.2], [1.0, 0.5]])
 CAMERAS = [
-    {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "shots": name} for name in "AB"
+    {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "board_images": name}
+    for name in "AB"
 ]
 
 
@@ -492,7 +493,7 @@ def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
     ],
 )
 def test_what_has_no_sound_is_refused_in_a_line(fields, structure, line):
-    for kind in ("tone", "tones", "decay"):
+    for kind in ("sine", "multisine", "free_decay"):
         with pytest.raises(ValidationError) as refused:
             manifest(fields, {"kind": kind, "sound": "room"}, **structure)
         error, *_ = refused.value.errors()
@@ -522,7 +523,7 @@ def test_the_same_is_refused_of_several_modes():
 
 
 def test_a_drive_without_tones_has_no_sound():
-    allowed = r'allowed where radiation is given: "tone", "tones" or "decay"'
+    allowed = r'allowed where radiation is given: "sine", "multisine" or "free_decay"'
     values = json.loads(manifest().model_dump_json())
     force = {"file": "force.wav", "full_scale_n": 10, "at_mm": [10, 10]}
     values |= {"excitation": {"kind": "random", "sound": "room"}, "force": force}

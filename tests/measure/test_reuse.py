@@ -317,7 +317,7 @@ def again(first, calibration, change=lambda values: None):
 
 def without_pictures(values):
     for camera in values["cameras"]:
-        del camera["shots"]
+        del camera["board_images"]
 
 
 @pytest.mark.slow

@@ -110,7 +110,7 @@ def manifest_of(rig: Rig) -> Manifest:
                 height_px=station.camera.size[1],
                 frame_rate_hz=station.frame_rate,
                 exposure_s=station.sensor.exposure,
-                shots=station.camera.name,
+                board_images=station.camera.name,
             )
             for station in rig.stations
         ),
@@ -122,7 +122,7 @@ def manifest_of(rig: Rig) -> Manifest:
         ),
         excitation=Excitation(
             frequency_hz=rig.motion.components[0].frequency,
-            rest_s=REST_S,
+            rest_duration_s=REST_S,
             force_per_full_scale_n=rig.full_scale,
         ),
     )
@@ -211,7 +211,7 @@ def example_manifest(rig: Rig) -> Manifest:
         camera.model_copy(
             update={
                 "video": f"{camera.name}.mkv",
-                "shots": f"board/{camera.name}-*.jpg",
+                "board_images": f"board/{camera.name}-*.jpg",
                 "focal_length_mm": FOCAL_MM,
                 "sensor_width_mm": SENSOR_MM,
                 "f_number": 11.0,

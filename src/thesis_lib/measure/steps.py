@@ -158,12 +158,12 @@ def read_sound(
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
         sound = estimate_delays(manifest, folder)
-        found, rest = sound.synchronisation, manifest.excitation.rest_s
+        found, rest = sound.synchronisation, manifest.excitation.rest_duration_s
         most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
-        if manifest.excitation.steady_s is None and rest > most + 1e-6:
+        if manifest.excitation.steady_interval_s is None and rest > most + 1e-6:
             raise ManifestError(
-                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
-                "which the vibration is steady"
+                f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
+                "after which the vibration is steady"
             )
         force = sound.force or 0j
         values = {

@@ -71,7 +71,7 @@ class RigPrediction:
     located: int  #: Cameras whose lens and place are given; only they count
     noise_px: float  #: Scatter of the centres that is assumed, px
     #: Length of the steady recording, s, and frames in it of the slowest camera
-    steady_s: float
+    steady_interval_s: float
     frames: int
     #: Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm
     one_frame: tuple[float, float]
@@ -193,7 +193,7 @@ def predict_camera(manifest: Manifest, view: View, i: int, amplitude: float) -> 
 
 def steady_seconds(manifest: Manifest) -> float:
     """Return the length of the steady recording in s."""
-    given = manifest.excitation.steady_s
+    given = manifest.excitation.steady_interval_s
     return DEFAULT_STEADY_S if given is None else given[1] - given[0]
 
 

@@ -408,9 +408,9 @@ class CameraFiles(Fields):
         le=1,
         description="time from the first row's exposure to the last row's; 0 for a global shutter",
     )
-    shots: FileName | tuple[FileName | None, ...] | None = Field(
+    board_images: FileName | tuple[FileName | None, ...] | None = Field(
         None,
-        title="null, a folder of pictures, a pattern such as shots/A-*.png, or a list of 3 to 200 "
+        title="null, a folder of pictures, a pattern such as board/A-*.png, or a list of 3 to 200 "
         "files with null where there is none, each inside the manifest's folder",
         description="pictures of the calibration board; the k-th of every camera shows the same "
         "pose; null if calibration has the cameras' places",
@@ -449,8 +449,8 @@ class CameraFiles(Fields):
             self.refuse("exposure_s", "allowed: at most 1 / frame_rate_hz, in s")
         if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
             self.refuse("readout_s", "allowed: from -1 / frame_rate_hz to 1 / frame_rate_hz, in s")
-        if isinstance(self.shots, tuple) and not 3 <= len(self.shots) <= 200:
-            self.refuse("shots", "allowed: 3 to 200 files, with null where there is none")
+        if isinstance(self.board_images, tuple) and not 3 <= len(self.board_images) <= 200:
+            self.refuse("board_images", "allowed: 3 to 200 files, with null where there is none")
         if self.corners_px is not None:
             sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
             turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
@@ -498,9 +498,9 @@ class Manifest(Fields):
             refuse_value("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
-                if camera.shots is None:
+                if camera.board_images is None:
                     why = "allowed without calibration: pictures of the board"
-                    refuse_value(f"cameras[{i}].shots", None, why)
+                    refuse_value(f"cameras[{i}].board_images", None, why)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
                 given = getattr(other, name)

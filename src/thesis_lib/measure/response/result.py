@@ -124,7 +124,7 @@ def estimate_response(
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
     moved = estimate_deflections(recordings, rest, times)
-    still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
+    still = np.arange(filmed[0], filmed[0] + excitation.rest_duration_s, 1 / rate)
     still_noise = noise_of(estimate_deflections(recordings, rest, still), rate, (low, high))
     noise = still_noise
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
@@ -229,7 +229,7 @@ def _common(
     manifest: Manifest, force: Recorded, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
     """From when to when all cameras and the force were recorded, s."""
-    first, last = manifest.excitation.steady_s or filmed
+    first, last = manifest.excitation.steady_interval_s or filmed
     begin = max(first, filmed[0], float(force.times[0]))
     end = min(last, filmed[1], float(force.times[-1]))
     if not end - begin > MIN_PERIODS / low:
