@@ -300,11 +300,11 @@ ONE = {
     "below-noise": {"excitation__amplitude_mm": 0.001},
     "small-motion": {"excitation__amplitude_mm": 0.15},
     "large-move": {"excitation__amplitude_mm": 5.0},
-    "short-rest": {"excitation__rest_s": 0.9},
-    "few-rest-frames": {"excitation__rest_s": 0.1},
-    "few-frames": {"excitation__steady_s": [2.0, 2.3]},
-    "few-periods": {"excitation__steady_s": [2.0, 2.4]},
-    "steady-at-rest": {"excitation__steady_s": [0.5, 4.0]},
+    "short-rest": {"excitation__rest_duration_s": 0.9},
+    "few-rest-frames": {"excitation__rest_duration_s": 0.1},
+    "few-frames": {"excitation__steady_interval_s": [2.0, 2.3]},
+    "few-periods": {"excitation__steady_interval_s": [2.0, 2.4]},
+    "steady-at-rest": {"excitation__steady_interval_s": [0.5, 4.0]},
 }
 
 
@@ -328,7 +328,7 @@ def joined(lines):
 
 @pytest.mark.parametrize(
     ("field", "at_most"),
-    [("excitation__rest_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
+    [("excitation__rest_duration_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
      ("cameras__2__exposure_s", {"motion-blur"}), ("cameras__1__azimuth_deg", {"same-line"}),
      ("excitation__amplitude_mm", {"small-motion"})],
 )  # fmt: skip
@@ -430,7 +430,7 @@ def test_every_warning_has_a_threshold_and_every_threshold_a_test():
          "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
         ({"excitation__amplitude_mm": None},
          "blur, movement and whole pixels: give excitation.amplitude_mm"),
-        ({"excitation__steady_s": None},
+        ({"excitation__steady_interval_s": None},
          "length of the steady-state interval, assumed to be 1 s: "
          "give excitation.steady_interval_s"),
         ({"excitation__sound": "room"}, "a clap: no field tells whether every sound track has one"),
