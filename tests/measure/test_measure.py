@@ -671,7 +671,7 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     cut(steps / "tracks-02.npy", 0.5)
     edited.write_bytes(whole[:-8] + np.float64(1.0).tobytes())
     done = thesis("measure", folder / "manifest.yaml")
-    told = f"{steps / 'sound.nc'} is not what was kept there; it is computed anew\n"
+    told = f"{steps / 'sound.nc'} is not what was stored there; it is computed again\n"
     assert (done.status, done.err, done.warned) == (0, told, ())
     assert_same_results(results_of(folder / "measured"), data)
     after = stamps(folder / "measured")

@@ -1,4 +1,4 @@
-"""Live use: the parameters of a figure set as controls, and its notebook's results anew.
+"""Live use: the parameters of a figure set as controls, and its notebook's results again.
 
 For a notebook that is open in a front end with a kernel, such as JupyterLab. What is allowed, said
 and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as for the command. In

@@ -2,7 +2,7 @@
 
 An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
 all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
-this does not. The amplitudes are triangulated anew by cameras that are off by a standard deviation
+this does not. The amplitudes are triangulated again by cameras that are off by a standard deviation
 in each of the independent directions of the calibration's covariance. Where the world lies is free
 in it, and does not matter: the structure's frame comes from its markers at rest.
 """

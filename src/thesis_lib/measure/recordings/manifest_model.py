@@ -116,7 +116,7 @@ class Reuse(Fields):
     )
     poses: Literal["kept", "anew"] = Field(
         "kept",
-        description="whether the cameras stand where they stood, or are placed anew by this "
+        description="whether the cameras stand where they stood, or are placed again by this "
         "folder's pictures of the board, which need no lens then",
     )
     unit: Literal["m", "mm"] | None = Field(
