@@ -334,6 +334,7 @@ def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
     given = ["-p", f"layouts={json.dumps(layouts)}", "-p", "cases=[]", "-p", "trials=2"]
     done = checkout.thesis("run", "beam-arrays", *given, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert re.search(r" 2 cameras +1 +mean \| +[\d.]+ \| .* \| +—\n", done.stdout)
     assert "no setting in common with published" in done.stdout
     page = Loads(tmp_path / "out" / "beam-arrays.html")
     assert name in page.text
