@@ -295,7 +295,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "pictures of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
         ["0 pictures", ".jpg", '4 of ".dng", which are not read: export JPEG']),
-    "a picture less": (gone("shots/B/3.png"), WRONG, ["given 4, 3 shots", "as many for every"]),
+    "a picture less": (gone("shots/B/3.png"), WRONG,
+                       ["given 4, 3 board images", "as many for every"]),
     "a pattern that fits nothing": (given("cameras.1.board_images", "shots/B/*.tif"), WRONG,
                                     ["0 pictures"]),
     "a list with a missing picture": (
@@ -307,7 +308,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 board images show the board", "9 × 9 tiles"]),
     "no mark in any": (given("board", {"kind": "charuco"}), FAILED,
-                       ["A: 0 of 4 shots", "0 marks of DICT_5X5_1000 seen", "a charuco of 9 × 9"]),
+                       ["A: 0 of 4 board images", "0 marks of DICT_5X5_1000 seen",
+                        "a charuco of 9 × 9"]),
     "corners counted for tiles": (given("board.columns", 3), WRONG, ["board.columns: given 3"]),
     # A calibration that is reused.
     "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),

@@ -173,7 +173,7 @@ def test_boards_that_do_not_move_do_not_tell_their_symmetries_apart():
                 (f.translations[2],) * 2 + (None,) * 10, f.rms, f.deviations)
         for f in found
     ]  # fmt: skip
-    with pytest.raises(CalibrationError, match=r"do not tell the board's symmetries apart$"):
+    with pytest.raises(CalibrationError, match=r"do not distinguish the board's symmetries$"):
         unify_corners(same, still, BOARD, two_sided=True)
 
 
@@ -182,7 +182,7 @@ def test_cameras_without_common_shots_are_named():
     shots[3] = [uv if s < 6 else None for s, uv in enumerate(shots[3])]
     for c in range(3):
         shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]
-    with pytest.raises(CalibrationError, match=r"^D: shares 1 shots with A, needs 2"):
+    with pytest.raises(CalibrationError, match=r"^D: shares 1 board images with A, needs 2"):
         unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
 
 
@@ -266,7 +266,7 @@ def test_the_commonest_reason_of_that_camera_is_named_with_its_count(folder):
         shots[2][k] = "no checkerboard seen" if k == 2 else f"an edge is off by {k}%"
     with pytest.raises(
         CalibrationError,
-        match=r"^C: 2 of 12 shots .*\(9 of 10 refused images for one reason, as C-03.png: an edge "
-        r"is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
+        match=r"^C: 2 of 12 board images .*\(9 of 10 refused images for one reason, as C-03.png: "
+        r"an edge is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
     ):
         folder(shots)

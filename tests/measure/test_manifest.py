@@ -1,9 +1,6 @@
 """Manifests: round trips, defaults of the thesis, and silly ones refused in one line."""
 
-import json
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -334,21 +331,6 @@ def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, 
     manifest = read_manifest(written(recordings, values))
     assert check_excitation(manifest) == [line]
     assert line in check_recordings(manifest, recordings)
-
-
-def test_reading_one_that_says_all_takes_seventeen_modules(tmp_path):
-    path = tmp_path / "manifest.yaml"
-    write_manifest(Manifest.model_validate_json(json.dumps(plain())), path)
-    code = (
-        "import sys; from pathlib import Path; "
-        "from thesis_lib.measure.recordings.manifest import read_manifest; "
-        "read_manifest(Path(sys.argv[1]), check_files=False); "
-        "print(sum(name.startswith('thesis_lib') for name in sys.modules))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
-    )
-    assert int(done.stdout) <= 17
 
 
 def test_three_frames_at_rest_are_enough(recordings):

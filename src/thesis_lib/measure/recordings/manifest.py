@@ -224,7 +224,8 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
-        yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
+        allowed = "as many for every camera, in the same order"
+        yield f"cameras: given {counts} board images, allowed: {allowed}"
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:
