@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
     write_manifest,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import Manifest, StructureSpec
 from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.measure.recordings.validation import check_excitation, check_recordings
 
@@ -108,7 +108,7 @@ def test_old_names_are_read_and_reported(recordings, capsys):
 
 
 def test_the_default_structure_is_the_thesis_s_beam():
-    structure = Structure()
+    structure = StructureSpec()
     assert model_of(structure) == setups.thesis_beam()
     points = structure.marker_points.reshape(2, 3, 25)
     np.testing.assert_allclose(points[:, 1], setups.thesis_beam().markers)
@@ -118,7 +118,7 @@ def test_the_default_structure_is_the_thesis_s_beam():
 
 def test_markers_may_lie_anywhere_and_have_no_hole_then():
     places = ((10.0, 10.0), (100.0, 20.0), (300.0, 5.0), (610.0, 15.0))
-    structure = Structure(markers={"points_mm": places})
+    structure = StructureSpec(markers={"points_mm": places})
     np.testing.assert_allclose(structure.marker_points, np.array(places).T / 1000)
     assert structure.hole is None
 

@@ -31,7 +31,7 @@ from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 PLATE = setups.thesis_plate((9, 6))
 OMEGA = resonance_frequency(PLATE, 1)
 TRUE = deflection_shape(PLATE, 1, PLATE.markers, 1e-3) * np.exp(0.7j)
-SURFACE = Surface.of(
+SURFACE = Surface.from_outline(
     np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 1600,
     (PLATE.length / 2, PLATE.width / 2),
 )  # fmt: skip
@@ -81,7 +81,7 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
 
 def exact():
     """Power of the true shape by Rayleigh's sum over 3600 cells."""
-    fine = Surface.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
+    fine = Surface.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
     w = deflection_shape(PLATE, 1, fine.places, 1e-3)
     return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
 
@@ -228,7 +228,7 @@ def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
 
 def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made, conforms):
     """By the true shape on finer cells; mode 1 is half a wave along and half a wave across."""
-    screen = Screen.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
+    screen = Screen.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
     w = deflection_shape(PLATE, 1, screen.places, 1e-3)[:, None]
     level = 10 * np.log10(float(screen.power_form(w, OMEGA)[0, 0]) / exact())
     std = float(made["no_wall_change_std"][0])

@@ -130,11 +130,11 @@ def inspect_videos(
                     raise StoppedError
                 bar.update(frames)
 
-            def one(index: int) -> str:
+            def inspect_camera(index: int) -> str:
                 repeats = inspect_film(videos[index], clocks[index], tick)
                 return describe_repeats(names[index], repeats)
 
-            found = map_in_pairs(one, range(len(videos)), stop.set)
+            found = map_in_pairs(inspect_camera, range(len(videos)), stop.set)
         repeats = [line for line in found if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
@@ -214,7 +214,7 @@ def track_markers(
                 raise StoppedError
             bar.update(frames)
 
-        def one(index: int) -> Recording:
+        def track_camera(index: int) -> Recording:
             files = manifest.cameras[index]
             path = steps / f"tracks-{index:02d}.npy"
             turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
@@ -235,4 +235,4 @@ def track_markers(
             )
 
         with single_threaded_opencv():
-            return map_in_pairs(one, range(len(cameras)), stop.set)
+            return map_in_pairs(track_camera, range(len(cameras)), stop.set)

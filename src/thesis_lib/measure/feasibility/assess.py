@@ -18,8 +18,8 @@ from thesis_lib.measure.feasibility.prediction import (
     DEFAULT_STEADY_S,
     OPTICS_FIELDS,
     CameraPrediction,
+    PredictedView,
     RigPrediction,
-    View,
     alias_frequency,
     predict_camera,
     predict_errors,
@@ -245,7 +245,7 @@ def _check_view(
 
 
 def _check_rig(
-    manifest: Manifest, view: View, rig: RigPrediction, errors: Array
+    manifest: Manifest, view: PredictedView, rig: RigPrediction, errors: Array
 ) -> Iterator[Warning]:
     """Check all cameras together."""
     on = np.flatnonzero(view.located)

@@ -273,12 +273,12 @@ def _default(name: str, scale: float = 1.0) -> Any:
 def _thesis_layout(given: dict[str, Any]) -> bool:
     """Return whether markers are the thesis's, which alone have a hole unless it is given."""
     return all(
-        given.get(name) == Markers.model_fields[name].get_default(call_default_factory=True)
+        given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
     )
 
 
-class Markers(Fields):
+class MarkersSpec(Fields):
     """Round markers on the structure: rows along it, or any given places."""
 
     rows: Count = Field(3, description="rows of markers, side by side")
@@ -307,7 +307,7 @@ class Markers(Fields):
     )
 
 
-class Structure(Fields):
+class StructureSpec(Fields):
     """The structure that is filmed."""
 
     kind: Literal["beam", "plate", "flat"] = Field(
@@ -337,10 +337,10 @@ class Structure(Fields):
     force_across_mm: Positive | None = Field(
         None, description="distance of the force from y = 0; null is half the width"
     )
-    markers: Markers = Field(default_factory=Markers, description="its markers")
+    markers: MarkersSpec = Field(default_factory=MarkersSpec, description="its markers")
 
     @model_validator(mode="after")
-    def _check(self) -> Structure:
+    def _check(self) -> StructureSpec:
         if self.force_position_mm > self.length_mm:
             self.refuse("force_position_mm", "allowed: at most length_mm, in mm")
         if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
@@ -464,7 +464,7 @@ class CameraFiles(Fields):
 class Manifest(Fields):
     """Recordings of one structure by 2 to 16 cameras."""
 
-    structure: Structure = Field(default_factory=Structure, description="the structure")
+    structure: StructureSpec = Field(default_factory=StructureSpec, description="the structure")
     cameras: tuple[CameraFiles, ...] = Field(
         ..., min_length=2, max_length=16, description="the cameras"
     )

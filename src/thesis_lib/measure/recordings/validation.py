@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, StructureSpec
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -248,7 +248,7 @@ def on_one_line(points: ArrayLike, diameter: float) -> bool:
     return bool(across < (diameter / 4) ** 2)
 
 
-def _check_plane(structure: Structure) -> list[str]:
+def _check_plane(structure: StructureSpec) -> list[str]:
     """Check that the markers determine the structure's plane; return one line if not."""
     markers = structure.markers
     if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
