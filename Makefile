@@ -47,11 +47,12 @@ test-newest: $(BOOK)  ## the tests with the newest of every dependency, in an en
 	$(BIN)/uv pip install --quiet --upgrade --python build/newest/bin/python --editable '.[book,dev]'
 	build/newest/bin/python -m pytest -n $(WORKERS) --dist loadfile -m "not (slow or book or nightly)" tests
 
-check: $(ALL)  ## lint, format, rooms, types
+check: $(ALL)  ## lint, format, rooms, types, words
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/codespell $$(git ls-files README.md CONTRIBUTING.md CHANGELOG.md dodo.py book notebooks src)
 
 photographs: build/photographs/left01.jpg  ## real pictures of a board, for tests that are else skipped
 

@@ -31,7 +31,7 @@ from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.parameters import PlateSound, camera_study
+from thesis_lib.figure_sets.parametric.parameters import PlateSoundStudy, camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import default_rig
@@ -130,7 +130,7 @@ def field_calls(name: str) -> Calls:
     }
 
 
-def plate_of(study: PlateSound) -> CameraStudy:
+def plate_of(study: PlateSoundStudy) -> CameraStudy:
     """The plate's study whose deflections a sound study takes."""
     name: str = study.name.replace("sound", "plate")  # type: ignore[attr-defined]
     return camera_study(name, study.plate_request)
@@ -139,7 +139,7 @@ def plate_of(study: PlateSound) -> CameraStudy:
 def plane_error_calls(trials: int = 200) -> Calls:
     """All plane errors of ``sound-distance`` from factors, and one of their fields in two ways."""
     study = camera_study("sound-distance", {"trials": trials})
-    assert isinstance(study, PlateSound)
+    assert isinstance(study, PlateSoundStudy)
     plate, cube = setups.thesis_plate(study.grid), studies.run(plate_of(study))
     reference = cube["reference_deflection"].values
     errors = cube["measured_deflection"].values.astype(float) - reference[:, None]
@@ -168,7 +168,7 @@ def time_studies(trials: int = 200) -> Iterator[Line]:
     for name in STUDIES:
         if name.startswith(("beam-", "plate-", "sound-")):
             study = camera_study(name, {"trials": trials})
-            if isinstance(study, PlateSound):
+            if isinstance(study, PlateSoundStudy):
                 plate = studies.run(plate_of(study))
                 seconds = time_call(partial(sound.run, study, plate))
             else:

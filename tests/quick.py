@@ -1,7 +1,7 @@
 """``make quick``: the tests that what was edited can reach, the nearest first, for half a minute.
 
-What was edited is what differs from the last commit. A test reaches what it names, and the room of
-the library whose tests it belongs to.
+What was edited is what differs from the last commit. A test reaches what it names, the folder of a
+figure set that it names, and the room of the library whose tests it belongs to.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from thesis_lib.files import project_root
 
 FILES = 12  # no more are imported
 FAR = 3  # what a test does not reach
-SECONDS = 20  # of these; the test that runs when they are over comes on top
+SECONDS = 25  # of tests, from the first one; the test that runs when they are over comes on top
 OPTIONS = ["-q", "-rs", "-n", "2", "--dist", "loadfile"]
 OPTIONS += ["-m", "not (slow or book or nightly)", "--seconds", str(SECONDS)]
+ROOMS = {"notebooks": "notebook", "book": "book", "data/thesis": "facts", "data/published": "book"}
+"""Folders of tests for what is not in the library, whose folders have the library's names."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -29,17 +31,26 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     if seconds := config.getoption("--seconds"):
-        config.pluginmanager.register(_UntilThen(time.monotonic() + seconds))
+        config.pluginmanager.register(_UntilThen(seconds))
 
 
 class _UntilThen:
-    def __init__(self, end: float) -> None:
-        self.end = end
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.end, self.ran = seconds, float("inf"), 0
 
     @pytest.hookimpl(tryfirst=True)  # before any fixture
     def pytest_runtest_setup(self) -> None:
+        self.end = min(self.end, time.monotonic() + self.seconds)
         if time.monotonic() > self.end:
             pytest.skip("the time is over: `make test` runs it")
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.ran += report.when == "call" and not report.skipped
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if not self.ran and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.NO_TESTS_COLLECTED
 
 
 def edited(root: Path) -> set[Path]:
@@ -55,32 +66,54 @@ def edited(root: Path) -> set[Path]:
     return {root / line for line in lines}
 
 
+def names_of(file: Path) -> list[str]:
+    """Return the names by which tests may call an edited file: its own, and its figure set's."""
+    parts = file.relative_to(project_root()).parts
+    own = [file.stem]
+    if parts[:3] == ("src", "thesis_lib", "figure_sets") and len(parts) > 4:
+        own += [parts[3], parts[3].replace("_", "-")]
+    return own
+
+
+def room_of(file: Path) -> str:
+    """Return the folder of tests that an edited file belongs to; empty if there is none."""
+    parts = file.relative_to(project_root()).parts
+    if parts[:2] == ("src", "thesis_lib"):
+        return parts[2]
+    return ROOMS.get(parts[0]) or ROOMS.get("/".join(parts[:2]), "")
+
+
 def distance(file: Path, test: Path, text: str) -> int:
-    """Return how near an edited file is to a test: 0 is the test, 1 named in it, 2 in its room."""
-    root = project_root()
-    if file == test:
+    """Return how near an edited file is to a test: 0 is its own, 1 names it, 2 is in its room."""
+    if test.name in (file.name, f"test_{file.stem}.py"):
         return 0
-    if re.search(rf"\b{re.escape(file.stem)}\b", text):
+    if any(re.search(rf"\b{re.escape(name)}\b", text) for name in names_of(file)):
         return 1
-    rooms = [path.relative_to(root).parts for path in (file, test)]
-    return 2 if rooms[0][:2] == ("src", "thesis_lib") and rooms[0][2] == rooms[1][1] else FAR
+    return 2 if room_of(file) == test.parent.name else FAR
 
 
 def main() -> int:
-    """Run the tests that the edited files reach."""
+    """Run the tests that the edited files reach; 5 if there are none, as pytest has it."""
     root = project_root()
     files = edited(root)
+    if not files:
+        print("nothing differs from the last commit, so no test ran")
+        return 0
     near = {}
     for test in sorted((root / "tests").rglob("test_*.py")):
         text = test.read_text(encoding="utf-8")
-        near[test] = min((distance(file, test, text) for file in files), default=FAR)
+        near[test] = min(distance(file, test, text) for file in files)
     chosen = sorted((test for test in near if near[test] < FAR), key=lambda test: near[test])
+    none = "no test ran that the edited files reach: run `make test`"
     if not chosen:
-        return 0
+        print(none)
+        return pytest.ExitCode.NO_TESTS_COLLECTED
     print(f"{len(chosen)} files of tests reach it; the nearest {FILES}:", flush=True)
     tests = [str(test) for test in chosen[:FILES]]
     status = subprocess.call([sys.executable, "-m", "pytest", *OPTIONS, *tests], cwd=root)
-    return 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else status
+    if status == pytest.ExitCode.NO_TESTS_COLLECTED:
+        print(none)
+    return status
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
+from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe_parameters
@@ -59,6 +60,26 @@ class Loads(HTMLParser):
 
 def files(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+
+
+# Help.
+
+
+@pytest.mark.parametrize("group", [(), ("print",)])
+def test_a_group_alone_prints_its_help(group):
+    assert thesis(*group) == thesis(*group, "--help")
+
+
+def test_help_names_every_command_once():
+    listed = [name for names in COMMAND_GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(cli.commands)
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED_COMMANDS.items())
+def test_old_names_of_commands_work_and_are_reported(old, new):
+    done, now = thesis(old, "--help"), thesis(new, "--help")
+    assert (done.status, done.err) == (0, f"thesis: `thesis {old}` is now `thesis {new}`\n")
+    assert done.out.partition("\n")[2] == now.out.partition("\n")[2]
 
 
 # What is listed.
@@ -313,6 +334,7 @@ def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
     given = ["-p", f"layouts={json.dumps(layouts)}", "-p", "cases=[]", "-p", "trials=2"]
     done = checkout.thesis("run", "beam-arrays", *given, "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert re.search(r" 2 cameras +1 +mean \| +[\d.]+ \| .* \| +—\n", done.stdout)
     assert "no setting in common with published" in done.stdout
     page = Loads(tmp_path / "out" / "beam-arrays.html")
     assert name in page.text

@@ -26,7 +26,7 @@ MINE = b"the user's own"
 FRAMES = np.random.default_rng(0).integers(0, 256, (8, 32, 32), np.uint8)
 # What a command is given, in a folder that `stage` has filled, and all that it would write there.
 COMMANDS = {
-    "pack": ("pack cam1 --rate-hz 240", ["cam1.mov"]),
+    "convert": ("convert cam1 --rate-hz 240", ["cam1.mov"]),
     "pack to a file": ("pack cam1 film.mov --rate-hz 240", ["film.mov"]),
     "pack onto a picture": ("pack cam1 cam1/0.png --rate-hz 240", ["cam1/0.png"]),
     "print board": ("print board", ["board.pdf"]),
@@ -71,7 +71,7 @@ def recorded(tmp_path_factory):
     planned = (folder / "planned.yaml").rename(folder / "layout.yaml").read_text()
     for old, new in (("phone-1", "A"), ("phone-2", "B")):
         planned = planned.replace(f"{old}.mp4", f"{new}.mkv")
-    planned = re.sub("shots: .*", "shots: cam1", planned)
+    planned = re.sub("board_images: .*", "board_images: cam1", planned)
     (folder / "whole.yaml").write_text(f"{planned}\ncalibration: cameras.toml\n")
     return folder
 

@@ -114,7 +114,7 @@ def test_the_project_is_out_of_reach(reader):
     assert all(place.is_relative_to(reader.package) for place in places)
 
 
-@pytest.mark.parametrize("command", ["book", "record", "pdf", "claims"])
+@pytest.mark.parametrize("command", ["book", "render", "pdf", "claims"])
 def test_what_needs_a_clone_says_so(reader, command):
     done = reader.thesis(command)
     assert (done.returncode, done.stdout) == (2, "")

@@ -8,7 +8,7 @@
     const box = dialog("tl-zoom", "Figure"), picture = element("img", ""), view = element("div", "tl-zoom-view", picture);
     const caption = element("p", "tl-zoom-caption");
     let scale = 1, ratio = 1;
-    // Sizes, not transforms: drawings are drawn anew at each size, and so stay sharp.
+    // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
     const zoom = (to, x = view.clientWidth / 2, y = view.clientHeight / 2) => {
       const next = Math.min(MOST, Math.max(LEAST, to)), grown = next / scale;
       const [left, top] = [(view.scrollLeft + x) * grown - x, (view.scrollTop + y) * grown - y];

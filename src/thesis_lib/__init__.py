@@ -8,4 +8,4 @@ alone. :mod:`~thesis_lib.facts.setups` holds the thesis's camera setups,
 :mod:`~thesis_lib.ledger.verdicts` holds those against the thesis.
 """
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"

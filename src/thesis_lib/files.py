@@ -229,7 +229,7 @@ def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
     try:
         yield
     finally:
-        if lock.lock_counter == 1:  # whoever waits for the removed file makes a new one
+        if lock.lock_counter == 1:  # another that waits for the removed file makes a new one
             with contextlib.suppress(OSError):
                 (folder / LOCK_NAME).unlink()
         lock.release()

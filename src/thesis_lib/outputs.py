@@ -39,7 +39,7 @@ def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = 
     files : iterable of Path
         What it will write there, or what matches it.
     inputs : iterable of Path
-        Files and folders that it reads, which it never replaces, whoever wrote them.
+        Files and folders that it reads, which it never replaces, no matter who wrote them.
 
     Raises
     ------

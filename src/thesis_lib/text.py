@@ -121,5 +121,5 @@ def of_error(error: BaseException) -> str:
 
 def damaged(path: Path, line: int, problem: str) -> str:
     """Return what is said of a published file that is not as it was."""
-    mend = f"`git checkout {path}`, or installing the library anew, restores it"
+    mend = f"`git checkout {path}`, or installing the library again, restores it"
     return f"{path}: damaged: line {line} {problem}; {mend}"

@@ -147,7 +147,7 @@ def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms
     from scipy.special import j1
 
     a, omega = 0.1, ka * AIR.speed_of_sound / 0.1
-    surface = Surface.of(disc(a), 1600)
+    surface = Surface.from_outline(disc(a), 1600)
     conforms.closed_form(surface.area, np.pi * a**2, rtol=1e-12)
     rigid, w = np.ones((surface.share.size, 1)), 1e-6
     power = float(np.ravel(surface.power_form(rigid, omega))[0]) * w**2
@@ -164,7 +164,7 @@ def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms
 def test_a_simply_supported_plate_radiates_at_low_frequency_as_wallace_has_it(m, n, conforms):
     """C. E. Wallace, J. Acoust. Soc. Am. 51 (1972), the leading terms far below coincidence."""
     a, b = 0.5, 0.4
-    surface = Surface.of(SQUARE * [a, b], 3000, (a / 2, b / 2))
+    surface = Surface.from_outline(SQUARE * [a, b], 3000, (a / 2, b / 2))
     x, y = surface.places
     shape = np.sin(m * np.pi * x / a) * np.sin(n * np.pi * y / b)
     k = 0.05 * np.pi / a
@@ -187,7 +187,7 @@ def test_two_pistons_are_a_pair_of_monopoles(conforms):
     medium, omega, apart = Medium(340.0, 1.2), 2 * np.pi * 400, 0.3
     side = 0.004
     left, right = (SQUARE * side + [x, 0] for x in (0, apart))
-    pair = [Surface.of(one, 4, (apart / 2 + side / 2, side / 2)) for one in (left, right)]
+    pair = [Surface.from_outline(one, 4, (apart / 2 + side / 2, side / 2)) for one in (left, right)]
     centres = np.concatenate([one.pistons.centres for one in pair], axis=1)
     both = type(pair[0].pistons)(centres, pair[0].pistons.size)
     k = omega / medium.speed_of_sound
@@ -209,7 +209,7 @@ def test_two_pistons_are_a_pair_of_monopoles(conforms):
 
 def test_an_outline_with_a_notch_radiates_with_its_own_area(conforms):
     corners = np.array([[0, 0], [0.6, 0], [0.6, 0.2], [0.2, 0.2], [0.2, 0.5], [0, 0.5]])
-    surface = Surface.of(corners, 1600)
+    surface = Surface.from_outline(corners, 1600)
     conforms.closed_form(surface.area, 0.6 * 0.2 + 0.2 * 0.3, rtol=1e-12)
     x, y = surface.places
     assert np.all((y < 0.2) | (x < 0.2))
@@ -222,7 +222,7 @@ def test_an_outline_with_a_notch_radiates_with_its_own_area(conforms):
 
 
 def test_the_forms_are_those_of_the_pistons(conforms):
-    surface = Surface.of(SQUARE * [0.3, 0.2], 60)
+    surface = Surface.from_outline(SQUARE * [0.3, 0.2], 60)
     moving = np.random.default_rng(5).normal(size=(surface.share.size, 4))
     omega = 2 * np.pi * 300
     v = omega * surface.share[:, None] * moving

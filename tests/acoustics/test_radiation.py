@@ -286,7 +286,7 @@ def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(conforms, m, n
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
 def test_a_measured_surface_radiates_by_wallaces_integral(conforms, m, n, ka):
     """With as many nodes as `thesis measure` takes."""
-    own = Surface.of(np.array([[0, 0], [A, 0], [A, B], [0, B]]), 1600, (A / 2, B / 2))
+    own = Surface.from_outline(np.array([[0, 0], [A, 0], [A, B], [0, B]]), 1600, (A / 2, B / 2))
     x, y = own.places
     shape = (np.sin(m * pi * x / A) * np.sin(n * pi * y / B))[..., None]
     forms = own.power_form(shape, ka / A * C), own.plane_wave_form(shape, ka / A * C)

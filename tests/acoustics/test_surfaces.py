@@ -56,7 +56,7 @@ def efficiency(places, weights, shape, k):
 @pytest.mark.parametrize("name", OUTLINES)
 def test_the_stated_uncertainty_holds_what_sums_are_off_by(name, conforms):
     corners, integral = OUTLINES[name]
-    surface, (places, weights) = Surface.of(corners, 1600), integral()
+    surface, (places, weights) = Surface.from_outline(corners, 1600), integral()
     conforms.closed_form(surface.area, polygon_area(corners), rtol=1e-9)
     conforms.independent(weights.sum(), polygon_area(corners), rtol=1e-9)
     off = []
@@ -77,7 +77,7 @@ def test_the_error_of_a_sum_falls_with_the_fourth_power_of_its_cells(conforms):
     exact = efficiency(*rectangle((0, 0.6), (0, 0.4)), shape, omega / AIR.speed_of_sound)
     off = []
     for nodes in (24, 96, 384):
-        surface = Surface.of(PLATE, 4 * nodes)
+        surface = Surface.from_outline(PLATE, 4 * nodes)
         moving = shape(*surface.places)[:, None]
         found = surface.power_form(moving, omega) / surface.plane_wave_form(moving, omega)
         off.append(abs(float(found[0, 0]) / exact - 1))

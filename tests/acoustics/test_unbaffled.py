@@ -25,7 +25,7 @@ STRIPS = {  # half-waves: power of one side over that in a wall, dB
 
 def both(outline, shape, k, cells=400):
     """Power of one side without a wall and in one, of a displacement of 1."""
-    screen, surface = Screen.of(outline, cells), Surface.of(outline, 1600)
+    screen, surface = Screen.from_outline(outline, cells), Surface.from_outline(outline, 1600)
     return [
         float(own.power_form(shape(*own.places)[:, None], k * C)[0, 0]) for own in (screen, surface)
     ]

@@ -38,7 +38,7 @@ SIZES = "…, allowed: … …"  # of a picture, each as … × … px
 INTERNAL = {
     "…", "……", "…: …", "…: frame 0: …; …", "…: no frames to write",
     "…: given the ending …, allowed: .mkv", "given … recordings, allowed: at least 2",
-    "…: …: …", "cameras[…].video: …", "cameras[…].shots: …", "force.file: …",
+    "…: …: …", "cameras[…].video: …", "cameras[…].board_images: …", "force.file: …",
     "board: given … by … corners, needs … by … or more",
 }  # fmt: skip
 

@@ -177,3 +177,16 @@ def test_all_published_files_are_whole():
     for path in (project_root() / "data" / "published").glob("*.csv"):
         if path.stem != "effort":
             assert len(published.read_published(path.stem)) > 0
+
+
+def test_errors_of_a_run_stand_next_to_the_published_ones(cube):
+    lines = comparison.error_lines(cube)
+    rows = [line.split("|") for line in lines if "mean |" in line]
+    assert [(*row[0].split(), row[3].strip() == "—") for row in rows] == [
+        ("1", value, "mm", str(mode), "mean", value == "800")
+        for value in ("500", "800")
+        for mode in (1, 2)
+    ]
+    nominal = cube["mean_error"].isel(trial=0).values.ravel()
+    np.testing.assert_allclose([float(row[1]) for row in rows], nominal, rtol=0.02)
+    assert comparison.error_lines(xr.Dataset({"share": ((), 1.0)}, attrs=cube.attrs)) == []

@@ -245,7 +245,7 @@ def heard():
     study = plate_study()
     shape = deflection_shape(PLATE, 1, PLATE.markers, 1e-3)
     omega = resonance_frequency(PLATE, 1)
-    return PlateSound.of(PLATE, study.planes, study.medium, omega, shape)
+    return PlateSound.from_shape(PLATE, study.planes, study.medium, omega, shape)
 
 
 def test_the_truth_has_no_error_in_its_sound(conforms, heard):
@@ -286,7 +286,7 @@ def test_nodal_planes_have_no_error(conforms):
     study = plate_study()
     for mode, silent in ((2, [False, True]), (3, [True, False]), (5, [True, True])):
         shape = deflection_shape(PLATE, mode, PLATE.markers, 1e-3)
-        sound = PlateSound.of(
+        sound = PlateSound.from_shape(
             PLATE, study.planes, study.medium, resonance_frequency(PLATE, mode), shape
         )
         np.testing.assert_array_equal(np.isnan(sound.plane_errors(1.1 * shape)), silent)

@@ -413,7 +413,7 @@ def test_fewer_than_three_usable_shots_are_counted(folder):
     for k in range(6):
         write_png(folder / "B" / f"{k:02d}.png", gray()[0])
     message = refusal(folder, CalibrationError)
-    assert message.startswith("B: 2 of 8 shots show the board")
+    assert message.startswith("B: 2 of 8 board images show the board")
 
 
 def test_shots_without_a_board_are_left_out_and_said(conforms, folder, rig):
@@ -444,7 +444,7 @@ def test_another_board_than_the_manifest_s_is_not_found(folder, columns, rows):
                                 "margin_mm": 45.0})  # fmt: skip
     for camera in (0, 1):
         shots = [f"{'AB'[camera]}/0{k}.png" for k in range(3)]
-        change(folder, ("cameras", camera, "shots"), shots)
+        change(folder, ("cameras", camera, "board_images"), shots)
     assert "0 of 3 shots" in refusal(folder, CalibrationError)
 
 

@@ -95,7 +95,7 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
         beam_rig(), 3, DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6
     )
     sought = {"from_hz": 4.0, "to_hz": 130.0, "count": 3}
-    excitation = {"kind": "decay", "sound": "room", "rest_s": 0.55, "modes": sought}
+    excitation = {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.55, "modes": sought}
     force = force_heard(own, tmp_path, POINT)
     manifest = written(own, tmp_path, readout, excitation=excitation, force=force)
     measure_recordings(manifest, tmp_path / "out", str)
@@ -123,7 +123,7 @@ def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
     """Driven by noise; a sound card of its own records the force, and a microphone beside it."""
     truth = Driven(random_force(8.0, 0.04, 25.0), (0.05, 0.03))
     own = pushed(beam_rig(2), truth, (60.0, 50.0), seconds=8.0, rest=0.6)
-    excitation = {"kind": "random", "sound": "room", "rest_s": 0.55}
+    excitation = {"kind": "random", "sound": "room", "rest_duration_s": 0.55}
     force = force_heard(own, tmp_path, truth.place) | {"segment_s": 2.0}
     measure_recordings(
         written(own, tmp_path, 0.008, excitation=excitation, force=force), tmp_path / "out", str

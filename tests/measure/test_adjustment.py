@@ -295,7 +295,7 @@ def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
 
 def test_a_camera_without_shots_is_named():
     uv = without(observations(), [(2, s) for s in range(12)])
-    with pytest.raises(CalibrationError, match=r"^C: no shot shows the board$"):
+    with pytest.raises(CalibrationError, match=r"^C: no image shows the board$"):
         adjust_bundle(uv, POINTS, rig())
 
 
@@ -308,7 +308,7 @@ def test_a_shot_without_cameras_is_named():
 def test_a_camera_apart_from_the_others_is_named():
     uv = without(observations(), [(3, s) for s in range(8)])
     uv[:3, 8:] = np.nan
-    with pytest.raises(CalibrationError, match=r"^D: shares no shots, directly or not, with"):
+    with pytest.raises(CalibrationError, match=r"^D: shares no board images, directly"):
         adjust_bundle(uv, POINTS, rig())
 
 

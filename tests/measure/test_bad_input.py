@@ -28,11 +28,11 @@ def plain() -> dict[str, Any]:
         "cameras": [
             {
                 "name": name, "video": f"{name}.mkv", "width_px": WIDTH, "height_px": HEIGHT,
-                "frame_rate_hz": RATE, "exposure_s": 0.004, "shots": f"shots/{name}",
+                "frame_rate_hz": RATE, "exposure_s": 0.004, "board_images": f"shots/{name}",
             }
             for name in "AB"
         ],
-        "excitation": {"frequency_hz": 8.0, "rest_s": 0.5},
+        "excitation": {"frequency_hz": 8.0, "rest_duration_s": 0.5},
     }  # fmt: skip
 
 
@@ -217,7 +217,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
                            ['board.tile_mm: given "30 mm"', "in mm"]),
     "metres for millimetres": (given("structure.length_mm", 0.6), WRONG,
                                ["structure.force_position_mm", "length_mm"]),
-    "not a number": (given("excitation.rest_s", float("nan")), WRONG, ["excitation.rest_s"]),
+    "not a number": (given("excitation.rest_duration_s", float("nan")), WRONG,
+        ["excitation.rest_duration_s"]),
     "a misspelt field": (given("excitation.frequency", 4), WRONG, ["mean frequency_hz?"]),
     "a field in another part": (given("tile_mm", 30), WRONG, ["tile_mm: no such field"]),
     # The structure and its markers.
@@ -265,7 +266,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
         both(given("cameras.1.frame_rate_hz", 15), given("excitation.frequency_hz", 8.0)), WRONG,
         ["60 frames per second, allowed: 15", "cameras[1].frame_rate_hz"]),
     "slow motion": (video(rate=240), WRONG, ["240 frames per second, allowed: 60"]),
-    "shorter than the rest": (video(count=24), WRONG, ["more than rest_s, 0.5 s"]),
+    "shorter than the rest": (video(count=24), WRONG, ["more than rest_duration_s, 0.5 s"]),
     # Sound.
     "no sound": (coded(silent=True), WRONG, ["no audio track", "excitation.sound: none"]),
     "silence": (video(sound=np.zeros(72000)), WRONG, ["B.mkv: silent audio", "allowed: at least"]),
@@ -282,30 +283,33 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "an alias that stands still": (
         both(given("excitation.frequency_hz", 60.1), given("excitation.undersampled", True)), WRONG,
         ["at least 0.6 Hz from 60 Hz"]),
-    "no rest": (given("excitation.rest_s", 0), WRONG, ["excitation.rest_s: given 0", "three"]),
-    "a steady part that ends first": (given("excitation.steady_s", [3, 1]), WRONG,
+    "no rest": (given("excitation.rest_duration_s", 0), WRONG,
+        ["excitation.rest_duration_s: given 0", "three"]),
+    "a steady part that ends first": (given("excitation.steady_interval_s", [3, 1]), WRONG,
                                       ["in this order"]),
-    "a steady part elsewhere": (given("excitation.steady_s", [0.7, 9]), WRONG,
-                                ["excitation.steady_s: given [0.7, 9], allowed: within"]),
+    "a steady part elsewhere": (given("excitation.steady_interval_s", [0.7, 9]), WRONG,
+                                ["excitation.steady_interval_s: given [0.7, 9], allowed: within"]),
     # The board and its pictures.
-    "no pictures": (gone("shots/B"), WRONG, ["cameras[1].shots", "0 pictures"]),
+    "no pictures": (gone("shots/B"), WRONG, ["cameras[1].board_images", "0 pictures"]),
     "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
     "pictures of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
         ["0 pictures", ".jpg", '4 of ".dng", which are not read: export JPEG']),
-    "a picture less": (gone("shots/B/3.png"), WRONG, ["given 4, 3 shots", "as many for every"]),
-    "a pattern that fits nothing": (given("cameras.1.shots", "shots/B/*.tif"), WRONG,
+    "a picture less": (gone("shots/B/3.png"), WRONG,
+                       ["given 4, 3 board images", "as many for every"]),
+    "a pattern that fits nothing": (given("cameras.1.board_images", "shots/B/*.tif"), WRONG,
                                     ["0 pictures"]),
     "a list with a missing picture": (
-        given("cameras.1.shots", [f"shots/B/{k}.png" for k in (0, 1, 2, 9)]), WRONG,
-        ['cameras[1].shots[3]: given "shots/B/9.png", no such file']),
+        given("cameras.1.board_images", [f"shots/B/{k}.png" for k in (0, 1, 2, 9)]), WRONG,
+        ['cameras[1].board_images[3]: given "shots/B/9.png", no such file']),
     "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable picture"]),
     "a text for a picture": (file("shots/B/2.png", b"none"), WRONG, ["2.png: not a readable"]),
     "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
-    "no board in any": (both(), FAILED, ["A: 0 of 4 shots show the board", "9 × 9 tiles"]),
+    "no board in any": (both(), FAILED, ["A: 0 of 4 board images show the board", "9 × 9 tiles"]),
     "no mark in any": (given("board", {"kind": "charuco"}), FAILED,
-                       ["A: 0 of 4 shots", "0 marks of DICT_5X5_1000 seen", "a charuco of 9 × 9"]),
+                       ["A: 0 of 4 board images", "0 marks of DICT_5X5_1000 seen",
+                        "a charuco of 9 × 9"]),
     "corners counted for tiles": (given("board.columns", 3), WRONG, ["board.columns: given 3"]),
     # A calibration that is reused.
     "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),
@@ -344,8 +348,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
         WRONG, ['lengths in "ft", allowed: m or mm']),
     "no places": (second(translation=None), WRONG, ["does not say where", "poses: anew"]),
     "no pictures for places": (
-        both(calibration(poses="anew"), given("cameras.1.shots")), WRONG,
-        ["cameras[1].shots: given null"]),
+        both(calibration(poses="anew"), given("cameras.1.board_images")), WRONG,
+        ["cameras[1].board_images: given null"]),
     "a tile of nothing": (given("board.tile_mm", 0), WRONG, ["board.tile_mm: given 0"]),
 }  # fmt: skip
 

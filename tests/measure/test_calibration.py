@@ -81,7 +81,7 @@ def test_absent_shots_are_left_out_and_stay_in_their_place(conforms):
 
 def test_too_few_shots_are_refused_with_the_cameras_name():
     shots = [*observations()[0][:2], None, None]
-    with pytest.raises(CalibrationError, match=r"^B: 2 of 4 shots show the board, needs 3$"):
+    with pytest.raises(CalibrationError, match=r"^B: 2 of 4 board images show the board, needs 3$"):
         calibrate_camera(shots, BOARD, SIZE, name="B")
 
 
@@ -173,7 +173,7 @@ def test_boards_that_do_not_move_do_not_tell_their_symmetries_apart():
                 (f.translations[2],) * 2 + (None,) * 10, f.rms, f.deviations)
         for f in found
     ]  # fmt: skip
-    with pytest.raises(CalibrationError, match=r"do not tell the board's symmetries apart$"):
+    with pytest.raises(CalibrationError, match=r"do not distinguish the board's symmetries$"):
         unify_corners(same, still, BOARD, two_sided=True)
 
 
@@ -182,7 +182,7 @@ def test_cameras_without_common_shots_are_named():
     shots[3] = [uv if s < 6 else None for s, uv in enumerate(shots[3])]
     for c in range(3):
         shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]
-    with pytest.raises(CalibrationError, match=r"^D: shares 1 shots with A, needs 2"):
+    with pytest.raises(CalibrationError, match=r"^D: shares 1 board images with A, needs 2"):
         unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
 
 
@@ -207,7 +207,7 @@ def folder(tmp_path, monkeypatch):
     """A manifest, and a function that calibrates its cameras from corners or refusals by shot."""
     cameras = [
         {"name": c.name, "video": f"{c.name}.mkv", "exposure_s": 0.001, "width_px": SIZE[0],
-         "height_px": SIZE[1], "shots": [f"{c.name}-{k:02d}.png" for k in range(12)]}
+         "height_px": SIZE[1], "board_images": [f"{c.name}-{k:02d}.png" for k in range(12)]}
         for c in rig()
     ]  # fmt: skip
     path = tmp_path / "manifest.yaml"
@@ -266,7 +266,7 @@ def test_the_commonest_reason_of_that_camera_is_named_with_its_count(folder):
         shots[2][k] = "no checkerboard seen" if k == 2 else f"an edge is off by {k}%"
     with pytest.raises(
         CalibrationError,
-        match=r"^C: 2 of 12 shots .*\(9 of 10 refused images for one reason, as C-03.png: an edge "
-        r"is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
+        match=r"^C: 2 of 12 board images .*\(9 of 10 refused images for one reason, as C-03.png: "
+        r"an edge is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
     ):
         folder(shots)

@@ -33,7 +33,7 @@ def manifest(tmp_path: Path) -> Path:
         write_video(tmp_path / f"{k}.mkv", [image] * 3, 30, None)
         cameras.append({"name": name, "video": f"{k}.mkv", "width_px": SIZE[0],
                         "height_px": SIZE[1], "frame_rate_hz": 30, "exposure_s": 0.001,
-                        "shots": f"board/{k}"})  # fmt: skip
+                        "board_images": f"board/{k}"})  # fmt: skip
     path = tmp_path / "manifest.yaml"
     path.write_text(yaml.safe_dump({"cameras": cameras}), encoding="utf-8")
     page = corners_page(read_manifest(path, check_files=False), tmp_path)

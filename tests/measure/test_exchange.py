@@ -75,7 +75,7 @@ def fitted(tracks, frequency=FREQUENCY):
     """The result, as the pipeline has it."""
     given = manifest_of(RIG)
     driven = given.excitation.model_copy(
-        update={"rest_s": REST, "frequency_hz": frequency, "undersampled": frequency > 20}
+        update={"rest_duration_s": REST, "frequency_hz": frequency, "undersampled": frequency > 20}
     )
     sound = xr.Dataset(
         {

@@ -28,13 +28,13 @@ def rig(directions=((10, 22), (-10, 22), (190, 22), (170, 22)), **changes):
     """Values of a manifest without any warning: the thesis's four cameras."""
     cameras = [
         {
-            "name": chr(65 + i), "video": f"{i}.mkv", "shots": f"s{i}", "exposure_s": 0.004,
+            "name": chr(65 + i), "video": f"{i}.mkv", "board_images": f"s{i}", "exposure_s": 0.004,
             "focal_length_mm": 24, "sensor_width_mm": 36, "f_number": 8, "distance_mm": 570,
             "azimuth_deg": azimuth, "elevation_deg": elevation,
         }
         for i, (azimuth, elevation) in enumerate(directions)
     ]  # fmt: skip
-    excitation = {"amplitude_mm": 2.5, "steady_s": [2.0, 4.0]}
+    excitation = {"amplitude_mm": 2.5, "steady_interval_s": [2.0, 4.0]}
     return {"structure": {}, "cameras": cameras, "excitation": excitation, **changes}
 
 
@@ -198,7 +198,7 @@ def test_errors_are_those_of_noisy_images(conforms):
 
 
 def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
-    values = rig(excitation={"amplitude_mm": 2.0, "steady_s": [1.0, 3.0]})
+    values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": [1.0, 3.0]})
     for camera, rate in zip(values["cameras"], (60, 120, 60, 240), strict=True):
         camera["frame_rate_hz"] = rate
         camera["exposure_s"] = 0.004
@@ -226,7 +226,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
 @pytest.mark.parametrize(("frames", "seconds"), [(120, 2.0), (60, None), (1200, 20.0)])
 def test_the_fit_gains_by_the_root_of_half_the_frames(conforms, frames, seconds):
     steady = seconds and [2.0, 2.0 + seconds]
-    values = rig(excitation={"amplitude_mm": 2.0, "steady_s": steady})
+    values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": steady})
     outlook = assessed(values).rig
     assert outlook.frames == frames
     loss = np.sinc(4.25 * 0.004)
@@ -300,11 +300,11 @@ ONE = {
     "below-noise": {"excitation__amplitude_mm": 0.001},
     "small-motion": {"excitation__amplitude_mm": 0.15},
     "large-move": {"excitation__amplitude_mm": 5.0},
-    "short-rest": {"excitation__rest_s": 0.9},
-    "few-rest-frames": {"excitation__rest_s": 0.1},
-    "few-frames": {"excitation__steady_s": [2.0, 2.3]},
-    "few-periods": {"excitation__steady_s": [2.0, 2.4]},
-    "steady-at-rest": {"excitation__steady_s": [0.5, 4.0]},
+    "short-rest": {"excitation__rest_duration_s": 0.9},
+    "few-rest-frames": {"excitation__rest_duration_s": 0.1},
+    "few-frames": {"excitation__steady_interval_s": [2.0, 2.3]},
+    "few-periods": {"excitation__steady_interval_s": [2.0, 2.4]},
+    "steady-at-rest": {"excitation__steady_interval_s": [0.5, 4.0]},
 }
 
 
@@ -328,7 +328,7 @@ def joined(lines):
 
 @pytest.mark.parametrize(
     ("field", "at_most"),
-    [("excitation__rest_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
+    [("excitation__rest_duration_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
      ("cameras__2__exposure_s", {"motion-blur"}), ("cameras__1__azimuth_deg", {"same-line"}),
      ("excitation__amplitude_mm", {"small-motion"})],
 )  # fmt: skip
@@ -430,8 +430,9 @@ def test_every_warning_has_a_threshold_and_every_threshold_a_test():
          "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
         ({"excitation__amplitude_mm": None},
          "blur, movement and whole pixels: give excitation.amplitude_mm"),
-        ({"excitation__steady_s": None},
-         "length of the steady-state interval, assumed to be 1 s: give excitation.steady_s"),
+        ({"excitation__steady_interval_s": None},
+         "length of the steady-state interval, assumed to be 1 s: "
+         "give excitation.steady_interval_s"),
         ({"excitation__sound": "room"}, "a clap: no field tells whether every sound track has one"),
         ({"structure__kind": "flat"},
          'natural frequencies: give structure.kind "beam" or "plate" if it is one'),
@@ -449,7 +450,7 @@ def test_cameras_without_a_place_do_not_count():
     both = rig([(10, 22), (190, 22)])
     assert assessed(values).rig == assessed(both).rig
     assert assessed(values).rig.located == 2
-    bare = {"cameras": [{k: c[k] for k in ("name", "video", "shots", "exposure_s")}
+    bare = {"cameras": [{k: c[k] for k in ("name", "video", "board_images", "exposure_s")}
                         for c in rig()["cameras"]]}  # fmt: skip
     assessment = assessed(bare)
     assert assessment.warnings == ()
@@ -526,7 +527,7 @@ def random_values(rng):
     for i in range(n):
         rate = 10 ** rng.uniform(0, 4)
         cameras.append({
-            "name": f"camera {i}", "video": f"{i}.mkv", "shots": f"s{i}",
+            "name": f"camera {i}", "video": f"{i}.mkv", "board_images": f"s{i}",
             "width_px": int(rng.integers(2, 6000)), "height_px": int(rng.integers(2, 6000)),
             "frame_rate_hz": rate, "exposure_s": rng.uniform(0.001, 1) / rate,
             "focal_length_mm": maybe(10 ** rng.uniform(0, 3)),
@@ -543,9 +544,9 @@ def random_values(rng):
         "cameras": cameras,
         "excitation": {
             "frequency_hz": frequency, "undersampled": frequency is not None and rng.random() < 0.5,
-            "amplitude_mm": maybe(10 ** rng.uniform(-4, 3)), "rest_s": rng.uniform(0, 3),
+            "amplitude_mm": maybe(10 ** rng.uniform(-4, 3)), "rest_duration_s": rng.uniform(0, 3),
             "sound": str(rng.choice(["force", "room"])),
-            "steady_s": maybe([begin, begin + 10 ** rng.uniform(-3, 2)]),
+            "steady_interval_s": maybe([begin, begin + 10 ** rng.uniform(-3, 2)]),
         },
     }  # fmt: skip
 

@@ -85,7 +85,7 @@ def test_other_endings_are_read_or_named(tmp_path, video):
     manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)
     assert [camera.video for camera in manifest.cameras] == ["a.3gp", "b.odd"]
     assert "passed over: what.dat" in done.out
-    assert re.search(r"thesis pack \S*raw\.h264 --rate-hz", done.out)
+    assert re.search(r"thesis convert \S*raw\.h264 --rate-hz", done.out)
     assert "notes.txt" not in done.out
 
 
@@ -109,7 +109,7 @@ def test_a_packed_film_is_used_in_place_of_its_source(tmp_path, video):
     """Both would count as one recording in two files."""
     for name in ("a.mp4", "b.mov"):
         shutil.copy(video, tmp_path / name)
-    assert thesis("pack", tmp_path / "a.mp4", "--rate-hz", "400").status == 0
+    assert thesis("convert", tmp_path / "a.mp4", "--rate-hz", "400").status == 0
     done = new(tmp_path, video)
     assert (done.status, done.err) == (0, "")
     manifest = read_manifest(tmp_path / "manifest.yaml", check_files=False)

@@ -36,7 +36,8 @@ def folder_of(folder, sounds, rate=RATE, **excitation):
     for name, sound in zip(names, sounds, strict=True):
         write_video(folder / f"{name}.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound, rate)
     cameras = [
-        CameraFiles(name=name, video=f"{name}.mkv", exposure_s=0.004, shots="s") for name in names
+        CameraFiles(name=name, video=f"{name}.mkv", exposure_s=0.004, board_images="s")
+        for name in names
     ]
     return Manifest(cameras=tuple(cameras), excitation=Excitation(**excitation))
 
@@ -218,7 +219,9 @@ def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, line):
         frequency_hz=frequency[0] if declared else frequency, undersampled=declared
     )
     cameras = tuple(
-        CameraFiles(name=name, video=f"{name}.mkv", exposure_s=0.004, shots="s", frame_rate_hz=rate)
+        CameraFiles(
+            name=name, video=f"{name}.mkv", exposure_s=0.004, board_images="s", frame_rate_hz=rate
+        )
         for name, rate in (("B", 60.0), ("C", 50.0 if line and "cameras[1]" in line else 60.0))
     )
     lines = check_excitation(Manifest(cameras=cameras, excitation=excitation))
@@ -245,7 +248,7 @@ def test_the_given_steady_part_is_used(conforms, tmp_path, given):
 
     t = np.arange(6 * RATE) / RATE
     sounds = [stepped(t), stepped(t + 0.1)]
-    manifest = folder_of(tmp_path, sounds, steady_s=(3.2, 5.8), frequency_hz=given)
+    manifest = folder_of(tmp_path, sounds, steady_interval_s=(3.2, 5.8), frequency_hz=given)
     found = estimate_delays(manifest, tmp_path)
     assert found.steady == (3.2, 5.8)
     middle = np.exp(2j * np.pi * 4.5 * (found.frequency - FREQUENCY))
@@ -268,11 +271,11 @@ def test_the_given_steady_part_is_used(conforms, tmp_path, given):
 def test_a_steady_part_outside_of_what_all_recorded_is_refused(tmp_path, kind, steady, limits):
     sound = force if kind == "force" else clapping()
     sounds = faint([sound(T), sound(T + 0.1), sound(T[: round(3.85 * RATE)] + 0.1)])
-    manifest = folder_of(tmp_path, sounds, sound=kind, steady_s=steady)
+    manifest = folder_of(tmp_path, sounds, sound=kind, steady_interval_s=steady)
     message = refusal(manifest, tmp_path, ManifestError)
     given = f"[{steady[0]:g}, {steady[1]:g}]"
     assert message == (
-        f"excitation.steady_s: given {given}, allowed: within the recordings, {limits}"
+        f"excitation.steady_interval_s: given {given}, allowed: within the recordings, {limits}"
     )
 
 
@@ -315,7 +318,7 @@ def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
     # C starts last, at 0.27 s of A, and rests for 1 s; B ends first, at 3.9 s.
     conforms.closed_form(found.steady, (1.27, 3.9), atol=1e-4)
     part = manifest.model_copy(update={"excitation": manifest.excitation.model_copy(
-        update={"steady_s": (1.4, 3.5)})})  # fmt: skip
+        update={"steady_interval_s": (1.4, 3.5)})})  # fmt: skip
     assert estimate_delays(part, tmp_path).steady == (1.4, 3.5)
 
 
@@ -334,8 +337,12 @@ def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
 def test_rooms_that_tell_too_little_are_refused(tmp_path):
     sound = clapping()
     good = faint([sound(T), sound(T + 0.1)])
-    message = refusal(folder_of(tmp_path, good, sound="room", rest_s=3.95), tmp_path, ManifestError)
-    assert message.startswith("excitation.rest_s: given 3.95, allowed: less than the 3.900 s")
+    message = refusal(
+        folder_of(tmp_path, good, sound="room", rest_duration_s=3.95), tmp_path, ManifestError
+    )
+    assert message.startswith(
+        "excitation.rest_duration_s: given 3.95, allowed: less than the 3.900 s"
+    )
     unlike = faint([sound(T), clapping((1.2, 2.0, 2.9), 1)(T)])
     message = refusal(folder_of(tmp_path, unlike, sound="room"), tmp_path)
     assert message.startswith("B: no sound in it matches that of A beyond doubt; clap")
@@ -360,7 +367,7 @@ def low(sound, seconds, starts, rate=8000):
 
 def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch):
     sounds = low(late, 70, (0.0, 2.3, 1.1))
-    manifest = folder_of(tmp_path, sounds, 8000, rest_s=49)
+    manifest = folder_of(tmp_path, sounds, 8000, rest_duration_s=49)
     whole = estimate_delays(manifest, tmp_path)
     monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 16 s at 4 kHz
     found = estimate_delays(manifest, tmp_path)

@@ -269,7 +269,10 @@ REFUSED = {  # what is wrong: change of the manifest, words of the refusal
     "a path outside": (camera(1, video="../B.mkv"), ["cameras[1].video", "inside the manifest"]),
     "a long name": (camera(1, video="x" * 480), ["cameras[1].video", "no such file"]),
     "a folder as video": (camera(1, video="board"), ['cameras[1].video: given "board"', "no such"]),
-    "no shots": (camera(1, shots="bord/*.jpg"), ["cameras[1].shots", "0 pictures", "at least 3"]),
+    "no board images": (
+        camera(1, board_images="bord/*.jpg"),
+        ["cameras[1].board_images", "0 pictures", "at least 3"],
+    ),
     "a long exposure": (camera(1, exposure_s=0.05), ["cameras[1].exposure_s: given 0.05", "in s"]),
     "corners crossed": (camera(0, corners_px=[[1, 1], [9, 1], [1, 9], [9, 9]]),
                         ["cameras[0].corners_px", "convex"]),
@@ -285,12 +288,14 @@ REFUSED = {  # what is wrong: change of the manifest, words of the refusal
                      ["cameras[1].video", "1280 × 720 px, allowed: 1920 × 1080 px"]),
     "above Nyquist": (excitation(frequency_hz=31.0), ["excitation.frequency_hz: given 31",
                                                       "below half of the frame rate, 30 Hz"]),
-    "a long rest": (excitation(rest_s=5.0), ["A.mkv: ", "s of pictures", "more than rest_s, 5 s"]),
-    "a rest in motion": (excitation(rest_s=2.5),
-                         ["excitation.rest_s: given 2.5", "allowed: at most the 1."]),
-    "no rest": (excitation(rest_s=0.0), ["excitation.rest_s: given 0", "0.05 s"]),
-    "steady when it is over": (excitation(steady_s=[9.0, 10.0]),
-                               ["excitation.steady_s: given [9, 10]", "within the recordings"]),
+    "a long rest": (excitation(rest_duration_s=5.0),
+                    ["A.mkv: ", "s of pictures", "more than rest_duration_s, 5 s"]),
+    "a rest in motion": (excitation(rest_duration_s=2.5),
+                         ["excitation.rest_duration_s: given 2.5", "allowed: at most the 1."]),
+    "no rest": (excitation(rest_duration_s=0.0), ["excitation.rest_duration_s: given 0", "0.05 s"]),
+    "steady when it is over": (excitation(steady_interval_s=[9.0, 10.0]),
+                               ["excitation.steady_interval_s: given [9, 10]",
+                                "within the recordings"]),
 }  # fmt: skip
 
 
@@ -372,7 +377,7 @@ def noise(samples):
     return 0.2 * np.random.default_rng(0).standard_normal(len(samples))
 
 
-VIDEO, BOARD = "cameras[1].video: ", "cameras[1].shots: "
+VIDEO, BOARD = "cameras[1].video: ", "cameras[1].board_images: "
 BROKEN = {  # what is wrong: change of the files, exit status, words
     "no manifest": (on("manifest.yaml", Path.unlink), 2, ["manifest.yaml: no such file"]),
     "a folder as manifest": (on("manifest.yaml", replaced_by_a_folder), 2,
@@ -390,7 +395,7 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "another tone": (sound(tone), 1, ["B: ", "allowed: at least"]),
     "short sound": (sound(lambda samples: samples[:SAMPLE_RATE]), 2,
                     [VIDEO, "its sound at 1.000 s", "allowed: at most 0.5 s apart"]),
-    "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].shots", "2 pictures", "at least 3"]),
+    "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].board_images", "2 pictures", "at least 3"]),
     "fewer shots of one": (keep_shots("B", 9), 2, ["cameras: given ", ", 9, ", "as many"]),
     "a text as shot": (shot(lambda path: path.write_text("no picture")), 2,
                        [BOARD, "B-03.jpg: not a readable picture"]),
@@ -474,7 +479,7 @@ def with_tracks_of(measured, patch):
 def swapped(values):
     few_shots(values, 5)
     first, second = values["cameras"][:2]
-    first["shots"], second["shots"] = second["shots"], first["shots"]
+    first["board_images"], second["board_images"] = second["board_images"], first["board_images"]
 
 
 def small_tiles(values):
@@ -550,7 +555,11 @@ def narrow(values):
 @pytest.mark.parametrize(
     ("breaks", "change", "words"),
     [
-        (blank, lambda values: few_shots(values, 4), ["B: 0 of 4 shots show the board, needs 3"]),
+        (
+            blank,
+            lambda values: few_shots(values, 4),
+            ["B: 0 of 4 board images show the board, needs 3"],
+        ),
         (
             lambda _: None,
             narrow,
@@ -644,7 +653,7 @@ def test_only_what_depends_on_a_change_is_done_again(measured, data, tmp_path, m
     np.testing.assert_array_equal(again["deflection"], data["deflection"])
     assert float(again["model_frequency"][0]) < 0.95 * float(data["model_frequency"][0])
     # Another steady part: the sound is heard again, the markers are where they were.
-    change_manifest(folder, excitation(steady_s=[1.95, 2.8]))
+    change_manifest(folder, excitation(steady_interval_s=[1.95, 2.8]))
     done = thesis("measure", "manifest.yaml", "--out", "./measured/../measured")
     assert (done.status, done.err, done.warned) == (0, "", ())
     after = stamps(folder / "measured")
@@ -662,7 +671,7 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     cut(steps / "tracks-02.npy", 0.5)
     edited.write_bytes(whole[:-8] + np.float64(1.0).tobytes())
     done = thesis("measure", folder / "manifest.yaml")
-    told = f"{steps / 'sound.nc'} is not what was kept there; it is computed anew\n"
+    told = f"{steps / 'sound.nc'} is not what was stored there; it is computed again\n"
     assert (done.status, done.err, done.warned) == (0, told, ())
     assert_same_results(results_of(folder / "measured"), data)
     after = stamps(folder / "measured")
@@ -719,7 +728,7 @@ def test_names_of_all_kinds(measured, tmp_path, monkeypatch):
 
     def change(values):
         for one in values["cameras"]:
-            one["shots"] = f"Brett [1] (alt)/{one['name']}"
+            one["board_images"] = f"Brett [1] (alt)/{one['name']}"
         values["cameras"][0] |= {"video": "Kamera 1 (früh) 50%.mkv",
                                  "name": "<b>Müller's</b> & $\\foo_$ 50 %"}  # fmt: skip
 

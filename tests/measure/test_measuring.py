@@ -15,7 +15,7 @@ from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
 from thesis_lib.measure.fitting.models import candidate_modes, scale_model
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Structure
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, StructureSpec
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.studies.cache import key_of, load_or_compute
@@ -104,7 +104,7 @@ def test_growth_is_seen(conforms, tmp_path):
 
 @pytest.mark.parametrize("kind", ["beam", "plate"])
 def test_a_mode_is_most_similar_to_itself(conforms, kind):
-    structure = Structure(kind=kind)
+    structure = StructureSpec(kind=kind)
     modes = candidate_modes(structure)
     for mode in modes:
         values = [assurance_criterion(-3e-3 * mode.shape, other.shape) for other in modes]
@@ -115,12 +115,12 @@ def test_a_mode_is_most_similar_to_itself(conforms, kind):
 
 
 def test_one_row_on_the_axis_sees_no_torsion():
-    structure = Structure(markers={"rows": 1})
+    structure = StructureSpec(markers={"rows": 1})
     assert all(mode.name.startswith("bending") for mode in candidate_modes(structure))
 
 
 def test_a_flat_structure_has_no_model():
-    assert candidate_modes(Structure(kind="flat")) == []
+    assert candidate_modes(StructureSpec(kind="flat")) == []
 
 
 # Universal file.
@@ -199,7 +199,7 @@ def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     station = rig.stations[0]
     media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
     files = CameraFiles(name="A", video="A.mkv", width_px=960, height_px=540, exposure_s=0.004,
-                        shots="shots")  # fmt: skip
+                        board_images="shots")  # fmt: skip
     monkeypatch.setattr(recording_module, "FRAMES_PER_STATE", 7)
 
     def run(name, key="k", tick=lambda done: None):

@@ -356,11 +356,14 @@ def test_too_few_markers_and_frames_are_refused():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"kind": "decay", "frequency_hz": 5.0}, "given 5.0, allowed where kind is decay: null"),
-        ({"kind": "tones", "sound": "none"}, "sound: given .* allowed for several modes"),
+        (
+            {"kind": "free_decay", "frequency_hz": 5.0},
+            "given 5.0, allowed where kind is free_decay: null",
+        ),
+        ({"kind": "multisine", "sound": "none"}, "sound: given .* allowed for several modes"),
         ({"kind": "chirp"}, "kind"),
-        ({"kind": "decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),
-        ({"kind": "decay", "modes": {"near_hz": [1.0]}}, "near_hz: given"),
+        ({"kind": "free_decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),
+        ({"kind": "free_decay", "modes": {"near_hz": [1.0]}}, "near_hz: given"),
     ],
 )
 def test_what_a_manifest_may_not_ask_is_refused(given, told):
@@ -369,8 +372,8 @@ def test_what_a_manifest_may_not_ask_is_refused(given, told):
 
 
 def test_one_tone_is_the_default_and_has_its_frequency():
-    assert (Excitation().kind, Excitation().frequency_hz) == ("tone", 4.25)
-    assert Excitation(kind="decay").frequency_hz is None
+    assert (Excitation().kind, Excitation().frequency_hz) == ("sine", 4.25)
+    assert Excitation(kind="free_decay").frequency_hz is None
 
 
 @pytest.mark.slow

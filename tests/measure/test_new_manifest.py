@@ -44,7 +44,7 @@ def test_what_files_show_is_in_the_manifest_and_what_is_missing_is_said(folder):
     assert (left.name, left.video, left.size, left.frame_rate_hz) == (
         "left", "left.mkv", (64, 48), 50.0)  # fmt: skip
     assert right.frame_rate_hz == pytest.approx(59.94, rel=1e-4)
-    assert (left.shots, right.shots) == ("board/left", "shots/right-*.jpg")
+    assert (left.board_images, right.board_images) == ("board/left", "shots/right-*.jpg")
     assert left.exposure_s == right.exposure_s == 5e-5
     assert manifest.structure.kind == "plate"
     assert (manifest.board.tile_mm, manifest.excitation.sound) == (30.0, "room")
@@ -114,7 +114,7 @@ def test_a_calibration_that_is_reused_needs_no_pictures(tmp_path):
     done = thesis("measure", "--new", tmp_path, "-p", "calibration=before")
     assert "board" not in "".join(line for line in done.out.splitlines() if "assumed" not in line)
     manifest = read_manifest(tmp_path / "manifest.yaml")  # and its files are there
-    assert [camera.shots for camera in manifest.cameras] == [None, None]
+    assert [camera.board_images for camera in manifest.cameras] == [None, None]
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
 def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
     rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
                         steady=1.7)  # fmt: skip
-    excitation = {"sound": "room", "frequency_hz": None, "steady_s": (0.45, 2.0),
+    excitation = {"sound": "room", "frequency_hz": None, "steady_interval_s": (0.45, 2.0),
                   "force_per_full_scale_n": None}  # fmt: skip
     manifest = own.make(tmp_path, rig, excitation, colour=True,
                         sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
@@ -93,11 +93,11 @@ def silent(tmp_path_factory):
     folder = tmp_path_factory.mktemp("silent")
     rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
                         steady=1.2)  # fmt: skip
-    excitation = {"sound": "none", "rest_s": 0.0, "steady_s": (0.45, 1.5),
+    excitation = {"sound": "none", "rest_duration_s": 0.0, "steady_interval_s": (0.45, 1.5),
                   "force_per_full_scale_n": None}  # fmt: skip
     path = own.make(folder, rig, excitation, sound=lambda rig, index: np.zeros(48))
     manifest = read_manifest(path)
-    pictures = [folder / camera.shots for camera in manifest.cameras]
+    pictures = [folder / camera.board_images for camera in manifest.cameras]
     for place in pictures:  # one pose that is seen by none, and two that one camera has exchanged
         write_png(place / "02.png", np.full((540, 960), 90, np.uint8))
     one, other = pictures[1] / "05.png", pictures[1] / "06.png"

@@ -31,14 +31,15 @@ from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 PLATE = setups.thesis_plate((9, 6))
 OMEGA = resonance_frequency(PLATE, 1)
 TRUE = deflection_shape(PLATE, 1, PLATE.markers, 1e-3) * np.exp(0.7j)
-SURFACE = Surface.of(
+SURFACE = Surface.from_outline(
     np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 1600,
     (PLATE.length / 2, PLATE.width / 2),
 )  # fmt: skip
 NOISE, COMMON = 4e-6, 1e-3  # m of a marker; of all together, relative
 POINTS = np.array([[0.0, 0.3], [0.0, 0.2], [1.0, 0.5]])
 CAMERAS = [
-    {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "shots": name} for name in "AB"
+    {"name": name, "video": f"{name}.mp4", "exposure_s": 0.001, "board_images": name}
+    for name in "AB"
 ]
 
 
@@ -80,7 +81,7 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
 
 def exact():
     """Power of the true shape by Rayleigh's sum over 3600 cells."""
-    fine = Surface.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
+    fine = Surface.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 3600)
     w = deflection_shape(PLATE, 1, fine.places, 1e-3)
     return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
 
@@ -227,7 +228,7 @@ def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
 
 def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made, conforms):
     """By the true shape on finer cells; mode 1 is half a wave along and half a wave across."""
-    screen = Screen.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
+    screen = Screen.from_outline(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent, 900)
     w = deflection_shape(PLATE, 1, screen.places, 1e-3)[:, None]
     level = 10 * np.log10(float(screen.power_form(w, OMEGA)[0, 0]) / exact())
     std = float(made["no_wall_change_std"][0])
@@ -492,7 +493,7 @@ def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
     ],
 )
 def test_what_has_no_sound_is_refused_in_a_line(fields, structure, line):
-    for kind in ("tone", "tones", "decay"):
+    for kind in ("sine", "multisine", "free_decay"):
         with pytest.raises(ValidationError) as refused:
             manifest(fields, {"kind": kind, "sound": "room"}, **structure)
         error, *_ = refused.value.errors()
@@ -522,7 +523,7 @@ def test_the_same_is_refused_of_several_modes():
 
 
 def test_a_drive_without_tones_has_no_sound():
-    allowed = r'allowed where radiation is given: "tone", "tones" or "decay"'
+    allowed = r'allowed where radiation is given: "sine", "multisine" or "free_decay"'
     values = json.loads(manifest().model_dump_json())
     force = {"file": "force.wav", "full_scale_n": 10, "at_mm": [10, 10]}
     values |= {"excitation": {"kind": "random", "sound": "room"}, "force": force}

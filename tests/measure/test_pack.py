@@ -70,7 +70,7 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
     (tmp_path / "left").mkdir()
     for k, frame in enumerate(EIGHT):
         write_png(tmp_path / "left" / f"frame{k + 7}.png", frame[:47, :63])
-    said = CliRunner().invoke(cli, ["pack", str(tmp_path / "left"), "--rate-hz", "240"])
+    said = CliRunner().invoke(cli, ["convert", str(tmp_path / "left"), "--rate-hz", "240"])
     assert said.output == f"{tmp_path / 'left.mov'}: 7 frames of 62 × 46 px\n"
     video = tmp_path / "left.mov"
     np.testing.assert_array_equal(list(read_frames(video)), EIGHT[:, :46, :62])
@@ -117,7 +117,7 @@ def test_a_wrong_header_is_refused_by_its_field(tmp_path, field, value):
     text, n = re.subn(f"<{field}>.*?</{field}>", f"<{field}>{value}</{field}>", CIHX)
     assert n == 1
     source.write_text(text.format(bits=8, depth=8, side="Lower"), encoding="utf-8")
-    result = CliRunner().invoke(cli, ["pack", str(source)])
+    result = CliRunner().invoke(cli, ["convert", str(source)])
     said = result.output.splitlines()
     assert (result.exit_code, len(said)) == (2, 4)  # usage, and one line
     assert "C1." in said[-1]
@@ -136,12 +136,14 @@ def test_a_header_of_gigabytes_is_not_read(tmp_path):
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
     runner = CliRunner()
     for what, said in [("", "no picture in it"), ("none", "allowed: a folder of pictures")]:
-        result = runner.invoke(cli, ["pack", str(tmp_path / what), str(tmp_path / "o.mov")])
+        result = runner.invoke(cli, ["convert", str(tmp_path / what), str(tmp_path / "o.mov")])
         assert (result.exit_code, said in result.output) == (2, True)
     write_png(tmp_path / "a.png", EIGHT[0])
-    result = runner.invoke(cli, ["pack", str(tmp_path), str(tmp_path / "o.mov")])
+    result = runner.invoke(cli, ["convert", str(tmp_path), str(tmp_path / "o.mov")])
     assert "give --rate-hz" in result.output
-    result = runner.invoke(cli, ["pack", str(tmp_path), str(tmp_path / "o.mp4"), "--rate-hz", "5"])
+    result = runner.invoke(
+        cli, ["convert", str(tmp_path), str(tmp_path / "o.mp4"), "--rate-hz", "5"]
+    )
     assert "allowed: .mov" in result.output
 
 

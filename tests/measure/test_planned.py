@@ -61,12 +61,12 @@ def test_a_slender_structure_is_seen_from_its_two_sides():
 def test_what_is_given_stands_and_the_rest_is_a_phones():
     given = PLATE | {"cameras.width_px": 3840, "cameras.height_px": 2160, "cameras": 2,
                      "structure.markers.rows": 3, "structure.markers.columns": 5,
-                     "excitation.steady_s": [1, 3]}  # fmt: skip
+                     "excitation.steady_interval_s": [1, 3]}  # fmt: skip
     manifest = draft_manifest(given)
     assert [c.size for c in manifest.cameras] == [(3840, 2160)] * 2
     assert {c.frame_rate_hz for c in manifest.cameras} == {PHONE_CAMERA["frame_rate_hz"]}
     assert (manifest.structure.markers.rows, manifest.structure.markers.columns) == (3, 5)
-    assert manifest.excitation.steady_s == (1, 3)
+    assert manifest.excitation.steady_interval_s == (1, 3)
     assert abs(manifest.cameras[0].azimuth_deg - manifest.cameras[1].azimuth_deg) == 180
 
 

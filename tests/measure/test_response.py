@@ -65,7 +65,7 @@ class Scene:
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
         changed = {
             "excitation": Excitation(
-                kind=kind, rest_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
+                kind=kind, rest_duration_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
             ),
             "force": Force(**given | force),
         }
@@ -350,7 +350,7 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
 
 def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
     manifest = swept.asked("sweep")
-    early = manifest.excitation.model_copy(update={"steady_s": (0.5, 5.0)})
+    early = manifest.excitation.model_copy(update={"steady_interval_s": (0.5, 5.0)})
     cut = manifest.model_copy(update={"excitation": early})
     assert [one for one in check_response(swept.responded(cut), cut) if one.code == "still-ringing"]
 
@@ -447,7 +447,7 @@ def manifest_for(folder, **force):
         "at_mm": [100.0, 15.0],
     }
     cameras = [
-        {"name": name, "video": f"{name}.mkv", "shots": "x*.png", "exposure_s": 0.01,
+        {"name": name, "video": f"{name}.mkv", "board_images": "x*.png", "exposure_s": 0.01,
          "frame_rate_hz": 10.0} for name in "AB"
     ]  # fmt: skip
     values = {"cameras": cameras, "force": given | force, "excitation": {"kind": "random"}}
@@ -533,7 +533,7 @@ def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
          "offset_s: given null, allowed with a table"),
         ({"at_mm": [700.0, 15.0]}, "random", "at_mm: given .700.0, 15.0., allowed: null, or"),
         (None, "sweep", "force: given null, allowed where excitation.kind is sweep"),
-        ({}, "tones", 'kind: given "tones", allowed with a force'),
+        ({}, "multisine", 'kind: given "multisine", allowed with a force'),
     ],
 )  # fmt: skip
 def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind, told):
@@ -578,7 +578,7 @@ def tapped(tmp_path_factory):
     own = scene(folder, pulse, damping, 8.0, 0.002, rates=rates, place=(0.3, 0.015))
     sound = SILENT.assign(steady=("end", [0.52, 8.0]))
     of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
-    measure_motion(own.asked("decay", to_hz=60.0), folder, of, out, lambda _: None)
+    measure_motion(own.asked("free_decay", to_hz=60.0), folder, of, out, lambda _: None)
     return own.truth, out
 
 

@@ -77,7 +77,7 @@ def heard(frequency=4.25, of_force=1, end=END):
 def manifest(**excitation):
     """The rig's manifest."""
     given = manifest_of(RIG)
-    driven = given.excitation.model_copy(update={"rest_s": REST, **excitation})
+    driven = given.excitation.model_copy(update={"rest_duration_s": REST, **excitation})
     cameras = tuple(
         c.model_copy(update={"frame_rate_hz": r}) for c, r in zip(given.cameras, RATES, strict=True)
     )

@@ -317,7 +317,7 @@ def again(first, calibration, change=lambda values: None):
 
 def without_pictures(values):
     for camera in values["cameras"]:
-        del camera["shots"]
+        del camera["board_images"]
 
 
 @pytest.mark.slow
@@ -358,5 +358,5 @@ def test_pictures_are_needed_unless_the_places_are_known(tmp_path):
         if allowed:
             assert read_manifest(path, check_files=False).calibration.file == "c.nc"
         else:
-            with pytest.raises(ManifestError, match=r"cameras\[0\]\.shots: given null"):
+            with pytest.raises(ManifestError, match=r"cameras\[0\]\.board_images: given null"):
                 read_manifest(path, check_files=False)

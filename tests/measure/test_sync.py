@@ -78,7 +78,7 @@ def test_standard_errors_of_drifts_are_their_scatter(conforms):
 def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, videos):
     cameras = [
         {"name": v.stem, "video": v.name, "width_px": 16, "height_px": 16, "frame_rate_hz": 30,
-         "exposure_s": 0.01, "shots": "shots"}
+         "exposure_s": 0.01, "board_images": "shots"}
         for v in videos
     ]  # fmt: skip
     excitation = {"sound": "room", "frequency_hz": 4.0}

@@ -52,7 +52,7 @@ def followed(video, at, markers, shares=(), corners=None):
     """What a video's file of tracks holds, and the notes."""
     files = CameraFiles(
         name="A", video=video.name, width_px=at.size[0], height_px=at.size[1], exposure_s=0.004,
-        shots="shots", corners_px=corners
+        board_images="shots", corners_px=corners
     )  # fmt: skip
     clock, out = frame_clock(video), video.with_name(f"{len(shares)}.npy")
     folder = video.parent

@@ -91,7 +91,7 @@ def change_manifest(folder: Path, change: Callable[[dict], object]) -> None:
 def few_shots(values: dict, count: int) -> None:
     """The same manifest with fewer pictures of the board."""
     for camera in values["cameras"]:
-        camera["shots"] = [f"board/{camera['name']}-{k:02d}.jpg" for k in range(count)]
+        camera["board_images"] = [f"board/{camera['name']}-{k:02d}.jpg" for k in range(count)]
 
 
 def remux(

@@ -164,7 +164,7 @@ def recorded(
         )
     manifest = manifest_of(own)
     excitation = Excitation(
-        kind="decay", rest_s=0.45, sound="room", modes=Sought(to_hz=60.0, count=2)
+        kind="free_decay", rest_duration_s=0.45, sound="room", modes=Sought(to_hz=60.0, count=2)
     )
     return found, manifest.model_copy(update={"excitation": excitation})
 

@@ -82,7 +82,7 @@ def make(
         if corners:
             files = files.model_copy(update={"corners_px": corners_px(rig, index)})
         cameras.append(files)
-    driven = manifest.excitation.model_copy(update={"rest_s": REST, **excitation})
+    driven = manifest.excitation.model_copy(update={"rest_duration_s": REST, **excitation})
     manifest = manifest.model_copy(update={"cameras": tuple(cameras), "excitation": driven})
     write_manifest(manifest, folder / "manifest.yaml")
     return folder / "manifest.yaml"

@@ -103,7 +103,7 @@ def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]
     write_opencv(folder / "cameras.yaml", rig.cameras)
     values = manifest_of(rig).model_dump(mode="json")
     for camera in values["cameras"]:
-        camera |= {"shots": None, "readout_s": readout}
+        camera |= {"board_images": None, "readout_s": readout}
     values |= {"calibration": "cameras.yaml", **changes}
     write_manifest(Manifest.model_validate_json(json.dumps(values)), folder / "manifest.yaml")
     return folder / "manifest.yaml"

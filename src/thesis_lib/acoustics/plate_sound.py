@@ -42,7 +42,7 @@ class PlateSound:
     resistance: Array  #: Radiation resistance R in W s²/m², shape (markers, markers)
 
     @classmethod
-    def of(
+    def from_shape(
         cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float, reference: Array
     ) -> PlateSound:
         """Build from a true deflection (markers,) in m at an angular frequency in rad/s."""

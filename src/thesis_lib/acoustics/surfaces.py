@@ -51,7 +51,7 @@ class Surface:
     places: Array  #: The nodes in the outline's own frame, m, shape (2, nodes)
 
     @classmethod
-    def of(
+    def from_outline(
         cls, outline: ArrayLike, nodes: int, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Surface:
         """Cover corners (n, 2) in m, with about so many nodes in the box around them.

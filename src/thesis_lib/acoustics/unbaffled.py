@@ -34,7 +34,7 @@ class Screen:
     size: Array  #: Length and width of a cell in m, shape (2,)
 
     @classmethod
-    def of(cls, outline: ArrayLike, cells: int) -> Screen:
+    def from_outline(cls, outline: ArrayLike, cells: int) -> Screen:
         """Cover corners (n, 2) in m, with about so many cells in the box around them."""
         corners = np.asarray(outline, float)
         low, extent = corners.min(axis=0), np.ptp(corners, axis=0)

@@ -20,9 +20,13 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles, Manifest
-from thesis_lib.measure.recordings.manifest_model import Markers as MarkerSpec
-from thesis_lib.measure.recordings.manifest_model import Structure as StructureSpec
+from thesis_lib.measure.recordings.manifest_model import (
+    BoardSpec,
+    CameraFiles,
+    Manifest,
+    MarkersSpec,
+    StructureSpec,
+)
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.beam import Beam
@@ -87,11 +91,11 @@ def write_recording(
         The manifest. Camera A's files are ``A.mkv`` and ``A/00.png`` and so on.
     """
 
-    def one(index: int) -> None:
+    def write_camera(index: int) -> None:
         write_video(rig, index, folder, codec, crf)
         write_board_images(rig, index, folder)
 
-    map_in_pairs(one, range(len(rig.stations)))
+    map_in_pairs(write_camera, range(len(rig.stations)))
     path = folder / "manifest.yaml"
     write_manifest(manifest_of(rig), path)
     return path
@@ -110,7 +114,7 @@ def manifest_of(rig: Rig) -> Manifest:
                 height_px=station.camera.size[1],
                 frame_rate_hz=station.frame_rate,
                 exposure_s=station.sensor.exposure,
-                shots=station.camera.name,
+                board_images=station.camera.name,
             )
             for station in rig.stations
         ),
@@ -122,7 +126,7 @@ def manifest_of(rig: Rig) -> Manifest:
         ),
         excitation=Excitation(
             frequency_hz=rig.motion.components[0].frequency,
-            rest_s=REST_S,
+            rest_duration_s=REST_S,
             force_per_full_scale_n=rig.full_scale,
         ),
     )
@@ -163,7 +167,7 @@ def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec
             youngs_modulus_pa=structure.youngs_modulus,
             damping=structure.damping,
             force_position_mm=_mm(x),
-            markers=MarkerSpec(**given, **layout),
+            markers=MarkersSpec(**given, **layout),
             **own,
         )
 
@@ -211,7 +215,7 @@ def example_manifest(rig: Rig) -> Manifest:
         camera.model_copy(
             update={
                 "video": f"{camera.name}.mkv",
-                "shots": f"board/{camera.name}-*.jpg",
+                "board_images": f"board/{camera.name}-*.jpg",
                 "focal_length_mm": FOCAL_MM,
                 "sensor_width_mm": SENSOR_MM,
                 "f_number": 11.0,
@@ -254,7 +258,7 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
                     raise KeyboardInterrupt
                 yield picture
 
-        def one(index: int) -> None:
+        def render_camera(index: int) -> None:
             station = rig.stations[index]
             name = station.camera.name
             say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
@@ -271,7 +275,7 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())
 
-        map_in_pairs(one, range(len(rig.stations)), stop.set)
+        map_in_pairs(render_camera, range(len(rig.stations)), stop.set)
         write_manifest(example_manifest(rig), part / "manifest.yaml")
         if folder.exists():
             folder.rmdir()

@@ -161,14 +161,14 @@ DEFLECTION_VARIABLES = parse_variables("""
 def perturb_cameras(rig: Rig) -> Rig:
     """Move every camera of a rig a little, by draws of its seed."""
 
-    def moved(index: int, station: Station) -> Station:
+    def move_station(index: int, station: Station) -> Station:
         shift, turn = rig.generator(9, index, 0).standard_normal((2, 3))
         camera = station.camera
         R = _rotate_about(TURN_STD_RAD * turn) @ camera.R_camera_world
         camera = replace(camera, R_camera_world=R, centre=camera.centre + PLACE_STD_M * shift)
         return replace(station, camera=camera)
 
-    return replace(rig, stations=tuple(moved(*each) for each in enumerate(rig.stations)))
+    return replace(rig, stations=tuple(move_station(*each) for each in enumerate(rig.stations)))
 
 
 def _rotate_about(vector: Array) -> Array:

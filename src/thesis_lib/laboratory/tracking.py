@@ -132,10 +132,10 @@ def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None
 def track_cameras(rig: Rig) -> list[TrackedCentres]:
     """Track the markers in every camera, side by side; cameras and corners are known."""
 
-    def one(index: int) -> TrackedCentres:
+    def track_station(index: int) -> TrackedCentres:
         return track_camera(rig, index, true_view(rig.stations[index].camera, rig.markers))
 
-    return map_in_pairs(one, range(len(rig.stations)))
+    return map_in_pairs(track_station, range(len(rig.stations)))
 
 
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:

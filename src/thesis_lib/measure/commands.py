@@ -51,11 +51,21 @@ def one_line(place: Path) -> Iterator[None]:
         raise click.ClickException(str(error) or type(error).__name__) from None
 
 
+class HelpGroup(click.Group):
+    """Commands whose group, given alone, prints its help."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Return what is left of the arguments; ``--help`` stands for none."""
+        return super().parse_args(ctx, args or ["--help"])
+
+
 def start(folder: Path, given: Mapping[str, Any]) -> None:
     """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
     from thesis_lib.measure.feasibility.draft import write_draft
+    from thesis_lib.measure.recordings.manifest import rename_options
     from thesis_lib.measure.recordings.template import new_manifest
 
+    given = rename_options(dict(given))
     with one_line(folder):
         write = write_draft if "cameras" in given else new_manifest
         manifest, lines = write(folder, given)
@@ -93,7 +103,7 @@ def draw(manifest: Manifest, folder: Path) -> list[str]:
     return [f"Wrote {folder / name}.png" for name in figures]
 
 
-@click.group("print")
+@click.group("print", cls=HelpGroup, short_help="Print boards, markers and stands as PDF.")
 def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
@@ -173,7 +183,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     echo(f"{file}: print it at 100 %, and lay it under the structure's centre")
 
 
-@click.command()
+@click.command(short_help="Find by sound when videos started.")
 @click.argument("videos", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--out",
@@ -183,7 +193,7 @@ def stand(manifest: Path, file: Path, paper: str) -> None:
     help="Folder to write to.",
 )
 def sync(videos: tuple[Path, ...], out: Path) -> None:
-    """Tell by their sound when VIDEOS started and how their clocks drift. None is changed."""
+    """Find by their sound when VIDEOS started and how their clocks drift. None is changed."""
     if len(videos) < 2:
         raise click.UsageError("sync: given one video, allowed: two or more of one event")
     if len({video.absolute() for video in videos}) < len(videos):
@@ -199,17 +209,17 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
     echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
 
 
-@click.command()
+@click.command(short_help="Convert pictures or raw frames to video.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("video", type=_FILE_TYPE, required=False)
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
-def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
-    """Write a folder of pictures, raw frames (.cih, .cihx), or a film at its true rate, as a video.
+def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
+    """Convert pictures, raw frames (.cih, .cihx) or a film to a video at its true rate.
 
-    Nothing is lost, but the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
+    Nothing is lost except the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.
     """
-    from thesis_lib.measure.recordings.encode import pack_frames as write
+    from thesis_lib.measure.recordings.encode import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.outputs import check_outputs
 
@@ -220,7 +230,7 @@ def pack(source: Path, video: Path | None, rate_hz: float | None) -> None:
     with one_line(target):
         check_outputs(target.parent, [target])
         try:
-            count, (width, height) = write(source, target, rate_hz, echo)
+            count, (width, height) = pack_frames(source, target, rate_hz, echo)
         except MediaError as error:
             raise click.UsageError(str(error)) from None
     echo(f"{target}: {count} frames of {width} × {height} px")

@@ -93,7 +93,7 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
         data = shape_result(
             manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
         )
-        still = excitation.rest_s or float(sound["steady"][1])  # else about its middle
+        still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
         data = with_origin(
             data.merge(_stored_variables(of.calibration, sound)),

@@ -186,7 +186,7 @@ def measure_modes(
         synchronisation=inputs.sound.attrs["synchronisation"],
         repeats=inputs.sound.attrs.get("repeats", ""),
     )
-    moved = _interpolate_motion(data, recordings, manifest.excitation.rest_s)
+    moved = _interpolate_motion(data, recordings, manifest.excitation.rest_duration_s)
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
     with staging(out) as part:
@@ -233,7 +233,7 @@ def _print_report(
 
 
 def _interpolate_motion(
-    data: xr.Dataset, recordings: Sequence[Recording], rest_s: float
+    data: xr.Dataset, recordings: Sequence[Recording], rest_duration_s: float
 ) -> xr.Dataset | None:
     """Return every marker from frame to frame; None where a mode is too fast to interpolate."""
     highest = float(data["frequency"].max())
@@ -245,4 +245,6 @@ def _interpolate_motion(
         steady=("end", [_NEVER_S, _NEVER_S + 1]),
         frequency=highest,
     )
-    return with_origin(history.time_histories(plain, recordings, rest_s), data.attrs["source"])
+    return with_origin(
+        history.time_histories(plain, recordings, rest_duration_s), data.attrs["source"]
+    )

@@ -130,11 +130,11 @@ def inspect_videos(
                     raise StoppedError
                 bar.update(frames)
 
-            def one(index: int) -> str:
+            def inspect_camera(index: int) -> str:
                 repeats = inspect_film(videos[index], clocks[index], tick)
                 return describe_repeats(names[index], repeats)
 
-            found = map_in_pairs(one, range(len(videos)), stop.set)
+            found = map_in_pairs(inspect_camera, range(len(videos)), stop.set)
         repeats = [line for line in found if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
@@ -158,12 +158,12 @@ def read_sound(
         if manifest.excitation.sound != "none":
             say(f"listening to {len(videos)} sound tracks")
         sound = estimate_delays(manifest, folder)
-        found, rest = sound.synchronisation, manifest.excitation.rest_s
+        found, rest = sound.synchronisation, manifest.excitation.rest_duration_s
         most = max(sound.steady[0] - max(float(found.delays.max()), 0.0), 0.0)
-        if manifest.excitation.steady_s is None and rest > most + 1e-6:
+        if manifest.excitation.steady_interval_s is None and rest > most + 1e-6:
             raise ManifestError(
-                f"excitation.rest_s: given {rest:.6g}, allowed: at most the {most:.3f} s after "
-                "which the vibration is steady"
+                f"excitation.rest_duration_s: given {rest:.6g}, allowed: at most the {most:.3f} s "
+                "after which the vibration is steady"
             )
         force = sound.force or 0j
         values = {
@@ -214,7 +214,7 @@ def track_markers(
                 raise StoppedError
             bar.update(frames)
 
-        def one(index: int) -> Recording:
+        def track_camera(index: int) -> Recording:
             files = manifest.cameras[index]
             path = steps / f"tracks-{index:02d}.npy"
             turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
@@ -235,4 +235,4 @@ def track_markers(
             )
 
         with single_threaded_opencv():
-            return map_in_pairs(one, range(len(cameras)), stop.set)
+            return map_in_pairs(track_camera, range(len(cameras)), stop.set)

@@ -1,4 +1,4 @@
-"""Live use: the parameters of a figure set as controls, and its notebook's results anew.
+"""Live use: the parameters of a figure set as controls, and its notebook's results again.
 
 For a notebook that is open in a front end with a kernel, such as JupyterLab. What is allowed, said
 and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as for the command. In
@@ -109,21 +109,21 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
         ipywidgets.Output(),
     )
 
-    def check(_: object = None) -> None:
+    def check_values(_: object = None) -> None:
         try:
             _show_command(made, study_command(validate_request(request.name, made.values)))
         except ParameterError as error:
             _show_command(made, "", str(error))
 
     def click(_: object) -> None:
-        check()
+        check_values()
         if not made.message.value:
             _run_request(made, validate_request(request.name, made.values), keep)
 
     for widget in made.inputs.values():
-        widget.observe(check, "value")
+        widget.observe(check_values, "value")
     made.button.on_click(click)
-    check()
+    check_values()
     return made
 
 

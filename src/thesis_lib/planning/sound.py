@@ -84,7 +84,7 @@ def sounds_of(
         try:
             omega = resonance_frequency(plate, mode)
             if point_mm is None:
-                one = PlateSound.of(plate, planes, field.medium, omega, shape)
+                one = PlateSound.from_shape(plate, planes, field.medium, omega, shape)
             else:
                 place = np.array(point_mm) / 1000
                 one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)

@@ -75,7 +75,7 @@ def isolate_process() -> None:
     """Isolate this process from the reader's settings, before anything that computes is imported.
 
     Nothing is imported from the reader's ``PYTHONPATH``. Terminating or hanging up does what
-    Ctrl-C does, unless whoever started this has it ignored (``nohup``).
+    Ctrl-C does, unless the parent process has it ignored (``nohup``).
     """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     readers = {Path(place).resolve() for place in given if place}

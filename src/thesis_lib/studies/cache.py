@@ -1,7 +1,7 @@
 """Cubes that are kept for later: believed only while they are what was written.
 
 Beside a kept file stands its digest. A file without it, or that has another, was cut, edited or
-copied there by hand: it is named, and computed anew.
+copied there by hand: it is named, and computed again.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def read_cache(path: Path) -> xr.Dataset | None:
             return open_netcdf(path)
     except (OSError, ValueError, CubeError):
         pass
-    aside(f"{path} is not what was kept there; it is computed anew")
+    aside(f"{path} is not what was stored there; it is computed again")
     return None
 
 

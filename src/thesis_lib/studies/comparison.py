@@ -100,6 +100,32 @@ def difference_lines(
     return comparison_lines(compare_summaries(summarise_errors(cube), published), "published")
 
 
+def error_lines(cube: xr.Dataset) -> list[str]:
+    """Return a line per setting and mode with the errors of a run, and those published for it.
+
+    Empty for a cube without errors of settings and modes.
+    """
+    table = summarise_errors(cube)
+    if "trial_0" not in table or "claim" in table or "quantity" in table:
+        return []
+    published = read_published(cube.attrs["figure_set"])
+    keys = [*ROW_KEYS, "error"]
+    old = table.iloc[:0] if published is None else published.astype({"value": float})
+    table = table.merge(old, on=keys, how="left", suffixes=("", "_old"), validate="one_to_one")
+    header = (
+        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {'trial 0':>7} | "
+        f"{'median (5–95 %)':>20} | {'published':>20}"
+    )
+    lines = [header, "-" * len(header)]
+    lines += [
+        f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
+        f"{percent_text(row.trial_0):>7} | {band_text(row.median, row.low, row.high):>20} | "
+        f"{band_text(row.median_old, row.low_old, row.high_old):>20}"
+        for row in table[np.isfinite(table["trial_0"])].itertuples()
+    ]
+    return [*lines, "errors in % of the largest reference value; trial 0 is the nominal run"]
+
+
 def all_difference_lines(
     cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
 ) -> list[str]:

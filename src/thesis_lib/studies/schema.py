@@ -52,7 +52,7 @@ class Variable:
         """As they stand in a file."""
         return {"units": self.units, "long_name": self.long_name}
 
-    def of(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
+    def label(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
         """Values with their dimensions, after those that they have beside, and attributes."""
         return (*over, *self.dims), np.asarray(values), self.attributes
 
@@ -84,7 +84,7 @@ def label_values(
     values: Mapping[str, Any], table: Mapping[str, Variable], over: Iterable[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], Any, Any]]:
     """Return the values as variables of a dataset, in the order in which they come."""
-    return {name: table[name].of(each, over) for name, each in values.items()}
+    return {name: table[name].label(each, over) for name, each in values.items()}
 
 
 # The outline of a structure, and the cells of its markers.
@@ -258,27 +258,27 @@ def study_coordinates(
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
     words = "random shift of the pixel grids, 0 for the literal run"
 
-    def on(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
+    def along_dimension(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
         return dim, np.array(values), {"long_name": long_name, "units": units}
 
-    def each(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
-        return on("setting", [of(setting) for setting in settings], long_name, units)
+    def along_settings(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
+        return along_dimension("setting", [of(setting) for setting in settings], long_name, units)
 
     varied = {"mm": "mm", "°": "degree"}.get(unit_of_field(study.varied), "1")
     return {
-        "case": each("case of the thesis, or layout", lambda s: s.case),
-        "parameter": each("varied parameter", lambda _: study.varied),
-        "value": each("value of the varied parameter", lambda s: float(s.value), varied),
-        "label": each("value of the varied parameter, with unit", lambda s: s.label),
-        "n_cameras": each("number of cameras", lambda s: len(s.directions_deg)),
-        "width_px": each("width of the sensor", lambda s: s.resolution_px[0]),
-        "height_px": each("height of the sensor", lambda s: s.resolution_px[1]),
-        "pair_order": each("order of adding pairs", lambda s: s.pair_order),
-        "mode": on("mode", modes, "mode number"),
-        "frequency": on("mode", hertz[np.array(modes) - 1], "natural frequency", "Hz"),
-        "trial": on("trial", range(study.trials + 1), words),
-        "x": on("point", x, "marker position along the length", "m"),
-        "y": on("point", y, "marker position across", "m"),
+        "case": along_settings("case of the thesis, or layout", lambda s: s.case),
+        "parameter": along_settings("varied parameter", lambda _: study.varied),
+        "value": along_settings("value of the varied parameter", lambda s: float(s.value), varied),
+        "label": along_settings("value of the varied parameter, with unit", lambda s: s.label),
+        "n_cameras": along_settings("number of cameras", lambda s: len(s.directions_deg)),
+        "width_px": along_settings("width of the sensor", lambda s: s.resolution_px[0]),
+        "height_px": along_settings("height of the sensor", lambda s: s.resolution_px[1]),
+        "pair_order": along_settings("order of adding pairs", lambda s: s.pair_order),
+        "mode": along_dimension("mode", modes, "mode number"),
+        "frequency": along_dimension("mode", hertz[np.array(modes) - 1], "natural frequency", "Hz"),
+        "trial": along_dimension("trial", range(study.trials + 1), words),
+        "x": along_dimension("point", x, "marker position along the length", "m"),
+        "y": along_dimension("point", y, "marker position across", "m"),
     }
 
 

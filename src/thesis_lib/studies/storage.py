@@ -98,7 +98,7 @@ def _is_rounded(values: xr.Variable | xr.DataArray) -> bool:
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
     """Return the power of two whose multiples a large field is stored as.
 
-    Trials are left out, since the ledger reckons with them.
+    Trials are left out, since the ledger computes with them.
     """
     if values.dtype != np.float32 or values.nbytes <= _STEPPED_BYTES or "trial" in values.dims:
         return None

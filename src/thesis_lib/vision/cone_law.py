@@ -1,4 +1,4 @@
-"""Closed forms for whoever must place cameras, at the centre that all of them look at.
+"""Closed forms for placing cameras, at the centre that all of them look at.
 
 An image coordinate j that is wrong by σⱼ moves the refined point by gⱼ = ∂X/∂mⱼ times as much. With
 JᵀJ = (f/R)² Σ (I − e eᵀ), of cameras in unit directions e at distance R with a focal length of f

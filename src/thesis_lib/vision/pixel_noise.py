@@ -105,7 +105,7 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
         best, top = float(grid[at]), found[at]
         low, high = float(grid[max(at - 1, 0)]), float(grid[min(at + 1, 8)])
 
-    def end(inside: float, outside: float) -> float:
+    def bisect_end(inside: float, outside: float) -> float:
         """Return the position towards an end at which the evidence has fallen so far."""
         if top - evidence(outside) < _LIKELIHOOD_FALL:
             return outside
@@ -115,4 +115,4 @@ def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
             inside, outside = (middle, outside) if likely else (inside, middle)
         return (inside + outside) / 2
 
-    return Noise(best, end(best, 0.0), end(best, MOST_PX))
+    return Noise(best, bisect_end(best, 0.0), bisect_end(best, MOST_PX))

@@ -78,8 +78,8 @@ def format_code(text: str) -> Markup:
 
     Examples
     --------
-    >>> format_code("Give `steady_s` & wait.")
-    Markup('Give <code>steady_s</code> &amp; wait.')
+    >>> format_code("Give `steady_interval_s` & wait.")
+    Markup('Give <code>steady_interval_s</code> &amp; wait.')
     """
     return Markup(re.sub(r"`(.*?)`", r"<code>\1</code>", str(escape(text))))
 

@@ -85,7 +85,7 @@ def export_notebook(notebook: Path, title: str) -> str:
         if not (damage := find_damaged_asset(mathjax.parents[1])):
             script = mathjax.read_text(encoding="utf-8").replace("</script", "<\\/script")
             return _frame_page(title, body, script)
-        aside(f"{damage}; equations stay as TeX until `thesis book` installs it anew")
+        aside(f"{damage}; equations stay as TeX until `thesis book` installs it again")
     return _frame_page(title, body)
 
 

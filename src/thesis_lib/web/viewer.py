@@ -96,7 +96,7 @@ class Viewer(anywidget.AnyWidget):
         What to show first; the first case or mode of the data if unknown. In a page the address
         may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
     form : dict, optional
-        Where no kernel runs, parameters to change and to compute anew stand above it: those of
+        Where no kernel runs, parameters to change and to compute again stand above it: those of
         :func:`thesis_lib.notebook.form.form_of`.
     """
 

@@ -298,12 +298,13 @@ def manifest() -> dict:
             {
                 "name": phone.name, "video": f"{phone.name}.mp4", "width_px": phone.size[0],
                 "height_px": phone.size[1], "frame_rate_hz": phone.rate, "exposure_s": 1e-4,
-                "shots": phone.name,
+                "board_images": phone.name,
                 "corners_px": np.rint(phone.seen(corners)).T.tolist(),
             }
             for phone in PHONES
         ],
         "board": {"columns": TILES[0], "rows": TILES[1], "tile_mm": 1e3 * TILE,
                   "margin_mm": 1e3 * MARGIN, "two_sided": False},
-        "excitation": {"frequency_hz": FREQUENCY, "rest_s": REST, "steady_s": [0.45, 1.6]},
+        "excitation": {"frequency_hz": FREQUENCY, "rest_duration_s": REST,
+                       "steady_interval_s": [0.45, 1.6]},
     }  # fmt: skip

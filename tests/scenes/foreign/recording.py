@@ -219,7 +219,7 @@ class Scene:
                     height_px=eye.size[1], frame_rate_hz=self.clock(i).rate,
                     exposure_s=self.exposure,
                     readout_s=(eye.size[1] - 1) * self.optics.row_time,
-                    shots=f"{eye.name}/*.{take.shots}",
+                    board_images=f"{eye.name}/*.{take.shots}",
                 )
                 for i, eye in enumerate(self.eyes)
             ),
@@ -227,7 +227,7 @@ class Scene:
                 columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
                 margin_mm=1e3 * self.board.margin, two_sided=False,
             ),
-            excitation=Excitation(frequency_hz=self.drive.frequency, rest_s=REST),
+            excitation=Excitation(frequency_hz=self.drive.frequency, rest_duration_s=REST),
         )  # fmt: skip
 
 

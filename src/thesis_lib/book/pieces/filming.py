@@ -95,13 +95,13 @@ def answer_for_plate() -> str:
         name: assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
         for name, phone in PHONE_CAMERAS.items()
     }
-    steady_s = assessed["full HD"].rig.steady_s
+    steady_interval_s = assessed["full HD"].rig.steady_interval_s
     return render(
         __file__,
         "film-answer",
         rows=[_phone_values(name, one) for name, one in assessed.items()],
         frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
-        known_hz=CHECK_LIMITS["alias"] / steady_s,
+        known_hz=CHECK_LIMITS["alias"] / steady_interval_s,
         command=format_command(EXAMPLE_PLATE),
         for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
         check=describe_assessment(assessed["full HD"]),
@@ -149,7 +149,7 @@ def tabulate_layouts() -> str:
         __file__,
         "film-layouts",
         rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in PHONE_LAYOUTS.items()],
-        fit_s=assess_layout((0, 180), 25.0).rig.steady_s,
+        fit_s=assess_layout((0, 180), 25.0).rig.steady_interval_s,
         camera=_example_camera(),
         centre_noise_px=CENTRE_NOISE_PX,
     )
@@ -201,7 +201,7 @@ def tabulate_alias() -> str:
         alias_hz=alias_frequency(ALIASED_HZ, FRAME_RATE_HZ),
         turns=CHECK_LIMITS["alias"],
         turns_loss=_amplitude_loss(CHECK_LIMITS["alias"]),
-        steady_s=STEADY_S,
+        steady_interval_s=STEADY_S,
         edge_turns=CHECK_LIMITS["alias-edge"],
     )
 

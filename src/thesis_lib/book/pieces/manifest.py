@@ -18,18 +18,18 @@ from thesis_lib.measure.recordings.manifest_model import (
     BoardSpec,
     CameraFiles,
     Manifest,
-    Markers,
+    MarkersSpec,
     Radiation,
     Reuse,
-    Structure,
+    StructureSpec,
 )
 from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render
 
 MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "manifest": Manifest,
-    "structure": Structure,
-    "markers": Markers,
+    "structure": StructureSpec,
+    "markers": MarkersSpec,
     "cameras": CameraFiles,
     "board": BoardSpec,
     "excitation": Excitation,

@@ -90,7 +90,7 @@ def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
 def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
     """Return the sound of a mode, which many interpretations share."""
     shape = deflection_shape(plate, mode, plate.markers, peak)
-    return PlateSound.of(plate, planes, medium, resonance_frequency(plate, mode), shape)
+    return PlateSound.from_shape(plate, planes, medium, resonance_frequency(plate, mode), shape)
 
 
 def judge_interpretation(

@@ -39,7 +39,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         stand = (CROWD_DISTANCE_M,) * n_cameras
         return estimators.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
 
-    def apart(stand: tuple[float, ...]) -> Array:
+    def sharp_errors(stand: tuple[float, ...]) -> Array:
         errors = estimators.deflection_errors(
             stand, layouts, MAX_MARKERS, 0.0, SHARP_FOCAL_PX, SHARP_SIZE_PX, study.seed
         )
@@ -63,7 +63,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         ],
         **_name_errors("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
         **_name_errors("noise_error", [rms_with_std(errors) for errors in noisy]),
-        "stand_error": [apart(stand) for stand in STAND_DISTANCES_M],
+        "stand_error": [sharp_errors(stand) for stand in STAND_DISTANCES_M],
     }
 
 
@@ -123,16 +123,16 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
         black = (reach - x) ** 2 + (reach[:, None] - y) ** 2 <= diameter**2 / 4
         return np.asarray((black * reach).sum(axis=(1, 2)) / black.sum(axis=(1, 2)) - x[:, 0, 0])
 
-    def drawn(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
+    def simulate_each(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
         found = [rms_with_std(of(float(one))) for one in np.asarray(values)]
         return _name_errors(f"drawn_{of.__name__}_error", found)
 
     return {
         "swing_error": np.sqrt(dither.amplitude_variance(SWINGS_PX)),
-        **drawn(swing, SWINGS_PX),
+        **simulate_each(swing, SWINGS_PX),
         "shake_error": np.sqrt(dither.shaken_variance(SHAKE_FRAMES, SHAKES_PX)),
         "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES_PX)),
-        **drawn(shake, SHAKES_PX),
+        **simulate_each(shake, SHAKES_PX),
         "disc_error": [dither.disc_variance(one) ** 0.5 for one in DISC_DIAMETERS_PX],
-        **drawn(disc, DISC_DIAMETERS_PX),
+        **simulate_each(disc, DISC_DIAMETERS_PX),
     }

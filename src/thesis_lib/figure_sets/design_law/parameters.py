@@ -1,4 +1,4 @@
-"""The parameters of ``design-law``: the law of rounding for whoever must place cameras."""
+"""The parameters of ``design-law``: the law of rounding, applied to placing cameras."""
 
 from __future__ import annotations
 

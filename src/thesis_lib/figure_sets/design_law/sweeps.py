@@ -34,7 +34,7 @@ AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the thesis's is avera
 
 
 @dataclass(frozen=True)
-class Rig:
+class SweepRig:
     """Equal cameras at one distance: a pair that shares an elevation, or a cone of several."""
 
     distance: float  #: Distance from the structure's centre in m
@@ -86,12 +86,12 @@ def sweep_values(structure: str, finding: str) -> Array:
     return np.rint(values) if finding == "resolution" else values
 
 
-def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> Rig:
+def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> SweepRig:
     """Return the cameras of one step; all else is as in the thesis's study of it."""
     focal, size = study.focal_length_mm / study.sensor_width_mm, study.resolution_px
     if finding == "number":
         angle, distance = np.radians(study.cone_deg), study.cone_distance_mm / 1000
-        return Rig(distance, size, focal, count=int(value), angle=float(angle))
+        return SweepRig(distance, size, focal, count=int(value), angle=float(angle))
     printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
     distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
     if finding == "resolution":
@@ -101,7 +101,9 @@ def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> Ri
         aperture = value
     elif finding == "elevation":
         elevation = value
-    return Rig(distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation)))
+    return SweepRig(
+        distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation))
+    )
 
 
 def mode_shapes(structure: Structure, peak: float) -> Array:

@@ -187,7 +187,7 @@ def join_steps(
         "tracks": tracks,
         "matches": matches.astype(np.float32),
         "exposure": [c.exposure_s for c in manifest.cameras],
-        "rest": manifest.excitation.rest_s,
+        "rest": manifest.excitation.rest_duration_s,
         "full_scale": manifest.excitation.force_per_full_scale_n or np.nan,
         "frame_rate": rates,
         "delay_frames": whole_frames(sound["delay"].values, rates[0]),

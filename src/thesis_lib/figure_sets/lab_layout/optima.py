@@ -199,7 +199,7 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     known = np.isfinite(error)
     best_pair = np.nanmin(error[count == 2], initial=np.inf)
 
-    def named(one: Any) -> tuple[str, float]:
+    def name_optimum(one: Any) -> tuple[str, float]:
         return part["label"].values[one], error[one]
 
     def worse_than_pair(chosen: Mask) -> list[dict[str, int]]:
@@ -215,8 +215,8 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     for n in np.unique(count[known]):
         own = np.flatnonzero((count == n) & known)
         order = own[np.argsort(error[own], kind="stable")]
-        ends = named(order[0]), named(own[np.argmin(law[own])]), np.median(error[own])
-        numbers.append((n, len(own), *ends, named(order[-1])))
+        ends = name_optimum(order[0]), name_optimum(own[np.argmin(law[own])]), np.median(error[own])
+        numbers.append((n, len(own), *ends, name_optimum(order[-1])))
     rendered = part["mean_error"].isel(trial=0).values / law
     ratio = law_ratios(part)[known]
     return {

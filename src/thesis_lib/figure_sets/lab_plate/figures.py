@@ -185,14 +185,14 @@ def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
 def _format_band(errors: Array, signed: bool) -> str:
     """Format the error of the first recording, and the band of the others if there are any."""
 
-    def text(value: float) -> str:
+    def format_error(value: float) -> str:
         sign = "+" if signed and value > 0 else ""
         return f"{sign}{cubes.percent_text(value)}".replace("-", "−")
 
     if len(errors) < 2:
-        return f"{text(errors[0])} "
-    low, high = map(text, np.quantile(errors[1:], [0.05, 0.95]))
-    return f"{text(errors[0])} ({low}{' to ' if signed else '–'}{high})"
+        return f"{format_error(errors[0])} "
+    low, high = map(format_error, np.quantile(errors[1:], [0.05, 0.95]))
+    return f"{format_error(errors[0])} ({low}{' to ' if signed else '–'}{high})"
 
 
 def _ratios(cube: xr.Dataset) -> dict[str, Any]:

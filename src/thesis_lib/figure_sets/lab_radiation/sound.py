@@ -158,7 +158,7 @@ def with_grid(own: Driven, grid: tuple[int, int]) -> Driven:
 
 def _surface(own: Driven, nodes: int) -> Surface:
     x, y = own.structure.extent
-    return Surface.of(np.array(own.corners), nodes, (x / 2, y / 2))
+    return Surface.from_outline(np.array(own.corners), nodes, (x / 2, y / 2))
 
 
 def _of(form: Array, amplitudes: ComplexArray) -> float:
@@ -208,7 +208,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
         return none | {"tap_frequency": hertz, "tap_time": times}
     own, (x, y) = drive_structure("beam"), rig.markers.extent
     assert isinstance(own.structure, Beam)
-    surface = Surface.of(np.array(own.corners), SURFACE_NODES, (x / 2, y / 2))
+    surface = Surface.from_outline(np.array(own.corners), SURFACE_NODES, (x / 2, y / 2))
     markers = rig.markers.centres  # seen as points, not by their edges
     between = by_model(own.structure, markers, 0.0, surface.places)
     plane = Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))

@@ -247,31 +247,33 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     """Return the published quantities: one number and unit for every entry of the tables."""
     rows: list[tuple[str, float, str]] = []
 
-    def of(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:
+    def add_quantity(words: str, values: xr.DataArray, unit: str, scale: float = 1.0) -> None:
         rows.append((words, scale * float(values), unit))
 
     for sensor in study.sensors_mm:
-        of(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
+        add_quantity(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
         for i, focal in enumerate(study.focal_lengths_mm):
             angle = cube["angle_of_view"].sel(sensor=sensor, side="width")[i]
-            of(f"angle of view across, {sensor}, {focal:g} mm", angle, "degree")
+            add_quantity(f"angle of view across, {sensor}, {focal:g} mm", angle, "degree")
     for i, width in enumerate(study.widths_px):
-        of(f"marker contrast, {width} px", cube["marker_contrast"][i], "percent")
-        of(f"variance kept, {width} px", cube["variance_kept"][i], "percent")
-    of("colour error", cube["colour_error"], "percent")
-    of("largest colour error", cube["largest_colour_error"], "percent")
-    of("centre shift by colour", cube["centre_shift"], "px")
+        add_quantity(f"marker contrast, {width} px", cube["marker_contrast"][i], "percent")
+        add_quantity(f"variance kept, {width} px", cube["variance_kept"][i], "percent")
+    add_quantity("colour error", cube["colour_error"], "percent")
+    add_quantity("largest colour error", cube["largest_colour_error"], "percent")
+    add_quantity("centre shift by colour", cube["centre_shift"], "px")
     for i, N in enumerate(study.f_numbers):
-        of(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
+        add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
     for distance in study.distances_mm:
         at = cube.sel(distance=round(distance / 1000, 9))
-        of(f"error of one depth, {distance:g} mm", at["projection_error"], "px")
+        add_quantity(f"error of one depth, {distance:g} mm", at["projection_error"], "px")
         for i, N in enumerate(study.f_numbers):
-            of(f"near limit, f/{N:g}, {distance:g} mm", at["near_limit"][i], "mm", 1000)
-            of(f"far limit, f/{N:g}, {distance:g} mm", at["far_limit"][i], "mm", 1000)
+            add_quantity(f"near limit, f/{N:g}, {distance:g} mm", at["near_limit"][i], "mm", 1000)
+            add_quantity(f"far limit, f/{N:g}, {distance:g} mm", at["far_limit"][i], "mm", 1000)
         for i, b in enumerate(study.baselines_mm):
             place = f"{b:g} mm apart, {distance:g} mm"
-            of(f"depth error, {place}", at["depth_error"][i], "mm", 1000)
-            of(f"depth error in whole pixels, {place}", at["rounded_depth_error"][i], "mm", 1000)
+            add_quantity(f"depth error, {place}", at["depth_error"][i], "mm", 1000)
+            add_quantity(
+                f"depth error in whole pixels, {place}", at["rounded_depth_error"][i], "mm", 1000
+            )
     words, values, units = (list(column) for column in zip(*rows, strict=True))
     return {"quantity": words, "value": values, "unit": units}

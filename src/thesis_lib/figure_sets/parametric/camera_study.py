@@ -79,13 +79,13 @@ class CameraStudy(Study):
     )
     modes: Several[Mode] = Field([1, 2, 3], description="modes to measure")
 
-    def printed(self) -> list[Setting]:
+    def thesis_settings(self) -> list[Setting]:
         """Return the study's settings with azimuths as they are given."""
         raise NotImplementedError
 
     def settings(self) -> list[Setting]:
         """Return the study's settings in the order of the thesis's tables, azimuths from +Y."""
-        return [s.turned() if self.azimuth_zero == "X" else s for s in self.printed()]
+        return [s.turned() if self.azimuth_zero == "X" else s for s in self.thesis_settings()]
 
     @property
     def law(self) -> str:
@@ -117,7 +117,7 @@ class CameraStudy(Study):
         if isinstance(self.amplitude_mm, list) and len(self.amplitude_mm) != len(self.modes):
             self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
         _check_memory(self)
-        settings = self.printed()  # as given, so that a refusal says what was given
+        settings = self.thesis_settings()  # as given, so that a refusal says what was given
         _check_reach(self, settings)
         for setting in settings:
             _check_directions(setting)
@@ -126,7 +126,7 @@ class CameraStudy(Study):
 
 
 def _check_memory(study: CameraStudy) -> None:
-    markers, settings = study.structure.markers.shape[1], len(study.printed())
+    markers, settings = study.structure.markers.shape[1], len(study.thesis_settings())
     deflections = markers * len(study.modes) * settings * (study.trials + 1)
     needed = BYTES_PER_DEFLECTION * deflections
     if needed > MAX_MEMORY_BYTES:

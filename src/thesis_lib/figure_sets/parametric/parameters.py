@@ -67,7 +67,7 @@ class Distance(CameraStudy):
     elevation_deg: Elevation = Field(..., description="elevation of the cameras")
     resolution_px: SensorSize
 
-    def printed(self) -> list[Setting]:
+    def thesis_settings(self) -> list[Setting]:
         """Return one setting per distance."""
         return setups.distance_settings(
             self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
@@ -95,7 +95,7 @@ class Aperture(CameraStudy):
     distance_mm: FromCentre
     resolution_px: SensorSize
 
-    def printed(self) -> list[Setting]:
+    def thesis_settings(self) -> list[Setting]:
         """Return the cases in the order asked for, apertures in the order of the table."""
         return setups.aperture_settings(
             self.cases,
@@ -122,7 +122,7 @@ class Resolutions(CameraStudy):
     azimuth_deg: OfPair
     elevation_deg: Elevation = Field(..., description="elevation of the cameras")
 
-    def printed(self) -> list[Setting]:
+    def thesis_settings(self) -> list[Setting]:
         """Return one setting per width."""
         return setups.resolution_settings(
             self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
@@ -162,7 +162,7 @@ class Arrays(CameraStudy):
             self.refuse("layouts", CAMERA_CONDITIONS["layouts"])
         return self
 
-    def printed(self) -> list[Setting]:
+    def thesis_settings(self) -> list[Setting]:
         """Return growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
@@ -206,7 +206,7 @@ class BeamMarkers(Fields):
         return setups.thesis_beam(self.first_marker_mm / 1000)
 
 
-class PlateSound(SoundPlanes):
+class PlateSoundStudy(SoundPlanes):
     """Parameters of the sound field of a plate's study."""
 
     @property
@@ -265,7 +265,7 @@ _STUDY_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, 
 _EXTRA_FIELDS: dict[str, tuple[type[BaseModel], ...]] = {
     "beam": (BeamMarkers,),
     "plate": (PlateMarkers,),
-    "sound": (PlateSound,),
+    "sound": (PlateSoundStudy,),
 }
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study

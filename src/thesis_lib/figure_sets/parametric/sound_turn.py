@@ -75,7 +75,7 @@ def law_errors(study: Any, reference: Array) -> Array:
     settings = turn_pairs(study, LAW_TURNS_DEG.tolist()).settings()
     found = []
     for mode, shape in zip(study.modes, reference, strict=True):
-        heard_ = PlateSound.of(
+        heard_ = PlateSound.from_shape(
             plate, study.planes, study.medium, resonance_frequency(plate, mode), shape
         )
         rest, bent = np.moveaxis(world_points(plate, np.stack([0 * shape, shape])), 1, 0)
@@ -97,7 +97,7 @@ def run(
     def by_turn(values: xr.DataArray) -> Any:
         return values.values.reshape(len(TURNS_DEG), len(elevations), *values.shape[1:])
 
-    def drawn(name: str) -> Any:
+    def rms_of_trials(name: str) -> Any:
         of_trials = turned[name].isel(trial=slice(1, None))
         return by_turn((of_trials**2).mean("trial") ** 0.5)
 
@@ -107,8 +107,8 @@ def run(
         "law_turn": LAW_TURNS_DEG,
         "turned_law_error": law_errors(study, plate_cube["reference_deflection"].values),
         "turned_error": by_turn(turned["predicted_error"]),
-        "turned_simulated": drawn("plane_error"),
-        "turned_deflection": drawn("deflection_error"),
+        "turned_simulated": rms_of_trials("plane_error"),
+        "turned_deflection": rms_of_trials("deflection_error"),
         "turned_coherence": by_turn(turned["coherence"]),
         "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
     }

@@ -62,7 +62,7 @@ def start_network(
     """
     for camera, views in zip(cameras, seen, strict=True):
         if not views.any():
-            raise CalibrationError(f"{camera.name}: no shot shows the board")
+            raise CalibrationError(f"{camera.name}: no image shows the board")
     for shot in np.flatnonzero(~seen.any(axis=0)):
         raise CalibrationError(f"shot {shot}: no camera sees the board")
     boards: dict[int, tuple[Array, Array]] = {0: (np.eye(3), np.zeros(3))}
@@ -80,7 +80,9 @@ def start_network(
             boards[s] = turn @ R, turn @ t + placed[c].centre
     for c, camera in enumerate(cameras):
         if c not in placed:
-            raise CalibrationError(f"{camera.name}: shares no shots, directly or not, with shot 0")
+            raise CalibrationError(
+                f"{camera.name}: shares no board images, directly or not, with image 0"
+            )
     shots = [boards[s] for s in range(seen.shape[1])]
     return Network(
         tuple(placed[c] for c in range(len(cameras))),

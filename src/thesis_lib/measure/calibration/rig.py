@@ -77,7 +77,7 @@ def adjust_cameras(
     """
     board = manifest.board.board
 
-    def one(path: Path | None) -> Array | BoardNotFound | None:
+    def read_board(path: Path | None) -> Array | BoardNotFound | None:
         try:
             return None if path is None else find_corners(read_png(path), board)
         except BoardNotFound as error:
@@ -86,7 +86,7 @@ def adjust_cameras(
             tick()
 
     paths = [shot_paths(camera, folder) for camera in manifest.cameras]
-    found = iter(map_in_pairs(one, [path for row in paths for path in row]))
+    found = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
     shots, refused = list[list[Array | None]](), list[dict[str, str]]()
     for row in paths:
         seen_in = [(path, next(found)) for path in row]

@@ -59,8 +59,8 @@ def unify_corners(
     Raises
     ------
     CalibrationError
-        If two cameras share too few shots to tell the symmetries apart, or more than a third of
-        the poses that several cameras see fit no rig.
+        If two cameras share too few images to distinguish the symmetries, or more than a third
+        of the poses that several cameras see fit no rig.
     """
     symmetries = _symmetries(board, two_sided)
     points = [_images(c, board, symmetries) for c in calibrations]
@@ -147,15 +147,15 @@ def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None
         shared = sorted(seen[i] & seen[j])
         if len(shared) < 2:
             raise CalibrationError(
-                f"{calibrations[j].name}: shares {len(shared)} shots with "
-                f"{calibrations[i].name}, needs 2 to tell the board's symmetries apart"
+                f"{calibrations[j].name}: shares {len(shared)} board images with "
+                f"{calibrations[i].name}, needs 2 to distinguish the board's symmetries"
             )
         source, target = (np.array([points[k][s] for s in shared]) for k in (j, i))
         pose, distinct = _relative(source, target[:, 0])
         if not distinct:
             raise CalibrationError(
-                f"{calibrations[j].name}: its shots with {calibrations[i].name} do not tell the "
-                "board's symmetries apart"
+                f"{calibrations[j].name}: its board images with {calibrations[i].name} do not "
+                "distinguish the board's symmetries"
             )
         R, t = rig[i]
         rig[j] = R @ pose[0], R @ pose[1] + t

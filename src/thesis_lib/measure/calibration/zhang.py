@@ -78,12 +78,12 @@ def calibrate_camera(
     ------
     CalibrationError
         If fewer than three shots show the board, if the boards are parallel to each other, or if
-        the shots leave a focal length uncertain by more than 5 %.
+        the board images leave a focal length uncertain by more than 5 %.
     """
     used = [i for i, uv in enumerate(shots) if uv is not None and np.isfinite(uv).any()]
     if len(used) < _LEAST_SHOTS:
         raise CalibrationError(
-            f"{name}: {len(used)} of {len(shots)} shots show the board, needs {_LEAST_SHOTS}"
+            f"{name}: {len(used)} of {len(shots)} board images show the board, needs {_LEAST_SHOTS}"
         )
     images = [np.asarray(shots[i], float) for i in used]
     parts = [np.isfinite(uv).all(axis=0) for uv in images]
@@ -108,7 +108,7 @@ def calibrate_camera(
     relative = float(np.max(sigma[:2] / np.diag(ours)[:2]))
     if not 0 <= relative <= _LEAST_PRECISION:
         raise CalibrationError(
-            f"{name}: the shots leave the focal length uncertain by {relative:.0%}, "
+            f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
             f"allowed {_LEAST_PRECISION:.0%}"
         )
     rotations: list[Array | None] = [None] * len(shots)

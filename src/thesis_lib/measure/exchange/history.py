@@ -47,7 +47,9 @@ VARIABLES = parse_variables("""
 """)
 
 
-def time_histories(data: xr.Dataset, recordings: Sequence[Recording], rest_s: float) -> xr.Dataset:
+def time_histories(
+    data: xr.Dataset, recordings: Sequence[Recording], rest_duration_s: float
+) -> xr.Dataset:
     """Return the time histories of all markers, while all cameras recorded.
 
     Parameters
@@ -56,7 +58,7 @@ def time_histories(data: xr.Dataset, recordings: Sequence[Recording], rest_s: fl
         What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
     recordings : sequence of Recording
         The cameras and their tracks.
-    rest_s : float
+    rest_duration_s : float
         How long every camera sees the structure at rest at its start, s.
 
     Returns
@@ -72,7 +74,10 @@ def time_histories(data: xr.Dataset, recordings: Sequence[Recording], rest_s: fl
     spans = [_span(own) for own in recordings]
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
     off = np.array(
-        [_still(own, first + rest_s) for own, (first, _) in zip(recordings, spans, strict=True)]
+        [
+            _still(own, first + rest_duration_s)
+            for own, (first, _) in zip(recordings, spans, strict=True)
+        ]
     )
     off -= project(P, rest)  # what the cameras disagree by at rest, which no motion changes
     parts = []

@@ -210,10 +210,10 @@ def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, 
 def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
     """Return one camera with lengths times a scale, and whether its place is known."""
 
-    def of(*names: str) -> Any:
+    def first_given(*names: str) -> Any:
         return next((entry[one] for one in names if entry.get(one) is not None), None)
 
-    K = _numbers(of(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
+    K = _numbers(first_given(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
     if K[0, 0] < 0 or K[1, 1] < 0:
         raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
@@ -221,7 +221,10 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
         )
     K[:2, 2] += HALF_PIXEL
-    size = of(*_SIZE_NAMES) or [of("image_width", "width"), of("image_height", "height")]
+    size = first_given(*_SIZE_NAMES) or [
+        first_given("image_width", "width"),
+        first_given("image_height", "height"),
+    ]
     width, height = _numbers(size, "image_width and image_height", (2,))
     if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
         raise ValueError(
@@ -232,12 +235,14 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
             f"{_MAX_FOCAL} widths of the image"
         )
-    turn, move = of(*_ROTATION_NAMES), of(*_TRANSLATION_NAMES)
+    turn, move = first_given(*_ROTATION_NAMES), first_given(*_TRANSLATION_NAMES)
     R, t = np.eye(3), np.zeros(3)
     if turn is not None and move is not None:
         R = _rotation(_numbers(turn, "rotation", (3, 9)))
         t = scale * _numbers(move, "translation", (3,))
-    camera = Camera(name, K, _distortion(entry, of), R, -R.T @ t, (int(width), int(height)))
+    camera = Camera(
+        name, K, _distortion(entry, first_given), R, -R.T @ t, (int(width), int(height))
+    )
     return camera, turn is not None and move is not None
 
 

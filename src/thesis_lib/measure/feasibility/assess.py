@@ -18,8 +18,8 @@ from thesis_lib.measure.feasibility.prediction import (
     DEFAULT_STEADY_S,
     OPTICS_FIELDS,
     CameraPrediction,
+    PredictedView,
     RigPrediction,
-    View,
     alias_frequency,
     predict_camera,
     predict_errors,
@@ -83,7 +83,7 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
         rig = RigPrediction(
             located=int(view.located.sum()),
             noise_px=noise_px,
-            steady_s=steady,
+            steady_interval_s=steady,
             frames=int(steady * slowest + 1e-9),
             one_frame=one,
             fit=fit,
@@ -107,8 +107,8 @@ def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
     """Check rest and steady-state intervals, for the slowest camera."""
     rate = min(c.rate_hz for c in manifest.cameras)
-    rest, given = manifest.excitation.rest_s, manifest.excitation.steady_s
-    where = "excitation.rest_s"
+    rest, given = manifest.excitation.rest_duration_s, manifest.excitation.steady_interval_s
+    where = "excitation.rest_duration_s"
     if rest < CHECK_LIMITS["short-rest"]:
         yield _warn("short-rest", where, rest=rest)
     if rest * rate < (least := CHECK_LIMITS["few-rest-frames"]):
@@ -117,7 +117,7 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
         )
     if not given:
         return
-    where, steady = "excitation.steady_s", steady_seconds(manifest)
+    where, steady = "excitation.steady_interval_s", steady_seconds(manifest)
     if steady * rate < (least := CHECK_LIMITS["few-frames"]):
         yield _warn(
             "few-frames",
@@ -245,7 +245,7 @@ def _check_view(
 
 
 def _check_rig(
-    manifest: Manifest, view: View, rig: RigPrediction, errors: Array
+    manifest: Manifest, view: PredictedView, rig: RigPrediction, errors: Array
 ) -> Iterator[Warning]:
     """Check all cameras together."""
     on = np.flatnonzero(view.located)
@@ -270,7 +270,7 @@ def _check_rig(
             "excitation.amplitude_mm",
             amplitude=amplitude,
             least=rig.smallest_mm,
-            steady=rig.steady_s,
+            steady=rig.steady_interval_s,
         )
 
 
@@ -300,7 +300,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     open_fields = {
         "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
         "amplitude": excitation.amplitude_mm is None,
-        "steady": excitation.steady_s is None,
+        "steady": excitation.steady_interval_s is None,
         "clap": excitation.sound == "room",
         "model": manifest.structure.kind == "flat",
     }
@@ -325,7 +325,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
     for what, values in (
         (f"one frame, centres that scatter {rig.noise_px:g} px", rig.one_frame),
-        (f"harmonic fit of {rig.steady_s:g} s, {rig.frames} frames", rig.fit),
+        (f"harmonic fit of {rig.steady_interval_s:g} s, {rig.frames} frames", rig.fit),
         ("whole-pixel centres, one frame near a maximum", rig.rounding),
     ):
         lines.append(f"  {what:<50}{_number(values[0]):>10}{_number(values[1]):>10}")

@@ -98,14 +98,14 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         {
             "name": f"phone-{i + 1}",
             "video": f"phone-{i + 1}.mp4",
-            "shots": f"board/phone-{i + 1}",
+            "board_images": f"board/phone-{i + 1}",
             **PHONE_CAMERA,
             "distance_mm": 1000.0,
             "elevation_deg": ELEVATION_DEG,
         }
         for i in range(count)
     ]
-    filled = {"excitation.steady_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
+    filled = {"excitation.steady_interval_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
     manifest = validate_manifest(with_given(cameras, filled))
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count

@@ -71,7 +71,7 @@ class RigPrediction:
     located: int  #: Cameras whose lens and place are given; only they count
     noise_px: float  #: Scatter of the centres that is assumed, px
     #: Length of the steady recording, s, and frames in it of the slowest camera
-    steady_s: float
+    steady_interval_s: float
     frames: int
     #: Of one frame, of the harmonic fit, and of whole-pixel centres at `amplitude_mm`, mm
     one_frame: tuple[float, float]
@@ -81,7 +81,7 @@ class RigPrediction:
 
 
 @dataclass(frozen=True)
-class View:
+class PredictedView:
     """Markers as the cameras see them, as far as the manifest gives their places; cameras first.
 
     Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
@@ -106,7 +106,7 @@ class View:
         return np.asarray(np.isfinite(self.optics).all(axis=1))
 
 
-def view_markers(manifest: Manifest, amplitude: float) -> View:
+def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     """Return the view of the cameras while the markers swing by an amplitude in m."""
     cameras, s = manifest.cameras, manifest.structure
     optics = np.array([[getattr(c, name) for name in OPTICS_FIELDS] for c in cameras], float)
@@ -136,7 +136,7 @@ def view_markers(manifest: Manifest, amplitude: float) -> View:
     J = np.where(ahead[:, None, None], image_jacobian(P, X), np.nan)
     rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
     inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
-    return View(optics, P, directions, X, depths, rest, stay, inside, J, slide)
+    return PredictedView(optics, P, directions, X, depths, rest, stay, inside, J, slide)
 
 
 def _least_gap(uv: Array, J: Array, diameter: float) -> float:
@@ -155,7 +155,9 @@ def _least_gap(uv: Array, J: Array, diameter: float) -> float:
     return float((apart - wide[:, None]).max(axis=2).min())
 
 
-def predict_camera(manifest: Manifest, view: View, i: int, amplitude: float) -> CameraPrediction:
+def predict_camera(
+    manifest: Manifest, view: PredictedView, i: int, amplitude: float
+) -> CameraPrediction:
     """Return the predicted performance of camera i, for an amplitude in m."""
     camera, markers = manifest.cameras[i], manifest.structure.markers
     f, exposure = manifest.excitation.frequency_hz or np.nan, camera.exposure_s
@@ -193,11 +195,13 @@ def predict_camera(manifest: Manifest, view: View, i: int, amplitude: float) -> 
 
 def steady_seconds(manifest: Manifest) -> float:
     """Return the length of the steady recording in s."""
-    given = manifest.excitation.steady_s
+    given = manifest.excitation.steady_interval_s
     return DEFAULT_STEADY_S if given is None else given[1] - given[0]
 
 
-def predict_errors(manifest: Manifest, view: View, amplitude: float, noise: float) -> list[Array]:
+def predict_errors(
+    manifest: Manifest, view: PredictedView, amplitude: float, noise: float
+) -> list[Array]:
     """Return the errors in mm of each marker: of one frame, of the fit, of whole pixels."""
     on = view.located
     if np.count_nonzero(on) < 2:

@@ -2,7 +2,7 @@
 
 An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
 all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
-this does not. The amplitudes are triangulated anew by cameras that are off by a standard deviation
+this does not. The amplitudes are triangulated again by cameras that are off by a standard deviation
 in each of the independent directions of the calibration's covariance. Where the world lies is free
 in it, and does not matter: the structure's frame comes from its markers at rest.
 """
@@ -66,7 +66,7 @@ def common_errors(
         if value > 1e-9 * values[-1]
     ]
 
-    def seen(step: Array) -> ComplexArray:
+    def perturb_amplitudes(step: Array) -> ComplexArray:
         every = zip(fits, omegas, strict=True)
         moved = [
             deflection_amplitude(_refit(fit, markers, step), omega, exposures)
@@ -74,7 +74,7 @@ def common_errors(
         ]
         return np.concatenate(moved)
 
-    rows = [seen(step / 2) - seen(-step / 2) for step in steps]
+    rows = [perturb_amplitudes(step / 2) - perturb_amplitudes(-step / 2) for step in steps]
     fewer = _fewer(np.nan_to_num(np.array(rows)))
     return fewer.reshape(len(fewer), len(fits), -1)
 

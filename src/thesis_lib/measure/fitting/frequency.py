@@ -62,7 +62,7 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
         power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum.sum(axis=1))
     peak = float(grid[np.argmax(power)])
 
-    def left(frequency: float) -> float:
+    def sum_residuals(frequency: float) -> float:
         omega = 2 * np.pi * frequency
         return sum(
             float(np.nansum(fit_harmonics(omega, times, values, 1).sigma ** 2)) * len(times)
@@ -71,13 +71,13 @@ def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float
 
     width = 1 / length
     found = minimize_scalar(
-        left,
+        sum_residuals,
         bounds=(max(peak - width, lowest / 2), peak + width),
         method="bounded",
         options={"xatol": 1e-6 * peak},
     )
     total = sum(float(np.sum(np.nanvar(values, axis=0))) * len(times) for times, values in series)
-    if not left(float(found.x)) < (1 - MIN_EXPLAINED_SHARE) * total:
+    if not sum_residuals(float(found.x)) < (1 - MIN_EXPLAINED_SHARE) * total:
         raise FrequencyError(
             f"no one frequency from {lowest:.3g} to {highest:.3g} Hz explains half of the motion; "
             "give excitation.frequency_hz"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.manifest_model import Structure
+from thesis_lib.measure.recordings.manifest_model import StructureSpec
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate
@@ -28,7 +28,7 @@ class Candidate:
     shape: Array  #: Its deflection at the markers, of any size, shape (markers,)
 
 
-def model_of(structure: Structure) -> Beam | Plate | None:
+def model_of(structure: StructureSpec) -> Beam | Plate | None:
     """Return the clamped beam or simply supported plate of a structure; None without a model."""
     own = {
         "length": structure.length_mm / 1000,
@@ -53,7 +53,7 @@ def model_of(structure: Structure) -> Beam | Plate | None:
     return None
 
 
-def candidate_modes(structure: Structure) -> list[Candidate]:
+def candidate_modes(structure: StructureSpec) -> list[Candidate]:
     """Return the modes to compare a measured shape with; none without a model."""
     points, model = structure.marker_points, model_of(structure)
     found = []

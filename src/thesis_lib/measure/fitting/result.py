@@ -162,7 +162,7 @@ def shape_result(
     begin, end = (float(value) for value in sound["steady"].values)
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     excitation = manifest.excitation
-    still_s = excitation.rest_s or end  # if never at rest, their mean place
+    still_s = excitation.rest_duration_s or end  # if never at rest, their mean place
     rest = np.array([at_rest(own, still_s) for own in recordings])
     frame = check_frame(cameras, rest, markers)
     check_sides(frame, cameras)

@@ -13,9 +13,9 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.modes.poles import (
-    Block,
     Poles,
     Spectrum,
+    TrackBlock,
     block_of,
     fit_known,
     fit_poles,
@@ -207,12 +207,12 @@ def _alike(told: list[list[tuple[float, float]]], hertz: float) -> tuple[tuple[f
     return tuple(told[int(np.argmin(np.abs(np.array(taken) - hertz)))])
 
 
-def _block(track: Track, zero: float, noise: Array) -> Block:
+def _block(track: Track, zero: float, noise: Array) -> TrackBlock:
     values = track.uv.reshape(len(track.times), -1)
     return block_of(track.times - zero, values, noise)
 
 
-def _scatter(block: Block, poles: Poles) -> Array:
+def _scatter(block: TrackBlock, poles: Poles) -> Array:
     """Return the scatter of each series about the modes, px."""
     B = pole_columns(block.times, poles.rates)
     return residual_scatter(block, B, fit_known(B, block)[0])
@@ -238,7 +238,7 @@ def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
     return replace(poles, covariance=covariance + np.diag(changed.ravel() ** 2))
 
 
-def _scale(block: Block, poles: Poles) -> Array:
+def _scale(block: TrackBlock, poles: Poles) -> Array:
     """Estimate the relative error of amplitudes at the begin by that of the decays, (modes,).
 
     An amplitude is measured best at the middle of its energy. That is later where the first and
@@ -251,7 +251,7 @@ def _scale(block: Block, poles: Poles) -> Array:
 
 
 def _nearest_in_step(
-    tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest, asked: Asked
+    tracks: Sequence[Track], blocks: Sequence[TrackBlock], poles: Poles, rest: Rest, asked: Asked
 ) -> tuple[Poles, list[list[tuple[float, float]]]]:
     """Return each mode at that of the frequencies that frames show alike with which cameras agree.
 
@@ -311,7 +311,7 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
         )
 
 
-def _check_found(blocks: Sequence[Block], orders: Sequence[Poles], asked: Asked) -> None:
+def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: Asked) -> None:
     """Refuse tracks in which no mode, or not one that is given, stands out."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
     hertz, seconds = rates[:, 1] / (2 * np.pi), span_of(blocks)

@@ -36,7 +36,7 @@ MIN_GAIN = 1e-6  # of a step, over the residuals' mean square: it is 0.001 stand
 
 
 @dataclass(frozen=True)
-class Block:
+class TrackBlock:
     """Tracks of one camera over the noise of each, about their means."""
 
     times: Array  #: From the begin of the part that is fitted, s, shape (frames,)
@@ -84,12 +84,12 @@ class Poles:
         return found[0], found[1]
 
 
-def block_of(times: Array, values: Array, scale: Array) -> Block:
+def block_of(times: Array, values: Array, scale: Array) -> TrackBlock:
     """Divide values (frames, series), NaN where missing, by their noise; subtract their means."""
     known = np.isfinite(values) & np.isfinite(scale)
     over = np.where(known, values, 0.0) / np.where(np.isfinite(scale), scale, 1.0)
     mean = over.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return Block(times, np.where(known, over - mean, 0.0), known, scale)
+    return TrackBlock(times, np.where(known, over - mean, 0.0), known, scale)
 
 
 def pole_columns(times: Array, rates: Array) -> Array:
@@ -101,7 +101,7 @@ def pole_columns(times: Array, rates: Array) -> Array:
     return np.stack(made, axis=1)
 
 
-def fit_known(B: Array, block: Block) -> tuple[Array, Array]:
+def fit_known(B: Array, block: TrackBlock) -> tuple[Array, Array]:
     """Fit columns (frames, n) to each series where it is known.
 
     Returns
@@ -124,18 +124,18 @@ def _moments(B: Array, C: Array, seen: Array) -> Array:
     return np.asarray(np.einsum("ti,tj,tp->pij", B, C, seen, optimize=True), float)
 
 
-def subtract_fit(block: Block, B: Array, fit: Array) -> Array:
+def subtract_fit(block: TrackBlock, B: Array, fit: Array) -> Array:
     """Subtract a fit of columns from the values, (frames, series); 0 where missing."""
     return np.where(block.known, block.values - B @ fit, 0.0)
 
 
-def left_of(block: Block, rates: Array) -> Array:
+def left_of(block: TrackBlock, rates: Array) -> Array:
     """Subtract the best fit of some poles from the values, (frames, series); 0 where missing."""
     B = pole_columns(block.times, rates)
     return subtract_fit(block, B, fit_known(B, block)[0])
 
 
-def residual_scatter(block: Block, B: Array, fit: Array) -> Array:
+def residual_scatter(block: TrackBlock, B: Array, fit: Array) -> Array:
     """Estimate the scatter of each series about a fit of columns, px; NaN if hardly seen."""
     freedom = block.known.sum(axis=0) - B.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -153,7 +153,7 @@ class Equations:
     noise: tuple[float, int]  #: Of the tracks that determine amplitudes: squares, and freedom
 
 
-def equations_of(block: Block, rates: Array) -> Equations:
+def equations_of(block: TrackBlock, rates: Array) -> Equations:
     """Set up the equations of one camera at some poles."""
     B, (seen, of) = pole_columns(block.times, rates), block.patterns
     fit, inverse = fit_known(B, block)
@@ -178,7 +178,7 @@ def equations_of(block: Block, rates: Array) -> Equations:
     )
 
 
-def fit_poles(blocks: Sequence[Block], start: Array, damped: bool) -> Poles:
+def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles:
     """Fit poles from a start (modes, 2); without damping only the frequencies."""
     free = np.flatnonzero(np.tile([damped, True], len(start)))
     every = np.ix_(free, free)
@@ -249,7 +249,9 @@ class Spectrum:
         return float(self.frequency[last]), top
 
 
-def residual_spectrum(blocks: Sequence[Block], rates: Array, band: tuple[float, float]) -> Spectrum:
+def residual_spectrum(
+    blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float]
+) -> Spectrum:
     """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
     span = max(float(np.ptp(block.times)) for block in blocks)
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
@@ -279,7 +281,7 @@ MIN_MODE_SPACING = 1.0  # of one over that length, within which two modes are no
 
 
 def search_modes(
-    blocks: Sequence[Block],
+    blocks: Sequence[TrackBlock],
     band: tuple[float, float],
     most: int,
     damped: bool,
@@ -289,7 +291,7 @@ def search_modes(
 
     Parameters
     ----------
-    blocks : sequence of Block
+    blocks : sequence of TrackBlock
         The tracks.
     band : tuple of float
         Where modes are sought, Hz.
@@ -324,7 +326,7 @@ def search_range(frequency: float, seconds: float) -> float:
 
 
 def strongest_line(
-    blocks: Sequence[Block], rates: Array, band: tuple[float, float], near: float | None = None
+    blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float], near: float | None = None
 ) -> float | None:
     """Frequency in Hz of the strongest line beside the poles, of those near a frequency if given.
 
@@ -354,12 +356,12 @@ def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array
     return np.max(np.where(near, power, 0.0), axis=0), mean
 
 
-def span_of(blocks: Sequence[Block]) -> float:
+def span_of(blocks: Sequence[TrackBlock]) -> float:
     """Return the length of the part that is fitted, s."""
     return max(float(np.ptp(block.times)) for block in blocks)
 
 
-def _start(blocks: Sequence[Block], rates: Array, omega: float, damped: bool) -> Array:
+def _start(blocks: Sequence[TrackBlock], rates: Array, omega: float, damped: bool) -> Array:
     """Return the pole to start from: of some decays the one with the least residual."""
     if not damped:
         return np.array([0.0, omega])

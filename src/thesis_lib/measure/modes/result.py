@@ -179,7 +179,7 @@ COMMON_VARIABLES = (
 def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple[Rest, float]:
     """Return the markers at rest, and the relative error of sizes that their grid tells."""
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
-    still = np.array([at_rest(own, manifest.excitation.rest_s) for own in recordings])
+    still = np.array([at_rest(own, manifest.excitation.rest_duration_s) for own in recordings])
     frame = check_frame(cameras, still, markers)
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
@@ -192,7 +192,10 @@ def fit_window(
 ) -> tuple[float, float]:
     """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
     begin, end = (float(value) for value in sound["steady"].values)
-    if not manifest.excitation.behaviour.decays or manifest.excitation.steady_s is not None:
+    if (
+        not manifest.excitation.behaviour.decays
+        or manifest.excitation.steady_interval_s is not None
+    ):
         return begin, end
     largest = []
     for own in recordings:

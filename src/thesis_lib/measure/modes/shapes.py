@@ -25,7 +25,13 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.fitting.residuals import in_plane, in_plane_excess, restore_scatter
-from thesis_lib.measure.modes.poles import Block, Poles, fit_known, pole_columns, residual_scatter
+from thesis_lib.measure.modes.poles import (
+    Poles,
+    TrackBlock,
+    fit_known,
+    pole_columns,
+    residual_scatter,
+)
 from thesis_lib.measure.modes.tracks import Track
 from thesis_lib.vision.lens import projection_matrices
 from thesis_lib.vision.pinhole import project
@@ -64,7 +70,7 @@ def blur_factor(rate: Array, exposure: float) -> complex:
     return complex(np.sinh(half) / half) if half else 1.0 + 0j
 
 
-def mode_images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
+def mode_images(track: Track, block: TrackBlock, poles: Poles) -> list[Harmonics]:
     """Return each mode in one camera's pictures, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = pole_columns(block.times, poles.rates)
@@ -89,7 +95,7 @@ def mode_images(track: Track, block: Block, poles: Poles) -> list[Harmonics]:
 
 
 def estimate_shapes(
-    tracks: Sequence[Track], blocks: Sequence[Block], poles: Poles, rest: Rest
+    tracks: Sequence[Track], blocks: Sequence[TrackBlock], poles: Poles, rest: Rest
 ) -> list[Shape]:
     """Estimate the shape of every mode."""
     cameras = [track.camera for track in tracks]
@@ -124,7 +130,7 @@ def remove_nonlinearity(
     """
     P, normal = projection_matrices([track.camera]), rest.frame.R[2]
 
-    def height(late: Array) -> Array:
+    def predict_heights(late: Array) -> Array:
         at = (track.times - zero)[:, None] + late
         total = np.zeros((len(at), rest.points.shape[1]))
         for shape, rate in zip(found, poles.rates, strict=True):
@@ -133,8 +139,10 @@ def remove_nonlinearity(
         return total
 
     slope = np.einsum("ikn,k->in", image_jacobian(P, rest.points)[0], normal)
-    linear = slope * height(track.usual[None])[:, None]
-    lifted = rest.points[:, None] + normal[:, None, None] * height(np.nan_to_num(track.late))
+    linear = slope * predict_heights(track.usual[None])[:, None]
+    lifted = rest.points[:, None] + normal[:, None, None] * predict_heights(
+        np.nan_to_num(track.late)
+    )
     true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
     return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)
 

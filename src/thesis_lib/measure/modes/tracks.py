@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.modes.poles import Block, fit_known, pole_columns
+from thesis_lib.measure.modes.poles import TrackBlock, fit_known, pole_columns
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.lens import Camera, undistort_tracks
 
@@ -80,7 +80,7 @@ def without_strays(track: Track, places: Array) -> Track:
     return _without(track, find_strays(moved, places))
 
 
-def without_outliers(track: Track, block: Block, rates: Array, places: Array) -> Track:
+def without_outliers(track: Track, block: TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
     B, known = pole_columns(block.times, rates), block.known
     with warnings.catch_warnings():  # of markers that are never seen

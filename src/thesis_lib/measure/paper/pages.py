@@ -362,19 +362,29 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
     def draw(axes: Axes) -> None:
         centre = np.array([wide / 2, high - radius - 10])
 
-        def to(azimuth: float, length: float) -> tuple[float, float]:
+        def polar_point(azimuth: float, length: float) -> tuple[float, float]:
             angle = np.radians(azimuth)  # from +Y, upward on the sheet, towards +X
             x, y = centre + length * np.array([np.sin(angle), np.cos(angle)])
             return float(x), float(y)
 
         for azimuth in map(float, range(-180, 180, 5)):
-            ends = to(azimuth, radius - (6 if azimuth % 10 == 0 else 3)), to(azimuth, radius)
+            ends = (
+                polar_point(azimuth, radius - (6 if azimuth % 10 == 0 else 3)),
+                polar_point(azimuth, radius),
+            )
             axes.plot(*np.transpose(ends), "k-", lw=0.4)
             if azimuth % 30 == 0:
-                axes.text(*to(azimuth, radius + 5), f"{azimuth:g}°", size=7, **CENTRED_TEXT)
+                axes.text(
+                    *polar_point(azimuth, radius + 5), f"{azimuth:g}°", size=7, **CENTRED_TEXT
+                )
         for name, azimuth in (("X", 90.0), ("Y", 0.0)):
-            axes.annotate("", to(azimuth, 26), to(0, 0), arrowprops={"arrowstyle": "->", "lw": 0.8})
-            axes.text(*to(azimuth, 30), name, size=9, **CENTRED_TEXT)
+            axes.annotate(
+                "",
+                polar_point(azimuth, 26),
+                polar_point(0, 0),
+                arrowprops={"arrowstyle": "->", "lw": 0.8},
+            )
+            axes.text(*polar_point(azimuth, 30), name, size=9, **CENTRED_TEXT)
         lines = [
             "Lay the sheet under the structure's centre, X along its length.",
             "Each camera stands on its ray, so far and so high with the middle of its lens:",
@@ -384,8 +394,10 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             azimuth, elevation, distance = (
                 float(getattr(camera, name) or 0.0) for name in PLACE_FIELDS
             )
-            axes.plot(*np.transpose([centre, to(azimuth, radius)]), color=cycle_color(k), lw=1.2)
-            axes.text(*to(azimuth, 0.8 * radius), names[k], size=10, color=cycle_color(k))
+            axes.plot(
+                *np.transpose([centre, polar_point(azimuth, radius)]), color=cycle_color(k), lw=1.2
+            )
+            axes.text(*polar_point(azimuth, 0.8 * radius), names[k], size=10, color=cycle_color(k))
             away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
             lines.append(
                 f"{names[k]}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "

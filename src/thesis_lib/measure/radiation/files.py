@@ -46,7 +46,7 @@ def sound_table(data: xr.Dataset) -> pd.DataFrame:
     """Return every number with its standard error, one in a row."""
     rows: list[tuple[object, ...]] = []
 
-    def told(of: object, name: str, what: object, one: xr.Dataset) -> None:
+    def add_row(of: object, name: str, what: object, one: xr.Dataset) -> None:
         rows.append((of, name, what, float(one[name]), float(error_of(one, name)), one[name].units))
 
     for tone in range(data.sizes["tone"]):
@@ -60,21 +60,21 @@ def sound_table(data: xr.Dataset) -> pd.DataFrame:
             "no_wall_change",
             "no_wall_below",
         ):
-            told(hertz, name, "", one)
+            add_row(hertz, name, "", one)
         for mode in range(one.sizes["mode"]):
-            told(hertz, "mode_power", mode + 1, one.isel(mode=mode))
+            add_row(hertz, "mode_power", mode + 1, one.isel(mode=mode))
         for point in range(one.sizes["point"]):
             here = one.isel(point=point)
-            told(
+            add_row(
                 hertz, "pressure", format_point(here), here.assign(pressure=absolute_pressure(here))
             )
-            told(hertz, "level", format_point(here), here)
+            add_row(hertz, "level", format_point(here), here)
     for band in data["band"].values if data.sizes["tone"] > 1 else ():
         one = data.sel(band=band)
         for name in ("band_power", "band_power_level"):
-            told(band, name, "", one)
+            add_row(band, name, "", one)
         for point in range(one.sizes["point"]):
-            told(band, "band_level", format_point(one.isel(point=point)), one.isel(point=point))
+            add_row(band, "band_level", format_point(one.isel(point=point)), one.isel(point=point))
     names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
     return pd.DataFrame(rows, columns=names)
 

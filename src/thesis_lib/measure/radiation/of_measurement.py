@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     MIN_SURFACE_MARKERS,
     Manifest,
     Radiation,
-    Structure,
+    StructureSpec,
 )
 from thesis_lib.measure.recordings.validation import ChainError
 
@@ -68,9 +68,9 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
     count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
-    surface = Surface.of(corners, count, (size[0] / 2, size[1] / 2))
+    surface = Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    screens = [Screen.of(corners, cells) for cells in without_wall.SCREEN_CELLS]
+    screens = [Screen.from_outline(corners, cells) for cells in without_wall.SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
     both = _choose_motion(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])
@@ -129,7 +129,7 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     return [Tone(*map(float, one)) for one in columns]
 
 
-def _check(data: xr.Dataset, known: Mask, structure: Structure) -> None:
+def _check(data: xr.Dataset, known: Mask, structure: StructureSpec) -> None:
     if known.sum() < MIN_SURFACE_MARKERS:
         raise ChainError(
             f"radiation: {known.sum()} markers were measured, allowed: {MIN_SURFACE_MARKERS} or "
@@ -182,7 +182,7 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
 
 def _choose_motion(
     asked: Radiation,
-    structure: Structure,
+    structure: StructureSpec,
     places: Array,
     corners: Array,
     markers: Array,
@@ -209,7 +209,7 @@ def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
     return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
 
 
-def _highest(structure: Structure, step: float) -> float:
+def _highest(structure: StructureSpec, step: float) -> float:
     """Frequency in Hz of the flexural wave that is two spacings long, by the manifest's material.
 
     ω = k² √(D/m) with k = π over the spacing.

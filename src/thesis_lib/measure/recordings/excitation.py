@@ -43,7 +43,7 @@ class Sought(Fields):
         return self
 
 
-Kind = Literal["tone", "tones", "decay", "sweep", "random"]
+Kind = Literal["sine", "multisine", "free_decay", "sweep", "random"]
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class Behaviour:
 
 
 EXCITATION_KINDS: dict[Kind, Behaviour] = {
-    "tone": Behaviour("shape", "Deflection", has_one_frequency=True),
-    "tones": Behaviour(
+    "sine": Behaviour("shape", "Deflection", has_one_frequency=True),
+    "multisine": Behaviour(
         "modes",
         "Tones",
         assumption="Each tone is steady. Its shape is that of the motion, which may hold several "
         "modes.",
     ),
-    "decay": Behaviour(
+    "free_decay": Behaviour(
         "modes",
         "Modes",
         force="optional",
@@ -180,17 +180,17 @@ class Excitation(Fields):
     """How the structure is driven, and what the sound tracks carry."""
 
     kind: Kind = Field(
-        "tone",
-        description="what is filmed after rest_s: a steady tone, several, the free decay after a "
-        "tap or a release, or what a force does that sweeps through frequencies or is noise",
+        "sine",
+        description="what is filmed after rest_duration_s: a steady sine, several, the free decay "
+        "after a tap or a release, or the motion that a force causes as a sweep or as noise",
     )
     modes: Sought = Field(
-        default_factory=Sought, description="which modes, where kind is tones or decay"
+        default_factory=Sought, description="which modes, where kind is multisine or free_decay"
     )
     sweep: Sweep = Field(default_factory=Sweep, description="the sweep, where kind is sweep")
     frequency_hz: Positive | None = Field(
         default_factory=lambda data: (
-            4.25 if EXCITATION_KINDS[data.get("kind", "tone")].has_one_frequency else None
+            4.25 if EXCITATION_KINDS[data.get("kind", "sine")].has_one_frequency else None
         ),
         description="frequency of the vibration; null looks for it",
     )
@@ -207,12 +207,12 @@ class Excitation(Fields):
         description="what the sound tracks carry: the force's signal, what microphones hear, or "
         "none that is needed, since the vibration is steady and the pictures tell its phase",
     )
-    steady_s: tuple[Real, Real] | None = Field(
+    steady_interval_s: tuple[Real, Real] | None = Field(
         None,
         description="from when to when the vibration is steady, on the first camera's clock; "
-        "null looks for it in the force's signal, or takes all after rest_s",
+        "null looks for it in the force's signal, or takes all after rest_duration_s",
     )
-    rest_s: Real = Field(
+    rest_duration_s: Real = Field(
         1.0,
         ge=0,
         le=3600,
@@ -236,6 +236,11 @@ class Excitation(Fields):
             self.refuse("sound", 'allowed for several modes: "force" or "room"')
         if self.undersampled and self.frequency_hz is None:
             self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
-        if self.steady_s is not None and not 0 <= self.steady_s[0] < self.steady_s[1] <= 1e5:
-            self.refuse("steady_s", "allowed: [begin, end] in this order, from 0 to 100000, in s")
+        if (
+            self.steady_interval_s is not None
+            and not 0 <= self.steady_interval_s[0] < self.steady_interval_s[1] <= 1e5
+        ):
+            self.refuse(
+                "steady_interval_s", "allowed: [begin, end] in this order, from 0 to 100000, in s"
+            )
         return self

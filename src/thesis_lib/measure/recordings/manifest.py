@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
+from thesis_lib.asides import aside
 from thesis_lib.measure.recordings.manifest_model import INSIDE_TEXT, CameraFiles, Manifest
 from thesis_lib.measure.recordings.text_files import (
     POWER_PATTERN,
@@ -27,6 +29,15 @@ IMAGE_SUFFIXES = {
     ".webp",
     ".heic",
 }  # sought in folders
+
+
+#: Old to new names of fields, and of kinds of excitation; read until version 2.
+RENAMED_FIELDS = {
+    "shots": "board_images",
+    "rest_s": "rest_duration_s",
+    "steady_s": "steady_interval_s",
+}
+RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
 
 
 class ManifestError(ValueError):
@@ -67,6 +78,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(
             f"{path}: given {format_given(values)}, allowed: fields and their values"
         )
+    values = rename_fields(values, path)
     try:
         manifest = Manifest.model_validate(values)
     except ValidationError as error:
@@ -74,6 +86,50 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
     for problem in _file_problems(manifest, path.parent, check_files):
         raise ManifestError(f"{path}: {problem}")
     return manifest
+
+
+def rename_fields(values: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return the values of a manifest under today's names, and report old names in one line."""
+    found: dict[str, str] = {}
+    values = dict(values)
+    if isinstance(excitation := values.get("excitation"), dict):
+        values["excitation"] = _rename(excitation, found)
+    if isinstance(cameras := values.get("cameras"), list):
+        values["cameras"] = [
+            _rename(camera, found) if isinstance(camera, dict) else camera for camera in cameras
+        ]
+    _report_renamed(str(path), found)
+    return values
+
+
+def rename_options(given: dict[str, Any]) -> dict[str, Any]:
+    """Return fields by path, as of ``-p excitation.rest_s=2``, under today's names."""
+    found: dict[str, str] = {}
+    named = {}
+    for place, value in given.items():
+        where, dot, name = place.rpartition(".")
+        ((new, renamed),) = _rename({name: value}, found).items()
+        named[f"{where}{dot}{new}"] = renamed
+    _report_renamed("-p", found)
+    return named
+
+
+def _rename(part: dict[str, Any], found: dict[str, str]) -> dict[str, Any]:
+    """Return a part of a manifest under today's names; note in ``found`` which were old."""
+    old = {one: new for one, new in RENAMED_FIELDS.items() if one in part and new not in part}
+    found.update(old)
+    part = {old.get(name, name): value for name, value in part.items()}
+    kind = part.get("kind")
+    if isinstance(kind, str) and kind in RENAMED_KINDS:
+        part["kind"] = RENAMED_KINDS[kind]
+        found[f"kind: {kind}"] = f"kind: {part['kind']}"
+    return part
+
+
+def _report_renamed(where: str, found: dict[str, str]) -> None:
+    if found:
+        words = ", ".join(f"{old} is now {new}" for old, new in found.items())
+        aside(f"{where}: old names are read until version 2: {words}")
 
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
@@ -92,14 +148,14 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
 
     Those of a folder or pattern are in the order of their names, numbers by value.
     """
-    if camera.shots is None:
+    if camera.board_images is None:
         return []
-    if not isinstance(camera.shots, str):
-        return [None if shot is None else folder / shot for shot in camera.shots]
-    place = folder / camera.shots
+    if not isinstance(camera.board_images, str):
+        return [None if shot is None else folder / shot for shot in camera.board_images]
+    place = folder / camera.board_images
     inside = place.is_dir()
     try:
-        files = place.glob("*") if inside else folder.glob(camera.shots)
+        files = place.glob("*") if inside else folder.glob(camera.board_images)
         pictures = [
             file
             for file in files
@@ -131,24 +187,26 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
     numbers = {}
     for i, camera in enumerate(manifest.cameras):
         named.append((f"cameras[{i}].video", camera.video))
-        where = f"cameras[{i}].shots"
-        if camera.shots is None:
+        where = f"cameras[{i}].board_images"
+        if camera.board_images is None:
             continue
-        if isinstance(camera.shots, str):
-            if outside(camera.shots):
-                yield f"{where}: given {format_given(camera.shots)}, allowed: {INSIDE_TEXT}"
+        if isinstance(camera.board_images, str):
+            if outside(camera.board_images):
+                yield f"{where}: given {format_given(camera.board_images)}, allowed: {INSIDE_TEXT}"
                 continue
         else:
-            named += [(f"{where}[{k}]", s) for k, s in enumerate(camera.shots) if s is not None]
+            named += [
+                (f"{where}[{k}]", s) for k, s in enumerate(camera.board_images) if s is not None
+            ]
         shots = shot_paths(camera, folder)
         numbers[where] = len(shots)
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
             yield (
-                f"{where}: given {format_given(camera.shots)}, which is {len(files)} pictures, "
-                f"allowed: at least 3{_unread(camera, folder)}"
+                f"{where}: given {format_given(camera.board_images)}, which is "
+                f"{len(files)} pictures, allowed: at least 3{_unread(camera, folder)}"
             )
-        if isinstance(camera.shots, str):
+        if isinstance(camera.board_images, str):
             for shot in files:  # which may be links
                 if outside(str(shot.relative_to(folder))):
                     name = format_given(shot.name)
@@ -166,12 +224,16 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(numbers.values())) > 1:
         counts = ", ".join(map(str, numbers.values()))
-        yield f"cameras: given {counts} shots, allowed: as many for every camera, in the same order"
+        allowed = "as many for every camera, in the same order"
+        yield f"cameras: given {counts} board images, allowed: {allowed}"
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:
     """List the files of a camera's folder of images that cannot be read."""
-    if not isinstance(camera.shots, str) or not (place := folder / camera.shots).is_dir():
+    if (
+        not isinstance(camera.board_images, str)
+        or not (place := folder / camera.board_images).is_dir()
+    ):
         return ""
     endings = sorted(file.suffix.lower() for file in place.iterdir() if file.is_file())
     others = {ending: endings.count(ending) for ending in endings if ending not in IMAGE_SUFFIXES}

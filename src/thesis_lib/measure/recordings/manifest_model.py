@@ -116,7 +116,7 @@ class Reuse(Fields):
     )
     poses: Literal["kept", "anew"] = Field(
         "kept",
-        description="whether the cameras stand where they stood, or are placed anew by this "
+        description="whether the cameras stand where they stood, or are placed again by this "
         "folder's pictures of the board, which need no lens then",
     )
     unit: Literal["m", "mm"] | None = Field(
@@ -273,12 +273,12 @@ def _default(name: str, scale: float = 1.0) -> Any:
 def _thesis_layout(given: dict[str, Any]) -> bool:
     """Return whether markers are the thesis's, which alone have a hole unless it is given."""
     return all(
-        given.get(name) == Markers.model_fields[name].get_default(call_default_factory=True)
+        given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
         for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
     )
 
 
-class Markers(Fields):
+class MarkersSpec(Fields):
     """Round markers on the structure: rows along it, or any given places."""
 
     rows: Count = Field(3, description="rows of markers, side by side")
@@ -307,7 +307,7 @@ class Markers(Fields):
     )
 
 
-class Structure(Fields):
+class StructureSpec(Fields):
     """The structure that is filmed."""
 
     kind: Literal["beam", "plate", "flat"] = Field(
@@ -337,10 +337,10 @@ class Structure(Fields):
     force_across_mm: Positive | None = Field(
         None, description="distance of the force from y = 0; null is half the width"
     )
-    markers: Markers = Field(default_factory=Markers, description="its markers")
+    markers: MarkersSpec = Field(default_factory=MarkersSpec, description="its markers")
 
     @model_validator(mode="after")
-    def _check(self) -> Structure:
+    def _check(self) -> StructureSpec:
         if self.force_position_mm > self.length_mm:
             self.refuse("force_position_mm", "allowed: at most length_mm, in mm")
         if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
@@ -408,9 +408,9 @@ class CameraFiles(Fields):
         le=1,
         description="time from the first row's exposure to the last row's; 0 for a global shutter",
     )
-    shots: FileName | tuple[FileName | None, ...] | None = Field(
+    board_images: FileName | tuple[FileName | None, ...] | None = Field(
         None,
-        title="null, a folder of pictures, a pattern such as shots/A-*.png, or a list of 3 to 200 "
+        title="null, a folder of pictures, a pattern such as board/A-*.png, or a list of 3 to 200 "
         "files with null where there is none, each inside the manifest's folder",
         description="pictures of the calibration board; the k-th of every camera shows the same "
         "pose; null if calibration has the cameras' places",
@@ -449,8 +449,8 @@ class CameraFiles(Fields):
             self.refuse("exposure_s", "allowed: at most 1 / frame_rate_hz, in s")
         if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
             self.refuse("readout_s", "allowed: from -1 / frame_rate_hz to 1 / frame_rate_hz, in s")
-        if isinstance(self.shots, tuple) and not 3 <= len(self.shots) <= 200:
-            self.refuse("shots", "allowed: 3 to 200 files, with null where there is none")
+        if isinstance(self.board_images, tuple) and not 3 <= len(self.board_images) <= 200:
+            self.refuse("board_images", "allowed: 3 to 200 files, with null where there is none")
         if self.corners_px is not None:
             sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
             turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
@@ -464,7 +464,7 @@ class CameraFiles(Fields):
 class Manifest(Fields):
     """Recordings of one structure by 2 to 16 cameras."""
 
-    structure: Structure = Field(default_factory=Structure, description="the structure")
+    structure: StructureSpec = Field(default_factory=StructureSpec, description="the structure")
     cameras: tuple[CameraFiles, ...] = Field(
         ..., min_length=2, max_length=16, description="the cameras"
     )
@@ -498,9 +498,9 @@ class Manifest(Fields):
             refuse_value("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
-                if camera.shots is None:
+                if camera.board_images is None:
                     why = "allowed without calibration: pictures of the board"
-                    refuse_value(f"cameras[{i}].shots", None, why)
+                    refuse_value(f"cameras[{i}].board_images", None, why)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):
                 given = getattr(other, name)

@@ -263,7 +263,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
 
 
 def source_of_packed(path: Path) -> str | None:
-    """Return the name of the film that ``thesis pack`` made a .mov of, None of another file."""
+    """Return the name of the film that ``thesis convert`` made a .mov of, None of another file."""
     if path.suffix.lower() != ".mov":
         return None
     try:
@@ -401,7 +401,7 @@ def frame_times(path: Path) -> Array:
                     if stamp is None or packet.time_base is None:
                         raise MediaError(
                             f"{path}: its frames have no time stamps; give them a rate: "
-                            f"thesis pack {shlex.quote(str(path))} --rate-hz RATE"
+                            f"thesis convert {shlex.quote(str(path))} --rate-hz RATE"
                         )
                     times.append(float(stamp * packet.time_base))
         except (av.FFmpegError, OSError):

@@ -52,8 +52,8 @@ ASKED_FIELDS = (  # what no file shows
     "structure.markers.rows", "structure.markers.columns", "structure.markers.spacing_mm",
     "structure.markers.row_spacing_mm", "structure.markers.diameter_mm", "structure.markers.tone",
     "board.kind", "board.columns", "board.rows", "board.tile_mm", "board.two_sided",
-    "excitation.frequency_hz", "excitation.sound", "excitation.rest_s", "excitation.steady_s",
-    "cameras.exposure_s",
+    "excitation.frequency_hz", "excitation.sound", "excitation.rest_duration_s",
+    "excitation.steady_interval_s", "cameras.exposure_s",
 )  # fmt: skip
 ASKED_OF_MARKS = ("board.mark_mm", "board.dictionary")
 # Of the shortest frame, which stands for an exposure that is not given
@@ -144,7 +144,7 @@ def _values(
             "frame_rate_hz": float(f"{rate_of(frame_clock(video), info.frame_rate):.8g}"),
             "captured_hz": info.captured_hz if is_slowed(info) else None,
             "exposure_s": exposure,
-            "shots": _shots(folder, video.stem),
+            "board_images": _shots(folder, video.stem),
         }
         for video, info, name in zip(videos, infos, name_cameras(videos), strict=True)
     ]
@@ -152,8 +152,8 @@ def _values(
     reused = values.get("calibration")
     placed = reused and (isinstance(reused, str) or reused.get("poses", "kept") == "kept")
     for camera in cameras:
-        if camera["shots"] is None and "cameras.shots" not in given and not placed:
-            camera["shots"] = f"board/{Path(camera['video']).stem}"
+        if camera["board_images"] is None and "cameras.board_images" not in given and not placed:
+            camera["board_images"] = f"board/{Path(camera['video']).stem}"
     return values
 
 
@@ -213,7 +213,11 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         shots = [shot for shot in shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        board = f"; {len(shots)} pictures of the board in {camera.shots}" if camera.shots else ""
+        board = (
+            f"; {len(shots)} pictures of the board in {camera.board_images}"
+            if camera.board_images
+            else ""
+        )
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
             f"frames per second{seconds}{board}"
@@ -230,11 +234,11 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
                 f"missing: {camera.video} has no sound, which tells when the camera started; if "
                 "the vibration never changes: -p excitation.sound=none"
             )
-        if camera.shots and len(shots) < MIN_BOARD_IMAGES:
+        if camera.board_images and len(shots) < MIN_BOARD_IMAGES:
             yield (
                 f"missing: pictures of the board by {camera.name}, at least {MIN_BOARD_IMAGES}, "
                 "better "
-                f"{WANTED_BOARD_IMAGES}, in {camera.shots}"
+                f"{WANTED_BOARD_IMAGES}, in {camera.board_images}"
             )
     if len(set(counts)) > 1:
         yield (
@@ -327,7 +331,7 @@ VIDEO_ENDINGS = {
     ".3g2", ".3gp", ".avi", ".cine", ".flv", ".insv", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4",
     ".mpeg", ".mpg", ".mts", ".mxf", ".ogv", ".ts", ".webm", ".wmv",
 }  # fmt: skip
-#: Endings of what `thesis pack` makes a video of
+#: Endings of what `thesis convert` makes a video of
 RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
 #: Endings of what lies beside videos and is none
 OTHER_ENDINGS = IMAGE_SUFFIXES | {
@@ -361,7 +365,7 @@ def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         if ending in RAW_ENDINGS:
             lines.append(
                 f"passed over: {file.name}, raw frames; to make a video of them: "
-                f"thesis pack {shlex.quote(str(file))} --rate-hz RATE"
+                f"thesis convert {shlex.quote(str(file))} --rate-hz RATE"
             )
         elif ending in VIDEO_ENDINGS or _is_film(file):
             videos.append(file)

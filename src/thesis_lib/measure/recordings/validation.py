@@ -16,7 +16,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, Structure
+from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, StructureSpec
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -117,7 +117,7 @@ def check_excitation(manifest: Manifest) -> list[str]:
     """
     lines = []
     slowest = min(camera.rate_hz for camera in manifest.cameras)
-    frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_s
+    frequency, rest = manifest.excitation.frequency_hz, manifest.excitation.rest_duration_s
     given = f"excitation.frequency_hz: given {frequency:.6g}, allowed" if frequency else ""
     if frequency is not None and manifest.excitation.undersampled:
         for i, camera in enumerate(manifest.cameras):
@@ -133,8 +133,8 @@ def check_excitation(manifest: Manifest) -> list[str]:
         lines.append(f"{given}: below half of the frame rate, {slowest / 2:g} Hz")
     if rest * slowest < 3 - 1e-9 and (rest or manifest.excitation.sound != "none"):
         lines.append(
-            f"excitation.rest_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, three "
-            "frames"
+            f"excitation.rest_duration_s: given {rest:.6g}, allowed: at least {3 / slowest:.4g} s, "
+            "three frames"
         )
     return lines
 
@@ -178,11 +178,11 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
                 height, width = read_png(shot).shape
                 if (width, height) != camera.size:
                     lines.append(
-                        f"cameras[{i}].shots: {shot}: {_px((width, height))}, allowed: "
+                        f"cameras[{i}].board_images: {shot}: {_px((width, height))}, allowed: "
                         f"{_px(camera.size)} {says}"
                     )
             except MediaError as error:
-                lines.append(f"cameras[{i}].shots: {error}")
+                lines.append(f"cameras[{i}].board_images: {error}")
     return rates + lines + _check_force(manifest, folder)
 
 
@@ -248,7 +248,7 @@ def on_one_line(points: ArrayLike, diameter: float) -> bool:
     return bool(across < (diameter / 4) ** 2)
 
 
-def _check_plane(structure: Structure) -> list[str]:
+def _check_plane(structure: StructureSpec) -> list[str]:
     """Check that the markers determine the structure's plane; return one line if not."""
     markers = structure.markers
     if not on_one_line(1000 * structure.marker_points, markers.diameter_mm):
@@ -260,7 +260,7 @@ def _check_plane(structure: Structure) -> list[str]:
 
 def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
     """Yield what is wrong with the stated lengths of a video's pictures and sound."""
-    heard, rest = excitation.sound != "none", excitation.rest_s
+    heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if heard and not info.has_audio:
         yield (
             "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
@@ -269,7 +269,7 @@ def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
     if info.duration is None:
         return
     if info.duration <= rest:
-        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_s, {rest:g} s"
+        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_duration_s, {rest:g} s"
     if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
         yield (
             f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "

@@ -72,7 +72,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedForce:
     """A force over time."""
 
     times: Array  #: On the first camera's clock, s, shape (samples,)
@@ -88,7 +88,7 @@ class Recorded:
 
 def read_force(
     manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
-) -> Recorded:
+) -> RecordedForce:
     """Return the force of a manifest.
 
     Parameters
@@ -122,7 +122,7 @@ def read_force(
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
     clock = _clock(manifest, folder, delays, paces or np.ones(len(delays)))
-    return Recorded(own * clock.pace + clock.delay, newtons, clock, f"{path.name}: {source}")
+    return RecordedForce(own * clock.pace + clock.delay, newtons, clock, f"{path.name}: {source}")
 
 
 def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from thesis_lib.measure.response.displacement import (
     noise_of,
     span_of,
 )
-from thesis_lib.measure.response.force import Recorded, find_sweep, read_force
+from thesis_lib.measure.response.force import RecordedForce, find_sweep, read_force
 from thesis_lib.measure.response.spectra import (
     ESTIMATORS,
     Cut,
@@ -124,7 +124,7 @@ def estimate_response(
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
     moved = estimate_deflections(recordings, rest, times)
-    still = np.arange(filmed[0], filmed[0] + excitation.rest_s, 1 / rate)
+    still = np.arange(filmed[0], filmed[0] + excitation.rest_duration_s, 1 / rate)
     still_noise = noise_of(estimate_deflections(recordings, rest, still), rate, (low, high))
     noise = still_noise
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
@@ -201,7 +201,7 @@ def _gap_noise(off: Array, cut: Cut) -> Array:
     return np.asarray(uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest"), float)
 
 
-def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, float]:
+def _band(manifest: Manifest, force: RecordedForce, slowest: float) -> tuple[float, float]:
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
@@ -226,10 +226,10 @@ def _band(manifest: Manifest, force: Recorded, slowest: float) -> tuple[float, f
 
 
 def _common(
-    manifest: Manifest, force: Recorded, filmed: tuple[float, float], low: float
+    manifest: Manifest, force: RecordedForce, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
     """From when to when all cameras and the force were recorded, s."""
-    first, last = manifest.excitation.steady_s or filmed
+    first, last = manifest.excitation.steady_interval_s or filmed
     begin = max(first, filmed[0], float(force.times[0]))
     end = min(last, filmed[1], float(force.times[-1]))
     if not end - begin > MIN_PERIODS / low:

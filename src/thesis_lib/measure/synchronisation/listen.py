@@ -106,9 +106,9 @@ def _unheard(manifest: Manifest, folder: Path) -> Sound:
         snr=np.nan,
     )
     end = min(float(clock_of(camera, folder)[-1]) for camera in manifest.cameras)
-    if excitation.steady_s is not None:
+    if excitation.steady_interval_s is not None:
         _check_steady(manifest, 0.0, end)
-    steady = excitation.steady_s or _after_rest(excitation.rest_s, 0.0, end)
+    steady = excitation.steady_interval_s or _after_rest(excitation.rest_duration_s, 0.0, end)
     return Sound(nothing, excitation.frequency_hz, None, steady)
 
 
@@ -143,9 +143,9 @@ def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     )
     found = replace(found, drifts=drifts, sources=heard.sources)
     begin, end = _common(found, heard)
-    if excitation.steady_s is not None:
+    if excitation.steady_interval_s is not None:
         _check_steady(manifest, begin, end)
-    steady = excitation.steady_s or _after_rest(excitation.rest_s, begin, end)
+    steady = excitation.steady_interval_s or _after_rest(excitation.rest_duration_s, begin, end)
     return Sound(found, excitation.frequency_hz, None, steady)
 
 
@@ -153,8 +153,8 @@ def _after_rest(rest: float, begin: float, end: float) -> Interval:
     """Return the time after the rest that all cameras share, s."""
     if begin + rest >= end:
         raise ManifestError(
-            f"excitation.rest_s: given {rest:.6g}, allowed: less than the {end - begin:.3f} s that "
-            "all cameras recorded"
+            f"excitation.rest_duration_s: given {rest:.6g}, allowed: less than the "
+            f"{end - begin:.3f} s that all cameras recorded"
         )
     return begin + rest, end
 
@@ -162,14 +162,18 @@ def _after_rest(rest: float, begin: float, end: float) -> Interval:
 def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     """Return starts and steady interval from the force's signal."""
     excitation = manifest.excitation
-    skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
+    skip = (
+        excitation.steady_interval_s[0]
+        if excitation.steady_interval_s
+        else excitation.rest_duration_s
+    )
     frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
     heard = load_audio(recordings, frequency, skip)
     steady = None
-    if excitation.steady_s is not None:
+    if excitation.steady_interval_s is not None:
         _check_steady(manifest, 0.0, float(heard.ends[0]))
         zero = float(heard.starts[0]) + heard.tone_start
-        steady = excitation.steady_s[0] - zero, excitation.steady_s[1] - zero
+        steady = excitation.steady_interval_s[0] - zero, excitation.steady_interval_s[1] - zero
     found = combine_matches(
         match_recordings(recordings, frequency, room=False),
         heard.tones,
@@ -181,7 +185,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
         steady=steady,
     )
     found = replace(found, sources=heard.sources)
-    if excitation.steady_s is not None:
+    if excitation.steady_interval_s is not None:
         _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
     begin, end = steady or settle_interval(tone, rate, frequency)
@@ -199,7 +203,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
         found,
         used,
         force,
-        excitation.steady_s or (begin, end),
+        excitation.steady_interval_s or (begin, end),
         measured,
         frequency_deviation(part, rate, measured),
     )
@@ -208,12 +212,16 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
 def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
-    skip = excitation.steady_s[0] if excitation.steady_s else excitation.rest_s
+    skip = (
+        excitation.steady_interval_s[0]
+        if excitation.steady_interval_s
+        else excitation.rest_duration_s
+    )
     tones = []
     for recording in recordings:
         track, rate, start = low_track(recording, MIN_SAMPLES_PER_PERIOD * slowest / 2, skip)
-        begin, end = excitation.steady_s or (start, start)
-        part = (begin - start, end - start) if excitation.steady_s else None
+        begin, end = excitation.steady_interval_s or (start, start)
+        part = (begin - start, end - start) if excitation.steady_interval_s else None
         tones.append(find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = tones[0], tones[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
@@ -236,10 +244,10 @@ def _common(found: Synchronisation, heard: Heard) -> Interval:
 
 def _check_steady(manifest: Manifest, begin: float, end: float) -> None:
     """Refuse a steady part that is not in the recordings; their sound may be a frame shorter."""
-    steady = manifest.excitation.steady_s
+    steady = manifest.excitation.steady_interval_s
     frame = 1 / manifest.cameras[0].frame_rate_hz
     if steady is not None and not begin <= steady[0] < steady[1] <= end + frame:
         raise ManifestError(
-            f"excitation.steady_s: given [{steady[0]:g}, {steady[1]:g}], allowed: within the "
-            f"recordings, from {begin:.3f} to {end:.3f} s"
+            f"excitation.steady_interval_s: given [{steady[0]:g}, {steady[1]:g}], allowed: "
+            f"within the recordings, from {begin:.3f} to {end:.3f} s"
         )

@@ -46,7 +46,7 @@ def trackers_of(
     turn : float
         Angle of the vibration from frame to frame in rad; 0 if it is not known.
     shares : sequence of float
-        Of the frames' width, to which they are reduced. At each the markers are looked for anew,
+        Of the frames' width, to which they are reduced. At each the markers are looked for again,
         but the corners are those of the full frames. Without any the full frames serve.
 
     Returns

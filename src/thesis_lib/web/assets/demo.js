@@ -1,4 +1,4 @@
-// What the small experiments of a page share: controls, panels that are drawn anew when something changes, draws.
+// What the small experiments of a page share: controls, panels that are drawn again when something changes, draws.
 import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
 import { linkButton } from "./copy.js";
@@ -66,7 +66,7 @@ export function experiment(el, name, label, letters, build) {
   return () => { observer.disconnect(); cancelAnimationFrame(waiting); };
 }
 
-// Words above a panel, and for whoever does not see it.
+// Words above a panel, and for screen readers.
 export function headline({ canvas, caption }, words, more = "") {
   caption.textContent = words;
   fill(canvas, { "aria-label": `${words}. ${more}` });

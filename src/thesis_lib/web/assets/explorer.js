@@ -243,7 +243,7 @@ export default (() => {
       if (root.clientWidth === width) return;
       width = root.clientWidth;
       [view, shapes].forEach((one) => one.remeasure());
-      app.result = null; // draws all anew
+      app.result = null; // draws all again
       request();
     });
     observer.observe(root);

@@ -45,7 +45,7 @@ export default (() => {
     const others = html("details", { class: "tl-rerun-more" }, html("summary", {}, "All parameters"), more,
       html("p", { class: "tl-rerun-note" }, ELSEWHERE));
     const root = html("section", { class: "tl-rerun", "aria-label": "A rerun with your parameters" },
-      ...(only ? [html("h3", { class: "tl-rerun-title" }, "Change a parameter: the page computes it anew"), form, others,
+      ...(only ? [html("h3", { class: "tl-rerun-title" }, "Change a parameter: the page computes it again"), form, others,
         result, html("div", { class: "tl-rerun-head" }, reset, ...link)] : [head, note, form, result]));
     root.classList.toggle("tl-rerun-compact", only);
     const figure = html("div", { class: "tl-rerun-figure" });
