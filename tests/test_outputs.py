@@ -27,8 +27,8 @@ FRAMES = np.random.default_rng(0).integers(0, 256, (8, 32, 32), np.uint8)
 # What a command is given, in a folder that `stage` has filled, and all that it would write there.
 COMMANDS = {
     "convert": ("convert cam1 --rate-hz 240", ["cam1.mov"]),
-    "pack to a file": ("pack cam1 film.mov --rate-hz 240", ["film.mov"]),
-    "pack onto a picture": ("pack cam1 cam1/0.png --rate-hz 240", ["cam1/0.png"]),
+    "pack to a file": ("convert cam1 film.mov --rate-hz 240", ["film.mov"]),
+    "pack onto a picture": ("convert cam1 cam1/0.png --rate-hz 240", ["cam1/0.png"]),
     "print board": ("print board", ["board.pdf"]),
     "print board to a file": ("print board own.pdf", ["own.pdf"]),
     "print markers": ("print markers", ["markers.pdf"]),

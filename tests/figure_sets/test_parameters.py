@@ -363,7 +363,7 @@ class Own(CameraStudy):
     name, title, study = "own", "own", "distance"
     elevation_deg: float = 20.0
 
-    def printed(self):
+    def thesis_settings(self):
         return setups.distance_settings([600], 30, self.elevation_deg, (320, 180))
 
 

@@ -121,9 +121,11 @@ def error_lines(cube: xr.Dataset) -> list[str]:
         f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
         f"{percent_text(row.trial_0):>7} | {band_text(row.median, row.low, row.high):>20} | "
         f"{band_text(row.median_old, row.low_old, row.high_old):>20}"
+        f"{' *' if row.low > row.high_old or row.high < row.low_old else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
-    return [*lines, "errors in % of the largest reference value; trial 0 is the nominal run"]
+    legend = "errors in % of the largest reference value; trial 0 is the nominal run"
+    return [*lines, f"{legend}; * the bands do not meet"]
 
 
 def all_difference_lines(
