@@ -83,7 +83,7 @@ def duration(seconds: float) -> str:
 
 
 def listed(names: Iterable[str], command: str) -> str:
-    """All names there are, or the command that shows them where a message has no room for them."""
+    """List all names, or name the command that shows them where there is no room."""
     all_ = ", ".join(names)
     return (
         f"there are {all_}"

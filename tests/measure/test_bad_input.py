@@ -302,7 +302,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "a list with a missing picture": (
         given("cameras.1.board_images", [f"shots/B/{k}.png" for k in (0, 1, 2, 9)]), WRONG,
         ['cameras[1].board_images[3]: given "shots/B/9.png", no such file']),
-    "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable picture"]),
+    "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable image"]),
     "a text for a picture": (file("shots/B/2.png", b"none"), WRONG, ["2.png: not a readable"]),
     "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),

@@ -398,7 +398,7 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].board_images", "2 pictures", "at least 3"]),
     "fewer shots of one": (keep_shots("B", 9), 2, ["cameras: given ", ", 9, ", "as many"]),
     "a text as shot": (shot(lambda path: path.write_text("no picture")), 2,
-                       [BOARD, "B-03.jpg: not a readable picture"]),
+                       [BOARD, "B-03.jpg: not a readable image"]),
     "a cut shot": (shot(lambda path: cut(path, 0.5)), 2, [BOARD, "B-03.jpg: not a readable"]),
 }  # fmt: skip
 

@@ -439,7 +439,7 @@ def test_pictures_of_telephones_are_read(tmp_path, monkeypatch):
     assert np.abs(read_png(path).astype(int) - grey).max() < 12
     assert np.abs(read_png(path).astype(int) - grey).mean() < 2
     path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(MediaError, match="not a readable picture, or cut off"):
+    with pytest.raises(MediaError, match="not a readable image, or cut off"):
         read_png(path)
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
     with pytest.raises(MediaError, match=r"HEIC needs pillow-heif: pip install thesis-lib\[heic\]"):

@@ -135,7 +135,7 @@ def test_a_header_of_gigabytes_is_not_read(tmp_path):
 
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
     runner = CliRunner()
-    for what, said in [("", "no picture in it"), ("none", "allowed: a folder of pictures")]:
+    for what, said in [("", "no image in it"), ("none", "allowed: a folder of images")]:
         result = runner.invoke(cli, ["convert", str(tmp_path / what), str(tmp_path / "o.mov")])
         assert (result.exit_code, said in result.output) == (2, True)
     write_png(tmp_path / "a.png", EIGHT[0])

@@ -62,7 +62,7 @@ def stack_matrix(matrix: ArrayLike) -> Array:
 def circular_estimate(
     value: ArrayLike, covariance: ArrayLike, common: ArrayLike | None = None
 ) -> Amplitudes:
-    """Amplitudes whose two parts err alike and independently, but for what errors have in common.
+    """Return amplitudes whose parts err alike, independently but for common errors.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def widen_error(of: Estimate, relative: float) -> Estimate:
 
 
 def estimate_magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
-    """Absolute values |rₖ·w|, without what errors add to their squares; 0 where that is all."""
+    """Return |rₖ·w| without what errors add to its square; 0 where that is all."""
     at, S = _products(rows, of)
     square = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     along = at / np.maximum(np.hypot(*at), np.finfo(float).tiny)
@@ -141,7 +141,7 @@ def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
 
 
 def _covariance(A: Array, B: Array, of: Amplitudes) -> Array:
-    """Covariance of two forms, estimated; of one with itself at least what errors alone have."""
+    """Estimate two forms' covariance; of one with itself at least what errors alone have."""
     AS, BS, x = A @ of.covariance, B @ of.covariance, of.stacked
     own = float(np.sum(AS * BS.T))
     slopes = float(x @ AS @ B @ x)

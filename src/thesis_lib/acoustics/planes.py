@@ -82,7 +82,7 @@ class PlaneOperator:
     kernel: ComplexArray
 
     def fold(self, velocity: ArrayLike) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
-        """Velocities (..., pistons) folded across the plane, and the same mirrored along it."""
+        """Fold velocities (..., pistons) across the plane, and mirror the same along it."""
         v = np.asarray(velocity)
         nx, ny = self.grid
         across_along = v.reshape((*v.shape[:-1], ny, nx))

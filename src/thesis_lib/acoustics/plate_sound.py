@@ -62,7 +62,7 @@ class PlateSound:
         return np.stack([op.field(velocity) for op in self.operators])
 
     def plane_errors(self, deflection: ArrayLike) -> Array:
-        """Rms pressure errors (..., planes) in % of each plane's largest reference pressure."""
+        """Return rms pressure errors (..., planes) in % of each plane's largest reference."""
         error = np.asarray(deflection, float) - self.reference
         rms = [self.omega * np.linalg.norm(error @ F.T, axis=-1) for F in self.factors]
         return 100 * np.stack(rms, axis=-1) / self.largest
@@ -94,7 +94,7 @@ class PlateSound:
         return 100 * (self.power(deflection) / self.power(self.reference) - 1)
 
     def expected_power_error(self, covariance: ArrayLike) -> float:
-        """Rms power error in % by small errors of mean 0 with a covariance (markers, markers).
+        """Return the rms power error in % by small unbiased errors, (markers, markers) covariance.
 
         Their own power, tr RC, adds to what they make the reference's vary, 4 wᵀRCRw.
         """

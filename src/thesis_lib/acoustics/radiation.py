@@ -82,7 +82,7 @@ def sound_power(pistons: Pistons, velocity: ArrayLike, omega: float, medium: Med
 def radiation_efficiency(
     pistons: Pistons, velocity: ArrayLike, omega: float, medium: Medium = AIR
 ) -> float:
-    """Power over that of a plane wave of the same area and mean square v², W / (ρ₀ c S v² / 2)."""
+    """Return W / (ρ₀ c S v² / 2), power over that of a plane wave of the same area and v²."""
     v = np.asarray(velocity)
     area = pistons.area * len(v)
     plane = medium.density * medium.speed_of_sound * area * np.mean(np.abs(v) ** 2) / 2

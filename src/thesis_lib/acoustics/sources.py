@@ -83,7 +83,7 @@ def check_pistons(pistons: Pistons, omega: float, medium: Medium = AIR) -> None:
 def pulsating_sphere(
     distance: ArrayLike, radius: float, volume_velocity: complex, omega: float, medium: Medium = AIR
 ) -> ComplexArray:
-    """Pressure in Pa of a pulsating sphere in free space at `distance` from its centre (eq. 6.1).
+    """Return the pressure in Pa of a pulsating sphere in free space (eq. 6.1).
 
     Parameters
     ----------

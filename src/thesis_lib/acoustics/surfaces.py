@@ -105,7 +105,7 @@ class Surface:
         return np.asarray(scale * B.T @ (self.share[:, None] * B))
 
     def wavenumber_forms(self, moving: ArrayLike) -> tuple[Array, Array]:
-        """Forms of the sums of squared slopes and displacements, whose ratio is a wavenumber².
+        """Return forms of summed squared slopes and displacements; their ratio is wavenumber².
 
         Of sines along both sides it is that of the flexural wave, (mπ/a)² + (nπ/b)². Whole cells
         count.
@@ -122,7 +122,7 @@ class Surface:
     def pressure_matrix(
         self, moving: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
     ) -> ComplexArray:
-        """Pressure in Pa at points (3, n) in front, by amplitudes in m, shape (n, points)."""
+        """Return the pressure in Pa per metre at points (3, n) in front, shape (n, points)."""
         B = 1j * omega * self.share[:, None] * np.asarray(moving, float)
         return np.asarray(transfer_pressure(self.pistons, points, omega, medium) @ B)
 

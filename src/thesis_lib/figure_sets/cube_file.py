@@ -163,7 +163,7 @@ def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
 
 
 def _list_problems(cube: xr.Dataset, needed: set[str]) -> Iterator[str]:
-    """Of a cube whose results are a list: each once, and all as long."""
+    """List problems of a cube of results by name: each once, and all of one length."""
     first = min(needed & {"quantity", "claim"})
     for name in sorted(needed):
         if cube[name].dims != (first,):

@@ -72,13 +72,13 @@ def read_caption(figure_set: str, name: str, *which: int) -> Caption:
 
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
-    """Parameters of Matplotlib for a figure set's pictures, by its module's ``STYLE``."""
+    """Return parameters of Matplotlib for a figure set's pictures, by its module's ``STYLE``."""
     style: Mapping[str, Any] = getattr(figures_module(figure_set), "STYLE", {})
     return style
 
 
 def list_captions(study: Study, source: str) -> Iterator[Caption]:
-    """Captions of what a cell of a notebook, its `source`, will show, before anything is run."""
+    """List the captions that a notebook's cell, its `source`, will show, before it is run."""
     if "notebook.figures(result)" in source:
         cases = [setting.case for setting in study.settings()]
         modes = np.array(getattr(study, "modes", []), int)

@@ -60,7 +60,7 @@ class Polygons:
 
 
 def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
-    """Sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
+    """Return sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class Series:
 
 @lru_cache(maxsize=8)
 def _weights(trials: int, seed: int) -> Array:
-    """Weights of resampled means, shape (trials, resamples): with replacement, from one seed."""
+    """Draw weights of resampled means, (trials, resamples), with replacement."""
     drawn = np.random.default_rng(seed).multinomial(
         trials, np.full(trials, 1 / trials), RESAMPLE_COUNT
     )

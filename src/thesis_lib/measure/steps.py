@@ -77,7 +77,7 @@ def calibrate_rig(
     what += [[lens.K.tolist(), lens.distortion.tolist()] for lens in lenses]
 
     def compute() -> xr.Dataset:
-        say(f"calibrating from {len(shots)} pictures of the board")
+        say(f"calibrating from {len(shots)} images of the board")
         with tqdm(total=len(shots), unit="picture", disable=None, leave=False) as bar:
             corners, lost, single, full = adjust_cameras(
                 manifest, folder, lambda: bar.update(), lenses
@@ -146,7 +146,7 @@ def inspect_videos(
 def read_sound(
     manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
 ) -> xr.Dataset:
-    """When the cameras started, and what the sound tells of the vibration."""
+    """Return when the cameras started, and what the sound tells of the vibration."""
     videos = [folder / c.video for c in manifest.cameras]
     what = [
         manifest.excitation.model_dump(mode="json"),

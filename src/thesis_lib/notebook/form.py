@@ -73,7 +73,7 @@ def form_of(request: Study) -> dict[str, Any]:
 def _describe_field(
     study: type[Study], row: dict[str, str], schema: dict[str, Any]
 ) -> dict[str, Any]:
-    """One parameter; a list of names that only the command knows offers those of its default."""
+    """Describe a parameter; a list of names only the command knows offers its default's."""
     default = json.loads(row["default"])
     plain = {key: value for key, value in schema.items() if key not in _KNOWN_KEYS}
     named = plain.get("items") == {"type": "string"}
@@ -103,7 +103,7 @@ def _format_typed(value: Any) -> str:
 def _describe_chapter(
     name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
-    """Parameters that mean the same in all sets of a chapter that have them, common ones first."""
+    """Describe the parameters that sets of a chapter share, common ones first."""
     members = CHAPTER_SETS[name]
     held = Counter(number for one in members for number in sets[one]["shown"])
     numbers = sorted(held, key=lambda number: held[number] < len(members))

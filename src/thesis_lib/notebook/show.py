@@ -63,7 +63,7 @@ def study(name: str, namespace: Mapping[str, Any]) -> xr.Dataset:
 
 
 def _find_injected(inputs: Iterable[str]) -> list[str]:
-    """Names that the cell which papermill injects has set, from a kernel's history of inputs."""
+    """Find the names that papermill's injected cell has set, in a kernel's history."""
     return [
         target.id
         for source in inputs
@@ -111,7 +111,7 @@ def viewer(cube: xr.Dataset) -> Viewer:
 
 
 def _build_form(cube: xr.Dataset) -> dict[str, Any]:
-    """Parameters that its page can change, if that is one of the sets that pages compute."""
+    """Return parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
     return (
         form_of(validate_request(name, json.loads(cube.attrs["parameters"])))

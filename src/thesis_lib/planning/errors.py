@@ -57,7 +57,7 @@ class Simulated:
         return self.point[np.arange(len(at)), at]
 
     def band(self, objective: str) -> Array:
-        """Quantiles 5 and 95 % over the trials of the mean error, (2, modes); NaN for the worst."""
+        """Return 5 and 95 % of the trials' mean error, (2, modes); NaN for the worst."""
         if objective == "mean":
             return np.asarray(np.quantile(self.mean, [0.05, 0.95], axis=1))
         return np.full((2, len(self.mean)), np.nan)
@@ -70,7 +70,7 @@ def percent_factor(scene: Scene) -> Array:
 
 
 def average_error(scene: Scene) -> float:
-    """Largest error of a mode in %, averaged over amplitudes, over √cost and times width in px."""
+    """Return a mode's largest error in %, averaged over amplitudes, × width in px / √cost."""
     return float(np.max(percent_factor(scene)) * np.sqrt(ROUNDING_VARIANCE_PX2))
 
 
@@ -157,7 +157,7 @@ _BOUND_ROUNDS = 60  # of the weights of the lower bound
 
 
 def marker_axes(normals: Array) -> Array:
-    """Right-handed axes (markers, 3, 3) whose third is each marker's normal (3, markers)."""
+    """Return right-handed axes (markers, 3, 3) whose third is each marker's normal (3, markers)."""
     n = normals.T
     aside = np.eye(3)[np.argmin(np.abs(n), axis=1)]
     x = np.cross(aside, n)
@@ -166,7 +166,7 @@ def marker_axes(normals: Array) -> Array:
 
 
 def place_information(scene: Scene, places: Array) -> Array:
-    """JᵀJ of every place and marker in the marker's own axes, per squared width of the sensor.
+    """Return JᵀJ of places and markers in the marker's axes, per squared sensor width.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def place_information(scene: Scene, places: Array) -> Array:
 
 
 def normal_variances(total: Array) -> Array:
-    """Variance along the normal, (M⁻¹)_zz, from information (6, ...); infinite if M is singular."""
+    """Return (M⁻¹)_zz from information (6, ...); infinite if M is singular."""
     xx, xy, xz, yy, yz, zz = total
     minor = xx * yy - xy**2
     determinant = zz * minor - (yy * xz**2 - 2 * xy * xz * yz + xx * yz**2)

@@ -149,7 +149,7 @@ NO_SCRIPT_TEXT = (
 
 
 def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
-    """Plans as a self-contained HTML fragment.
+    """Return plans as a self-contained HTML fragment.
 
     Parameters
     ----------

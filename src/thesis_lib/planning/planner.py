@@ -66,7 +66,7 @@ def without_limit(rules: Rules, field: str, reach: float) -> Rules:
 
 
 def binding_limits(scene: Scene, step: float) -> list[str]:
-    """Parameters each of which alone leaves no place: without its limit there are some."""
+    """Return parameters each of which alone leaves no place: without its limit there are some."""
     reach = scene.body.reach + max(scene.peaks)
     eased = {f: replace(scene, rules=without_limit(scene.rules, f, reach)) for f in OPTION_FIELDS}
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
@@ -79,7 +79,7 @@ def _text(request: PlanRequest, field: str) -> str:
 
 
 def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
-    """No place is allowed: because of which limits."""
+    """Explain which limits allow no place."""
     step = np.radians(request.step_deg)
     found = binding_limits(scene, step)
     if found:
@@ -103,7 +103,7 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
 
 
 def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
-    """Places there are, but no layout: cameras too close, or a marker that two do not see."""
+    """Explain that places leave no layout: cameras too close, or a marker two do not see."""
     seen = (place_information(scene, grid)[0] > 0).sum(axis=0)
     if seen.min() < 2:
         worst = int(np.argmin(seen))
@@ -283,7 +283,7 @@ def plan(
 
 
 def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
-    """Plans for the shape, each moved for the sound; no bound of theirs is known."""
+    """Return plans for the shape, each moved for the sound; no bound of theirs is known."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
     about: dict[float, Surroundings] = {}
@@ -397,7 +397,7 @@ def _options(
 
 
 def _weights(scene: Scene, layout: Array, objective: str) -> Array:
-    """Weights of the markers for :func:`lower_bound`: alike, or where the errors are largest."""
+    """Return the markers' weights for :func:`lower_bound`: equal, or at the largest errors."""
     variance = normal_variances(place_information(scene, layout).sum(axis=1))
     power = (variance / variance.max()) ** (_MAXIMUM_POWER if objective == "worst" else 0)
     return np.asarray(power / power.sum())

@@ -169,7 +169,7 @@ def rank_layout(layout: Array) -> tuple[int, ...]:
 
 
 def _whole(layout: Array) -> NDArray[np.int_]:
-    """Places in thousandths of a step, which have no noise."""
+    """Return places in thousandths of a step, which have no noise."""
     steps = layout * [1, 1, PER_METRE, PER_METRE]
     steps[:, :2] = np.degrees(layout[:, :2]) * PER_DEGREE
     return np.rint(1000 * steps).astype(int)
@@ -299,7 +299,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
 
 
 def _parts(scene: Scene, count: int) -> list[slice]:
-    """So many places in parts that fit into memory."""
+    """Yield slices of so many places that fit into memory."""
     step = max(1, _MAX_IMAGES // (2 * scene.body.points.shape[1]))
     return [slice(i, i + step) for i in range(0, count, step)]
 
@@ -380,12 +380,12 @@ def are_permitted(scene: Scene, places: Array) -> Mask:
 
 
 def places_at(grid: Array, distance: Array | float, focal: Array | float) -> Array:
-    """Places in directions (places, 2) from the centre."""
+    """Return places in directions (places, 2) from the centre."""
     return np.column_stack([grid, *(np.broadcast_to(one, len(grid)) for one in (distance, focal))])
 
 
 def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
-    """Least allowed distance in each direction that sees enough, by halving; else the largest."""
+    """Return each direction's least allowed distance by halving; else the largest."""
     limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
     last = count_lengths(limits) - 1
     found = np.full(len(grid), last)

@@ -279,7 +279,7 @@ class PlanRequest(Study):
 
 
 def plan_request(values: Mapping[str, Any]) -> PlanRequest:
-    """Parameters of ``thesis plan`` from plain values; errors as :func:`.registry.validate`."""
+    """Validate parameters of ``thesis plan``; errors as :func:`.registry.validate`."""
     request = validate_values(PlanRequest, values)
     assert isinstance(request, PlanRequest)
     return request

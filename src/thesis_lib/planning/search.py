@@ -93,7 +93,7 @@ class Surroundings:
         self._information = Once(lambda places: np.moveaxis(place_information(scene, places), 1, 0))
 
     def information(self, places: Array) -> Array:
-        """As :func:`~thesis_lib.planning.errors.place_information`, shape (6, places, markers)."""
+        """Return :func:`~thesis_lib.planning.errors.place_information` (6, places, markers)."""
         # sums of what does not lie together take ten times as long
         return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
 

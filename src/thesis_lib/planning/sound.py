@@ -110,7 +110,7 @@ def _at_point(
 
 
 def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> Array:
-    """Errors of the modes in %: of the power, or where the field's is largest of what counts."""
+    """Predict the modes' errors in %: of the power, or where the field's is largest."""
     pairs = zip(sounds, covariances, strict=True)
     if goal == "sound-power":
         return np.array([sound.expected_power_error(C) for sound, C in pairs])
@@ -120,7 +120,7 @@ def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> 
 def average_sound_error(
     sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
-    """Errors of the modes' sound in %, averaged over amplitudes and small turns of the layout.
+    """Average the sound errors of modes in % over amplitudes and small turns of the layout.
 
     Over amplitudes both images of a marker are rounded independently, and which markers are
     rounded alike is taken from how they lie at rest.

@@ -224,7 +224,7 @@ def _names(names: list[str]) -> str:
 
 
 def _request_lines(cube: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
-    """In which parameters the two runs differ."""
+    """Return in which parameters the two runs differ."""
     new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
     for key in sorted({*new, *old}):
         if new.get(key) != old.get(key):

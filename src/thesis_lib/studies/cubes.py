@@ -34,7 +34,7 @@ BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 
 def list_dimension(cube: xr.Dataset) -> str:
-    """Along which dimension a cube lists its results; empty if it holds errors of settings."""
+    """Return the dimension along which a cube lists results; empty if it holds errors."""
     return next((name for name in LISTED_VARIABLES if name in cube.dims), "")
 
 
@@ -106,7 +106,7 @@ def trial_band(values: xr.DataArray) -> Any:
 
 
 def typical_error(values: xr.DataArray) -> Array:
-    """Median of errors over the trials but the literal run, or that run if there are no trials.
+    """Return the median over the random trials, or the nominal run if there are none.
 
     Shape (setting, ...): what settings are ranked by, as one run alone ranks them by its luck.
     """

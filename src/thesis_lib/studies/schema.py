@@ -53,7 +53,7 @@ class Variable:
         return {"units": self.units, "long_name": self.long_name}
 
     def label(self, values: Any, over: Iterable[str] = ()) -> tuple[tuple[str, ...], Any, Any]:
-        """Values with their dimensions, after those that they have beside, and attributes."""
+        """Return values with their dimensions, after those of `over`, and attributes."""
         return (*over, *self.dims), np.asarray(values), self.attributes
 
 
@@ -132,7 +132,7 @@ def structure_contours(cube: xr.Dataset) -> list[Array]:
 
 
 def marker_cells(cube: xr.Dataset) -> tuple[Array, Array, IntArray]:
-    """Columns x and rows y of a plate's markers in m, and the cell of each marker, x fastest."""
+    """Return a plate's marker columns x and rows y in m, and each marker's cell, x fastest."""
     if (grid := cube["outline"].attrs.get("grid")) is not None:
         x, y = (
             (np.arange(count) + 0.5) * size / count
@@ -148,7 +148,7 @@ def marker_cells(cube: xr.Dataset) -> tuple[Array, Array, IntArray]:
 
 
 def fill_cells(values: Array, place: IntArray, count: int) -> Array:
-    """Values of markers (..., markers) in their cells (..., count); NaN where there is none."""
+    """Place markers' values (..., markers) in cells (..., count); NaN where there is none."""
     filled = np.full((*values.shape[:-1], count), np.nan)
     filled[..., place] = values
     return filled
@@ -187,7 +187,7 @@ REFERENCE_VARIABLE = parse_variables(
 
 
 def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:
-    """Per case and mode the settings with the lowest and highest typical deflection error."""
+    """Return settings with the lowest and highest typical error, by case and mode."""
     error = cubes.typical_error(plate_cube["mean_error"])
     result: dict[str, list[tuple[int, int]]] = {}
     for case in dict.fromkeys(plate_cube["case"].values.tolist()):
@@ -223,7 +223,7 @@ def of_settings(
 
 
 def camera_places(settings: list[Setting]) -> dict[str, Any]:
-    """Distance, azimuth and elevation of every setting's cameras as variables, NaN-padded."""
+    """Return the distance, azimuth and elevation of each setting's cameras, NaN-padded."""
     most = max(len(setting.directions_deg) for setting in settings)
     table = np.full((3, len(settings), most), np.nan)
     for i, setting in enumerate(settings):

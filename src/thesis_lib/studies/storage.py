@@ -126,7 +126,7 @@ def _rounding_attributes(values: xr.Variable | xr.DataArray) -> dict[str, np.int
 
 
 def _nearest(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """Numbers rounded to ``BITS`` bits of mantissa, as the netCDF library's *BitRound* does."""
+    """Round to ``BITS`` bits of mantissa, as the netCDF library's *BitRound* does."""
     whole = np.dtype(f"u{values.itemsize}").type
     dropped = whole(np.finfo(values.dtype).nmant - MANTISSA_BITS[values.dtype])
     bits = np.ascontiguousarray(values).view(whole) + (whole(1) << (dropped - whole(1)))

@@ -62,7 +62,7 @@ class Beam:
         return np.stack([x, np.full_like(x, self.width / 2)])
 
     def angular_frequencies(self, n_modes: int) -> Array:
-        """First natural frequencies ωₙ = kₙ² √(EI / ρA) in rad/s, shape (n_modes,) (eq. 3.6)."""
+        """Return ωₙ = kₙ² √(EI / ρA) in rad/s, shape (n_modes,) (eq. 3.6)."""
         k = cantilever_roots(n_modes) / self.length
         return k**2 * np.sqrt(self.bending_stiffness * self.length / self.mass)
 

@@ -43,7 +43,7 @@ def divide_hole(hole: Hole, size: float) -> Array:
 
 
 def _cut(polygon: Sequence[Point], size: float) -> Array:
-    """First corners of the pieces of a polygon, none longer than `size`, shape (pieces, 2)."""
+    """Cut a polygon into pieces no longer than `size`; return first corners (pieces, 2)."""
     parts = []
     corners = np.array(polygon, float)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -53,7 +53,7 @@ def _cut(polygon: Sequence[Point], size: float) -> Array:
 
 
 def _rings(circle: Circle, count: int, size: float) -> list[Array]:
-    """Rings of points around a small hole, as far apart as their points, until that is `size`."""
+    """Return rings of points around a small hole, as far apart as points, up to `size`."""
     rings, radius, turned = [], circle.radius, 0.0
     while (step := 2 * np.pi * radius / count * np.sqrt(3) / 2) < 0.75 * size:
         radius, turned = radius + step, turned + np.pi / count
@@ -138,7 +138,7 @@ def mesh_outline(
 def _points(
     outline: Sequence[Point], holes: Sequence[Hole], size: float, loops: Sequence[Array]
 ) -> Array:
-    """Corners of all triangles, shape (2, n): boundaries, rings around holes, hexagonal grid."""
+    """Return all triangles' corners (2, n): boundaries, rings around holes, hexagonal grid."""
     low, high = loops[0].min(axis=0), loops[0].max(axis=0)
     across = np.arange(low[0], high[0] + size, size)
     up = np.arange(low[1], high[1] + size, size * np.sqrt(3) / 2)
@@ -177,14 +177,14 @@ def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: f
 
 
 def _twice_areas(points: Array, corners: IntArray) -> Array:
-    """Twice the signed areas of triangles (n, 3)."""
+    """Return twice the signed areas of triangles (n, 3)."""
     a, b, c = points[:, corners.T].transpose(1, 0, 2)
     twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     return twice
 
 
 def _anticlockwise(points: Array, corners: IntArray) -> IntArray:
-    """Triangles (n, 3) in one sense, without those that have no area (on a straight boundary)."""
+    """Return triangles (n, 3) in one sense, without those of no area."""
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
     return np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]

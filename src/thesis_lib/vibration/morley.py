@@ -34,7 +34,7 @@ class Morley(ElementTriMorley):  # type: ignore[misc]
     def gbasis(
         self, mapping: Any, X: Array, i: int, tind: IntArray | None = None
     ) -> tuple[DiscreteField]:
-        """Shape function `i`, 0 to 2 of corners, 3 to 5 of sides, and its second derivatives.
+        """Return shape function `i` (0 to 2 corners, 3 to 5 sides) and its second derivatives.
 
         At places `X` of the reference triangle, shape (2, points) or (2, triangles, points), of the
         triangles `tind`, by default all: values (triangles, points), `hess`

@@ -25,7 +25,7 @@ class Component:
     phase: float = 0.0  #: In rad
 
     def shape(self, structure: Structure, points: ArrayLike) -> Array:
-        """Deflection for amplitude 1 at points (2, ...) of the structure's frame, dimensionless."""
+        """Return the deflection for amplitude 1 at points (2, ...), dimensionless."""
         x, y = np.asarray(points, float)
         if self.kind == "torsion":
             length, width = structure.extent
@@ -59,7 +59,7 @@ class Motion:
         return np.stack([part.shape(self.structure, points) for part in self.components])
 
     def coordinates(self, times: ArrayLike) -> Array:
-        """Displacement of each component where its shape is 1, shape (components, ...), m."""
+        """Return each component's displacement where its shape is 1, (components, ...), m."""
         t = np.asarray(times, float)
         return np.stack([self._histories(part, t)[0] for part in self.components])
 
@@ -104,7 +104,7 @@ class Motion:
 
 
 def steady_amplitudes(motion: Motion, points: ArrayLike, frequency: float) -> ComplexArray:
-    """Complex amplitudes in m, time factor e^{+jωt}, of the steady state's part at a frequency."""
+    """Return the steady state's amplitudes at a frequency, complex, m, time factor e^{+jωt}."""
     total = np.zeros(np.shape(np.asarray(points, float)[0]), complex)
     for part in motion.components:
         if np.isclose(part.frequency, frequency):

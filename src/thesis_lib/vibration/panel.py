@@ -157,7 +157,7 @@ class Panel(Sheet):
         return float(_find_modes(self, mode).peaks[mode - 1])
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
-        """Mode shapes at `points` (2, ...), dimensionless, shape (modes, ...); NaN off the panel.
+        """Return mode shapes at `points` (2, ...), shape (modes, ...); NaN off the panel.
 
         Their mean square over the panel is 1, and their signs are those of
         :func:`thesis_lib.vibration.finite_elements.plate_modes`.
@@ -186,7 +186,7 @@ def _batch(panel: Panel, batches: int) -> PlateModes:
 
 
 def _find_modes(panel: Panel, n_modes: int) -> PlateModes:
-    """At least so many modes, found once."""
+    """Compute at least so many modes, once."""
     if n_modes < 1:
         raise ShapeError("n_modes", n_modes, "1 or more")
     return _batch(panel, math.ceil(n_modes / MODES_PER_BATCH))

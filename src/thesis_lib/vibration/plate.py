@@ -97,7 +97,7 @@ class Plate(Sheet):
         return 2.0
 
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
-        """Mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...), dimensionless (eq. 4.4)."""
+        """Return mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...) (eq. 4.4)."""
         x, y = np.asarray(points, float)
         m = self.mode_indices(max(modes))[numbers_from_one(modes) - 1].T
         m1, m2 = m.reshape((2, -1) + (1,) * x.ndim)

@@ -46,7 +46,7 @@ class ShapeError(ValueError):
 
 
 def polygon_area(polygon: ArrayLike) -> float:
-    """Signed area of a polygon (corners, 2), positive if anticlockwise: ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ)."""
+    """Return ½ Σ (xᵢyᵢ₊₁ − xᵢ₊₁yᵢ), the signed area; positive if anticlockwise."""
     x, y = np.asarray(polygon, float).T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
 
@@ -114,7 +114,7 @@ def in_hole(hole: Hole, points: Array) -> Mask:
 
 
 def edge_distances(polygon: ArrayLike, points: Array) -> Array:
-    """Distances of points (2, n) from the edges of a polygon (corners, 2), shape (edges, n)."""
+    """Return distances (edges, n) of points (2, n) from a polygon's edges (corners, 2)."""
     start = np.asarray(polygon, float)[:, :, None]
     along = np.roll(start, -1, axis=0) - start
     offset = points - start
@@ -151,7 +151,7 @@ def segments_meet(a: Array, b: Array, c: Array, d: Array) -> bool:
 
 
 def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
-    """From each corner to the next, and from the last to the first."""
+    """Return from each corner to the next, and from the last to the first."""
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 

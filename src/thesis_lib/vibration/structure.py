@@ -62,7 +62,7 @@ def numbers_from_one(modes: Sequence[int]) -> IntArray:
 
 
 def resonance_frequency(structure: Structure, mode: int) -> float:
-    """Angular frequency ω = ωₙ √(1 − 2ξ²) in rad/s of the displacement resonance of a mode."""
+    """Return ω = ωₙ √(1 − 2ξ²) in rad/s, a mode's displacement resonance."""
     omega_n = structure.angular_frequencies(mode)[mode - 1]
     return float(omega_n * np.sqrt(1 - 2 * structure.damping**2))
 
@@ -99,7 +99,7 @@ def modal_coordinates(
 def full_response(
     structure: Structure, points: ArrayLike, omega: float, n_modes: int, force: float = 1.0
 ) -> ComplexArray:
-    """Sum of the first `n_modes` modes (eq. 3.3), complex amplitudes in m.
+    """Return the sum of the first `n_modes` modes (eq. 3.3), complex amplitudes in m.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def single_mode_response(
 
 
 def peak_deflection(structure: Structure, mode: int, force: float = 1.0) -> float:
-    """Peak |w| in m over the structure of one mode alone at its resonance, for a force in N."""
+    """Return the peak |w| in m of one mode alone at its resonance, for a force in N."""
     q = modal_coordinates(structure, resonance_frequency(structure, mode), mode, force)[mode - 1]
     return float(abs(q) * structure.shape_peak(mode))
 
@@ -196,7 +196,7 @@ def single_mode_distance(structure: Structure, mode: int, n_modes: int = 200) ->
 
 
 def world_points(structure: Structure, deflections: Array) -> Array:
-    """World coordinates of the markers for deflections (..., markers) in m, shape (3, ...)."""
+    """Return the markers' world coordinates (3, ...) for deflections (..., markers) in m."""
     centre = np.array(structure.extent) / 2
     x, y = structure.markers - centre[:, None]
     return np.stack(np.broadcast_arrays(x, y, deflections))

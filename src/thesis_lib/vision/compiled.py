@@ -36,7 +36,7 @@ _MATRIX_AT, _RIGHT_AT, _INVERSE_AT, _WORK_SIZE = (
 
 
 def _compile_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compiled when first called, and kept on disk for later processes where that is possible.
+    """Compile on the first call, and cache on disk for later processes where possible.
 
     A product and a sum may be rounded at once; nothing else may be rearranged, so that NaN and
     infinity go where they go in NumPy.
@@ -50,7 +50,7 @@ def _compile_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @_compile_kernel
 def solve_points(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
-    """Points (3, m) in m that fit their images best, written into `points`.
+    """Return points (3, m) in m that fit their images best, written into `points`.
 
     From projection matrices `P` (cameras, 3, 4) for `pixels` (cameras, 2, m) counted from the
     principal points `middle` (2, cameras, 1), all contiguous, by so many Gauss–Newton steps.

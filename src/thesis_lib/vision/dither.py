@@ -29,7 +29,7 @@ _LATTICE_RADIUS = 60  # radius of the plane's harmonics; beyond it their mean is
 
 
 def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> Array:
-    """Variance of the mean of a rounded coordinate over endless frames of a sinusoid, with shake.
+    """Return the variance of a rounded sinusoid's mean over endless frames, with shake.
 
     Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²): 1/12 where nothing moves. Its root falls as 1/√a, and
     with shake soon as exp(−2π²s²) / (√2 π).
@@ -96,7 +96,7 @@ def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
 def deflection_variance(
     P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, shake_px: float = 0.0
 ) -> Array:
-    """First-order variance of a vibration's amplitude in Z, fitted to endless whole-pixel frames.
+    """Return the variance of an amplitude in Z, to first order, of endless whole-pixel frames.
 
     Σ_j g_j² Var(a_j) over all coordinates, with the gain g_j = ∂Z/∂m_j at rest and the amplitude
     a_j of the image's motion. One frame at rest and one deflected have
@@ -127,7 +127,7 @@ def deflection_variance(
 
 
 def disc_variance(diameter_px: float) -> float:
-    """Variance along one axis of the centroid of a disc whose pixels are either black or white.
+    """Return the variance along one axis of a black-or-white disc's centroid.
 
     Over random positions of the disc on the grid, to first order in its number of pixels,
     Σ_k J₂(πD|k|)² / (2π²|k|²) over the whole numbers k ≠ 0 of the plane: for large D the root is

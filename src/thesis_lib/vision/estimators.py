@@ -72,7 +72,7 @@ def move_markers(rng: np.random.Generator, markers: int) -> Array:
 def estimate_points(
     P: Array, uv: Array, rules: Sequence[str] = ESTIMATORS, noise_px: float = 0.0
 ) -> Array:
-    """Points by every estimator from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
+    """Estimate points from images (cameras, 2, 2, ...) in px: (estimators, 3, 2, ...)."""
     return np.stack([ESTIMATOR_RULES[rule](P, uv, noise_px) for rule in rules])
 
 
@@ -152,6 +152,6 @@ def over_layouts(errors: Array) -> Array:
 
 
 def fit_exponent(counts: ArrayLike, errors: ArrayLike) -> Array:
-    """Exponents p of errors ~ Nᵖ, fitted in logarithms to errors (counts, ...), shape (...)."""
+    """Fit exponents p of errors ~ Nᵖ in logarithms, errors (counts, ...), shape (...)."""
     slope = np.polyfit(np.log(np.asarray(counts, float)), np.log(np.asarray(errors, float)), 1)[0]
     return np.asarray(slope)

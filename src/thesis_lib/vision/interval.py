@@ -125,7 +125,7 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
 
 
 def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Array, ...]:
-    """Points, covariances, evidence and feasibility of a block, from the least-squares points."""
+    """Return a block's points, covariances, evidence and feasibility."""
     frames, m = start.shape[1:]
     about = start.copy()
     about[:2] = start[:2].mean(axis=1, keepdims=True)
@@ -165,7 +165,7 @@ def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Arr
 
 
 def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Array]:
-    """Logarithm of Φ(β) − Φ(α), G and H, for pixels whose middle is so far from the mean, in px.
+    """Return log(Φ(β) − Φ(α)), G and H of pixels so far from the mean, in px.
 
     In units φ(α) of the nearer face, so that they hold however far out of the pixel the mean is.
     """
@@ -184,7 +184,7 @@ def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Arra
 
 
 def _tail(x: Array) -> Array:
-    """Mills' ratio (1 − Φ(x)) / φ(x) for x from 0, to 1e-14 and four times as fast as SciPy's."""
+    """Return Mills' ratio (1 − Φ(x)) / φ(x), x ≥ 0, to 1e-14, four times as fast as SciPy."""
     first, *others = _tail_coefficients()
     t = 1 - 2 * _KNEE_SIGMAS / (x + _KNEE_SIGMAS)
     total = np.full_like(t, first)
@@ -211,7 +211,7 @@ def _tail_coefficients() -> list[float]:
 
 
 def _solve(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
-    """Means (3, frames × m), upper triangles (6, frames × m) of covariances, log volumes (m,).
+    """Return means (3, frames × m), covariances (6, frames × m), log volumes (m,).
 
     The matrix is an arrow: eliminating z of every frame leaves a 2×2 system for x and y, which all
     frames share. The volume is ∫ exp(−½ xᵀΛx), √ det 2πΛ⁻¹.

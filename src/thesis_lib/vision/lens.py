@@ -77,7 +77,7 @@ def distortion_jacobian(xy: ArrayLike, distortion: ArrayLike) -> Array:
 
 
 def undistort_coordinates(xy: ArrayLike, distortion: ArrayLike, steps: int = 6) -> Array:
-    """Undistorted normalised coordinates of distorted ones, by Newton's method, both (2, ...).
+    """Undistort normalised coordinates by Newton's method, both (2, ...).
 
     Six steps reach rounding error for distortions that a lens for measuring has; a point beyond
     the fold of the polynomial, which has no undistorted counterpart, ends as NaN.
@@ -115,7 +115,7 @@ def from_pixels(K: ArrayLike, uv: ArrayLike) -> Array:
 
 
 def project_points(camera: Camera, points: ArrayLike) -> Array:
-    """Images (2, ...) in px of world points (3, ...) in m; NaN for points behind the camera."""
+    """Project world points (3, ...) in m, (2, ...) px; NaN for points behind the camera."""
     X = np.asarray(points, float)
     x, y, z = np.tensordot(camera.R_camera_world, X, axes=1) + camera.t.reshape(
         (3,) + (1,) * (X.ndim - 1)
@@ -125,7 +125,7 @@ def project_points(camera: Camera, points: ArrayLike) -> Array:
 
 
 def undistort_pixels(camera: Camera, uv: ArrayLike) -> Array:
-    """Pixels that the camera would see without distortion, (2, ...): what P and K speak of."""
+    """Return the pixels (2, ...) that a camera without distortion would see: those of P, K."""
     return to_pixels(camera.K, undistort_coordinates(from_pixels(camera.K, uv), camera.distortion))
 
 

@@ -24,7 +24,7 @@ _GREEN_WEIGHTS = (
 
 
 def angle_of_view(size: ArrayLike, focal: ArrayLike) -> Array:
-    """Angle 2 arctan(d / 2f) in rad that a lens sees across a length d of the sensor (eq. 2.19)."""
+    """Return the angle 2 arctan(d / 2f) in rad seen across a length d of the sensor (eq. 2.19)."""
     return 2 * np.arctan2(np.asarray(size, float), 2 * np.asarray(focal, float))
 
 
@@ -51,7 +51,7 @@ def picture_height(width: int, across: int, up: int) -> int:
 
 
 def image_distance(focal: ArrayLike, distance: ArrayLike) -> Array:
-    """Distance Z′ behind a thin lens at which an object at Z is sharp (eq. A.1), with Z > f."""
+    """Return Z′ at which a thin lens images an object at Z sharply (eq. A.1), with Z > f."""
     f, z = np.asarray(focal, float), np.asarray(distance, float)
     return f * z / (z - f)
 
@@ -75,7 +75,7 @@ def blur_circle(
 
 
 def hyperfocal_distance(focal: ArrayLike, f_number: ArrayLike, circle: ArrayLike) -> Array:
-    """Least focused distance H = f²/(Nc) + f at which infinity is sharp enough (Appendix A)."""
+    """Return H = f²/(Nc) + f, the least focus at which infinity is sharp (Appendix A)."""
     f = np.asarray(focal, float)
     return f**2 / (np.asarray(f_number, float) * np.asarray(circle, float)) + f
 
@@ -108,12 +108,12 @@ def depth_of_field(
 
 
 def stereo_disparity(depth: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
-    """Difference u₁ − u₂ = b f / Z in px of the two images of a point at depth Z (Appendix B)."""
+    """Return u₁ − u₂ = b f / Z in px, the disparity of a point at depth Z (Appendix B)."""
     return np.asarray(baseline, float) * focal_px / np.asarray(depth, float)
 
 
 def stereo_depth(disparity_px: ArrayLike, baseline: ArrayLike, focal_px: ArrayLike) -> Array:
-    """Depth Z = b f / (u₁ − u₂) of a point seen by two parallel cameras, in the baseline's unit."""
+    """Return Z = b f / (u₁ − u₂), a point's depth in the baseline's unit, parallel cameras."""
     return np.asarray(baseline, float) * focal_px / np.asarray(disparity_px, float)
 
 
@@ -175,20 +175,20 @@ def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
 
 
 def append_one(points: ArrayLike) -> Array:
-    """Coordinates (..., n) with a last one of 1 beside them, shape (..., n + 1) (eq. 2.10, C.1)."""
+    """Append a coordinate of 1 to (..., n), shape (..., n + 1) (eq. 2.10, C.1)."""
     x = np.asarray(points, float)
     return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)
 
 
 def from_homogeneous(points: ArrayLike) -> Array:
-    """All coordinates but the last, divided by it (eq. C.1); not finite for points at infinity."""
+    """Divide by the last coordinate and drop it (eq. C.1); infinite points are not finite."""
     x = np.asarray(points, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         return x[..., :-1] / x[..., -1:]
 
 
 def join_homogeneous(first: ArrayLike, second: ArrayLike) -> Array:
-    """Line through two points, or common point of two lines, of the projective plane (Appendix C).
+    """Return the line through two points, or the point of two lines (Appendix C).
 
     Both are triples: a point lies on a line if their product is zero. Parallel lines meet in a
     point whose last coordinate is zero.

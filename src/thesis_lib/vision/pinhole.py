@@ -112,7 +112,7 @@ def hemisphere_cameras(
 
 
 def project(P: ArrayLike, points: ArrayLike) -> Array:
-    """Image coordinates of world points (eq. 3.9, 3.20).
+    """Return image coordinates of world points (eq. 3.9, 3.20).
 
     Parameters
     ----------
@@ -155,6 +155,6 @@ def on_sensor(uv: ArrayLike, size: tuple[int, int]) -> Mask:
 
 
 def ground_sample_distance(cameras: CameraArray) -> float:
-    """Length in m that one pixel spans at the origin across the optical axis, mean of cameras."""
+    """Return the length in m of one pixel across the axis at the origin, mean of cameras."""
     distance = np.linalg.norm(cameras.centres, axis=1)
     return float(np.mean(distance / cameras.K[:, 0, 0]))

@@ -31,7 +31,7 @@ _LIKELIHOOD_FALL = 1.92
 
 
 def pixel_information(sigma_px: float) -> float:
-    """Fisher information in 1/px² of a coordinate with noise that was rounded to whole pixels.
+    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class Noise:
 
 
 def estimate_noise(P: ArrayLike, uv: ArrayLike) -> Noise:
-    """Noise that images had before they were rounded, from how they disagree with each other.
+    """Estimate images' noise before rounding from how they disagree with each other.
 
     Parameters
     ----------

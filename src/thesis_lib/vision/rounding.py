@@ -92,7 +92,7 @@ def difference_variance(displacement_px: ArrayLike) -> Array:
 
 
 def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Array:
-    """Mean of f(1 − f) in px² over the noise of both images; the noise's own 2σ² is not in it.
+    """Average f(1 − f) in px² over the noise of both images; its own 2σ² is not in it.
 
     Noise below 1/1000 px leaves out 1e-4 px².
     """
@@ -105,7 +105,7 @@ def noisy_difference_variance(displacement_px: ArrayLike, noise_px: float) -> Ar
 
 
 def mean_difference_variance(displacement_px: ArrayLike, least: float, most: float) -> Array:
-    """Mean of f(1 − f) in px² over motions from `least` to `most` times a displacement, evenly.
+    """Average f(1 − f) in px² over motions from `least` to `most` times a displacement.
 
     Towards 1/6 for a range of many pixels, to 0 for what does not move: of ⌊x⌋/6 + f²/2 − f³/3, the
     integral of f(1 − f) from 0 to x, the difference between both ends.
@@ -167,14 +167,14 @@ def deflection_variance(
 
 
 def _along(gains: Array, normals: ArrayLike | None) -> Array:
-    """Gains (3, cameras, 2, ...) of points as those of their component along Z or along normals."""
+    """Project points' gains (3, cameras, 2, ...) on Z or on normals."""
     if normals is None:
         return np.asarray(gains[2])
     return np.asarray(np.sum(gains * np.asarray(normals, float)[:, None, None], axis=0))
 
 
 def error_covariance(distance_px: ArrayLike, noise_px: float = 0.0) -> Array:
-    """Covariance 1/12 − f(1 − f)/2 in px² of the rounding errors of two coordinates on one grid.
+    """Return 1/12 − f(1 − f)/2 in px², the covariance of two rounding errors on one grid.
 
     `distance_px` is how far they lie apart, f its fractional part: both errors are the same
     sawtooth of the grid's shift, moved against each other. Noise is each coordinate's own.
@@ -189,7 +189,7 @@ def deflection_covariance(
     rest_is_known: bool = False,
     noise_px: float = 0.0,
 ) -> Array:
-    """First-order covariance of the measured deflections of all markers over random grid shifts.
+    """Return the markers' deflection covariance over random grid shifts, to first order.
 
     All images in one coordinate of one camera share its shift, so their rounding errors go
     together; this matters where markers are summed, as in sound. The diagonal is

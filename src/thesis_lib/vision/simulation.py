@@ -25,7 +25,7 @@ def assurance_criterion(measured: Array, reference: Array) -> Array:
 def point_heights(
     P: Array, uv: Array, estimator: str, normals: Array | None = None, noise_px: float = 0.0
 ) -> Array:
-    """Heights in m of points from rounded images (cameras, 2, ...), by one of the estimators.
+    """Estimate points' heights in m from rounded images (cameras, 2, ...).
 
     They are Z, or what points (3, ..., markers) have along the markers' normals (3, markers).
     """

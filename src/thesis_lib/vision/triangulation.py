@@ -34,7 +34,7 @@ _MAX_FIXED_MOTION = 1e-5
 
 
 def triangulate(P: ArrayLike, uv: ArrayLike, steps: int = 3) -> Array:
-    """World points that fit their images best, by linear start and Gauss–Newton refinement.
+    """Return world points that fit their images best, by linear start and Gauss–Newton refinement.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class _NormalEquations:
 
 
 def _factorise(matrix: Array) -> tuple[Array, ...]:
-    """LDLᵀ factors of symmetric 3×3 matrices, upper triangles (6, m): D's entries, then L's."""
+    """Factorise symmetric 3×3 matrices as LDLᵀ, upper triangles (6, m): D's entries, then L's."""
     xx, xy, xz, yy, yz, zz = matrix
     yx, zx = xy / xx, xz / xx
     dy = yy - yx * xy

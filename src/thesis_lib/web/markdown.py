@@ -27,7 +27,7 @@ def format_columns(rows: Iterable[Mapping[str, str]]) -> str:
 
 
 def escape_markdown(text: str) -> str:
-    """Reader's words as plain text in Markdown: nothing in them is markup."""
+    """Escape a reader's words, so that nothing in them is Markdown."""
     return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
 
 

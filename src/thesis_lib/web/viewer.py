@@ -22,7 +22,7 @@ FORM_CSS = VIEWER_CSS + read_asset("rerun.css")
 
 
 def form_esm(*kinds: str) -> str:
-    """Front end of a form of parameters, with the viewer of some kinds of structures below it."""
+    """Return the front end of a form of parameters, with a viewer of structures below it."""
     return join_modules("rerun", *kinds)
 
 

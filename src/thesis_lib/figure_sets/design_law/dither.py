@@ -32,7 +32,7 @@ DRAWS_PER_TRIAL = 5  # for each trial
 
 
 def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
-    """Deflection errors over random layouts: number of cameras, noise of pixels, distances."""
+    """Simulate deflection errors over random layouts by cameras, pixel noise and distances."""
     layouts = min(MAX_LAYOUTS, study.trials)
 
     def crowded(n_cameras: int, noise_px: float) -> Array:

@@ -96,7 +96,7 @@ class _Sound:
     modes: list[list[Array]]  # of radiation, the loudest of each plane
 
     def __call__(self, block: Block) -> dict[str, Array]:
-        """Rms errors (modes, trials, planes) in Pa; with the first trials what is predicted."""
+        """Return rms errors (modes, trials, planes) in Pa; predicted ones with the first trials."""
         setting, measured = block.load
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
         rms = np.stack(

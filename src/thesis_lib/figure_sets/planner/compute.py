@@ -152,7 +152,7 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
 
 
 def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
-    """Layouts of the plate for the shape and, moved, for the sound, at the first resolution."""
+    """Return the plate's layouts for shape and sound, at the first resolution."""
     request = made.request.model_copy(update={"goal": "sound"})
     by_shape = [one for one in made.options if one.kind == 0]
     both = list(zip(by_shape, for_sound(by_shape, request), strict=True))

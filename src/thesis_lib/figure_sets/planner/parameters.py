@@ -122,7 +122,7 @@ class Planner(Study):
         return {name: self._question(body, more) for name, (body, more) in asked.items()}
 
     def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
-        """Places of the thesis's growing arrays, by case and number of cameras."""
+        """Return places of the thesis's growing arrays, by case and number of cameras."""
         order, near = (
             assumed_values(body)["pair_order"],
             setups.setup_table(body, "arrays")["distance_mm"],

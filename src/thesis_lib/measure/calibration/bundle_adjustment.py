@@ -93,7 +93,8 @@ def adjust_bundle(
     given = observations.shape
     if observations.ndim != 4 or (given[0], given[2], given[3]) != expected:
         raise ValueError(
-            f"observations: given shape {given}, needs ({expected[0]}, shots, 2, {expected[2]})"
+            f"observations: given shape {given}, "
+            f"needs ({expected[0]}, board images, 2, {expected[2]})"
         )
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     network = reprojection.start_network(observations, seen, points, cameras)
@@ -142,7 +143,7 @@ def _minimise(
 def _inverse(
     normal: Array, network: Network, free: Mask, damping: float = 0.0
 ) -> tuple[Array, float]:
-    """Generalised inverse of the normal equations, and their least eigenvalue besides the gauge's.
+    """Invert the normal equations without the gauge; return their least eigenvalue, too.
 
     Scaled to a unit diagonal, the matrix becomes regular when the projector on its null space, the
     gauge, is added; without it again the inverse has that null space.
@@ -168,7 +169,7 @@ def _result(
     normal, _, residuals = reprojection.normal_equations(observations, seen, points, network)
     inverse, least = _inverse(normal, network, free)
     if least < _MIN_EIGENVALUE:
-        raise CalibrationError("adjustment: the pictures do not determine all unknowns")
+        raise CalibrationError("adjustment: the board images do not determine all unknowns")
     squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
     freedom = count - (int(free.sum()) - POSE_UNKNOWNS)
     sigma = float(np.sqrt(squares / freedom))
@@ -288,7 +289,7 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
 
 
 def _lever(cameras: Sequence[Camera]) -> float:
-    """Length that weighs angles against distances: rms distance of centres from their mean, m."""
+    """Return the length that weighs angles against distances: rms of centres about the mean, m."""
     centres = np.array([camera.centre for camera in cameras])
     spread = float(np.sqrt(np.mean(np.sum((centres - centres.mean(axis=0)) ** 2, axis=1))))
     return spread or 1.0

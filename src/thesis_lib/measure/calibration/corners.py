@@ -342,6 +342,6 @@ def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:
         )
     if np.median(blur) > _SOFT_PX and (typical := float(np.median(misfit))) > _MAX_SOFT_MISFIT:
         raise BoardNotFound(
-            f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} of the "
+            f"the edges are blurred unevenly, as by motion: they misfit by {typical:.0%} "
             f"of the contrast, allowed {_MAX_SOFT_MISFIT:.0%}; hold the board still"
         )

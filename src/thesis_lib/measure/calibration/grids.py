@@ -134,7 +134,7 @@ def _continues(image: Image, corners: Array) -> bool:
 
 
 def _grey(image: Image, H: Array, places: Array) -> Array:
-    """Mean grey levels about places (2, n) of a plane; NaN where any is outside the image."""
+    """Average grey levels about places (2, n) of a plane; NaN where any is outside the image."""
     spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])  # of a tile, about its middle
     points = (places[:, :, None] + spread[:, None]).reshape(2, -1)
     u, v, w = H @ np.vstack([points, np.ones_like(points[:1])])

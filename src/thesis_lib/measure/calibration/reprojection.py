@@ -64,7 +64,7 @@ def start_network(
         if not views.any():
             raise CalibrationError(f"{camera.name}: no image shows the board")
     for shot in np.flatnonzero(~seen.any(axis=0)):
-        raise CalibrationError(f"shot {shot}: no camera sees the board")
+        raise CalibrationError(f"board image {shot}: no camera sees the board")
     boards: dict[int, tuple[Array, Array]] = {0: (np.eye(3), np.zeros(3))}
     placed: dict[int, Camera] = {}
     views = [(int(c), int(s)) for c, s in np.argwhere(seen)]

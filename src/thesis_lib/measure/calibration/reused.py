@@ -72,7 +72,7 @@ def _rows(order: IntArray, count: int) -> IntArray:
 
 
 def as_calibrated(found: Found) -> xr.Dataset:
-    """Reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
+    """Return reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
     n = len(found.cameras)
     nothing: Array = np.full((n, 1, 2, 1), np.nan)
     kept = ("K", "distortion", "R_camera_world", "centre", "size")

@@ -35,7 +35,7 @@ MAX_CONTRADICTION = 3.0
 
 @contextlib.contextmanager
 def single_threaded_opencv() -> Iterator[None]:
-    """OpenCV with one thread, which makes the same bits in every run; the cameras run abreast."""
+    """Run OpenCV with one thread, for the same bits in every run; cameras run in parallel."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -51,7 +51,7 @@ def adjust_cameras(
     tick: Callable[[], object] = lambda: None,
     lenses: Sequence[Camera] = (),
 ) -> tuple[Array, list[str], list[Calibration], Adjustment]:
-    """All cameras from all corners of the board, adjusted together; `tick` is called per picture.
+    """Adjust all cameras together to the board's corners; call `tick` once per image.
 
     With `lenses` of the cameras these are kept, and only their places are found.
 

@@ -30,7 +30,7 @@ def unify_corners(
     board: Board,
     two_sided: bool = False,
 ) -> tuple[Array, dict[int, float]]:
-    """Corners in one order for all cameras, given that the cameras do not move between shots.
+    """Order corners alike for all cameras, which do not move between board images.
 
     In every shot the first camera that sees the board decides on its axes. A rig of cameras is
     tried for each way in which two pictures can belong together; the one that fits all shots holds.
@@ -84,15 +84,15 @@ def unify_corners(
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
             f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "
-            "the k-th "
-            "pictures of all cameras show one pose, and is board.two_sided right?"
+            "the k-th images of "
+            "all cameras show one pose, and is board.two_sided right?"
         )
     result[:, list(left_out)] = np.nan
     return result, left_out
 
 
 def _symmetries(board: Board, two_sided: bool) -> Array:
-    """Rotations (symmetries, 3, 3) that take corners to such as look alike, the identity first."""
+    """Return rotations (symmetries, 3, 3) to corners that look alike, the identity first."""
     if board.mark:
         return np.eye(3)[None]
     half, flip = np.diag([-1.0, -1.0, 1.0]), np.diag([1.0, -1.0, -1.0])
@@ -137,7 +137,7 @@ def _move(pose: Pose, points: Array | None) -> Array:
 
 
 def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None]]) -> list[Pose]:
-    """Pose of every camera in the first one's frame, from the pairs that share most shots."""
+    """Return every camera's pose in the first one's frame, from pairs sharing most images."""
     n = len(calibrations)
     seen = [{s for s, p in enumerate(images) if p is not None} for images in points]
     rig: dict[int, Pose] = {0: (np.eye(3), np.zeros(3))}

@@ -185,7 +185,7 @@ def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
 
 
 def _widths(parts: Array, gauge: Array, count: int) -> Array:
-    """Factors by which deviations of the last unknowns are widened, as they rest on few shots.
+    """Return factors that widen the last unknowns' deviations, which rest on few images.
 
     With independent shots alike in all but Nₛ, the jackknife's variance of an unknown is on average
     ρ = (m − 1)/m Σ vₛ / v of the true one, vₛ being the diagonal of (N − Nₛ)⁻¹ Nₛ (N − Nₛ)⁻¹ and v

@@ -59,7 +59,7 @@ def calibrate_camera(
     distortion: bool = True,
     name: str = "camera",
 ) -> Calibration:
-    """Intrinsics, distortion and board poses of one camera by Zhang's method (Appendix D, step 4).
+    """Calibrate one camera and its board poses by Zhang's method (Appendix D, step 4).
 
     Parameters
     ----------

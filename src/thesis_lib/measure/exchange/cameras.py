@@ -41,7 +41,7 @@ def write_calibration(folder: Path, cameras: Sequence[Camera], data: xr.Dataset)
 
 
 def _opencv(camera: Camera) -> tuple[Array, Array, Array, Array]:
-    """Intrinsic matrix, coefficients k₁, k₂, p₁, p₂, k₃, rotation vector and translation in m."""
+    """Return intrinsic matrix, k₁, k₂, p₁, p₂, k₃, rotation vector and translation in m."""
     K = camera.K.copy()
     K[:2, 2] -= HALF_PIXEL
     rotation = cv2.Rodrigues(camera.R_camera_world)[0].ravel()

@@ -170,7 +170,7 @@ def _at(
 
 
 def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
-    """Values (n, 2, markers), taken at s (n,) + late (markers,), at times (m,): (m, 2, markers).
+    """Interpolate (n, 2, markers) taken at s (n,) + late (markers,) at times (m,).
 
     NaN where a frame that counts is missing, or there are not frames enough around.
     """

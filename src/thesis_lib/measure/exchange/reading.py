@@ -169,7 +169,7 @@ def _of_xml(element: Element) -> Any:
 
 
 def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Names and values of each camera, whether a file has one, or several one below the other."""
+    """Yield each camera's name and values, from a file of one or of several."""
     own = {str(key).lower(): value for key, value in values.items()}
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return

@@ -27,7 +27,7 @@ def fold_frequency(frequency: ArrayLike, rate: ArrayLike) -> Array:
 
 
 def list_aliases(alias_hz: float, rate: float, highest_hz: float) -> Array:
-    """All frequencies in Hz, up to a highest one, that frames at a rate cannot tell apart."""
+    """List the frequencies in Hz, up to a highest, that frames at a rate show alike."""
     k = np.arange(int(np.ceil(highest_hz / rate)) + 1)
     every = np.unique(np.abs(np.concatenate([alias_hz + k * rate, alias_hz - k * rate])))
     kept: Array = every[every <= highest_hz]
@@ -35,7 +35,7 @@ def list_aliases(alias_hz: float, rate: float, highest_hz: float) -> Array:
 
 
 def alias_clearance(frequency: float, rate: float, frames: int) -> float:
-    """Periods by which an alias stays away from 0 and from half of the rate in so many frames.
+    """Return by how many periods an alias stays away from 0 and half of the rate.
 
     Below a half, frames hardly tell the vibration's two parts, in phase and in quadrature, from
     each other or from rest.
@@ -45,13 +45,13 @@ def alias_clearance(frequency: float, rate: float, frames: int) -> float:
 
 
 def scan_frequencies(rate: float, frames: int) -> Array:
-    """Frequencies to look at between 0 and half of the rate, half a period away from both, Hz."""
+    """Return frequencies to scan in Hz, half a period away from 0 and from half of the rate."""
     least = 0.5 * rate / frames
     return np.linspace(least, rate / 2 - least, TRIALS_PER_LINE * frames // 2)
 
 
 def detuning_loss(cycles: ArrayLike, frames: int) -> Array:
-    """Share of an amplitude that is lost if its frequency is wrong by so many cycles per recording.
+    """Return the share of an amplitude lost by a frequency wrong by cycles per recording.
 
     The mean of e^{2πjcn/N} over N frames, one less its modulus; near 1 − sinc(c).
     """

@@ -37,7 +37,7 @@ def common_errors(
     exposures: Array,
     covariance: Array,
 ) -> ComplexArray:
-    """Errors of the amplitudes by the calibration's, independent rows of one standard deviation.
+    """Return the calibration's errors of amplitudes, independent rows of one std each.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ def _refit(fit: Fitted, markers: Markers, step: Array) -> Fitted:
 
 
 def _anew(old: Camera, new: Camera, uv: Array) -> Array:
-    """Places without distortion by one camera, as another one has them, (2, ...)."""
+    """Return places without distortion by one camera, as another one has them, (2, ...)."""
     return lens.undistort_pixels(new, lens.distort_pixels(old, uv))
 
 
 def _undistort_again(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
-    """Harmonics with distortion taken off by another camera, to first order about their mean."""
+    """Undistort harmonics by another camera, to first order about their mean."""
     mean = own.coefficients[0]
     moved = _anew(old, new, mean)
     reach = 0.5  # px

@@ -69,7 +69,7 @@ def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording
 
 
 def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
-    """Phases by which cameras lag behind the first, and their standard errors, (cameras,), rad.
+    """Return phases by which cameras lag behind the first and their errors, (cameras,), rad.
 
     What moves along the normal by w has in camera c the image amplitude J w, J being the image of
     the normal, whatever else is true of it. So with w as the first camera sees it, the phase of
@@ -92,7 +92,7 @@ def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Arra
 
 
 def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
-    """By how much cameras start later than was thought, where that is certain, and errors, s."""
+    """Estimate how much later cameras start than was assumed, where certain, and errors, s."""
     turn, errors = phase_lags(fit, omega, exposures)
     certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
     return np.where(certain, turn, 0.0) / omega, errors / omega

@@ -134,7 +134,7 @@ def phase_advance(
 def _parts(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Middle, turn in rad, relative size and weight of every part of every camera, all (parts,)."""
+    """Return middle, turn in rad, relative size, weight of all cameras' parts, each (parts,)."""
     omega = 2 * np.pi * frequency
     middles, turns, sizes, weights = [], [], [], []
     for own in recordings:

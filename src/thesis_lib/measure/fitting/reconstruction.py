@@ -114,7 +114,7 @@ def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
 
 
 def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: int = 6) -> Array:
-    """Lagrange interpolation of values (times, ...) at one time, through the nearest frames.
+    """Return Lagrange interpolation of values (times, ...) at one time, through the nearest frames.
 
     Six frames err by less than (ωh)⁶ 5/1024 of the amplitude for a step h: 4·10⁻⁵ at 60 frames a
     second and 4.25 Hz. Where one of them is missing the value is NaN. One point is the nearest
@@ -134,7 +134,7 @@ def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: i
 
 
 def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) -> Array:
-    """Deflection along the beam's normal from images of rest and of one instant, (markers,), m.
+    """Return the deflection along the beam's normal (markers,), m, from rest and one instant.
 
     Both images have shape (cameras, 2, markers); a marker seen by other cameras at rest than at
     the instant counts in both with the cameras that it has in common.
@@ -209,7 +209,7 @@ def height_deviation(
 
 
 def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
-    """Rms distance in px of markers at rest (cameras, 2, markers) from where all put them."""
+    """Return the rms distance in px of markers at rest (cameras, 2, markers) from the fit."""
     P = projection_matrices(cameras)
     points, _ = triangulate_seen(P, rest)
     off: Array = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
@@ -241,7 +241,8 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
         f"the markers at rest are {1000 * frame.rms:.1f} mm off their grid, whose size comes out "
         f"as {frame.scale:.3f} of the nominal one (allowed: {1000 * most:.2g} mm, "
         f"{GRID_SCALE:.0%}); {who if off[worst] > 1 else ''}are "
-        "videos and shots those of the same cameras, and tile and spacings as the manifest says?"
+        "videos and board images those of the same cameras, and tile and spacings as the "
+        "manifest says?"
     )
 
 

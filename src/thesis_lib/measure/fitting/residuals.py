@@ -113,7 +113,7 @@ def in_plane(
 
 
 def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
-    """Rms of motion in the plane over what the scatter lets it be; NaN where nothing is known."""
+    """Return rms in-plane motion over what scatter explains; NaN where unknown."""
     with np.errstate(invalid="ignore", divide="ignore"):
         squares = np.abs(moved) ** 2 / (2 * deviations**2)
     known = squares[np.isfinite(squares)]
@@ -121,7 +121,7 @@ def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
 
 
 def _slope(places: Array, w: ComplexArray) -> ComplexArray:
-    """Slope (2, markers) of a surface at places (2, markers), by planes through neighbours."""
+    """Estimate a surface's slope (2, markers) by planes through neighbours."""
     known = np.isfinite(w)
     slope = np.full((2, len(w)), np.nan + 0j)
     if np.count_nonzero(known) < 4:
@@ -219,7 +219,7 @@ def explained_share(
 def find_jump(
     own: Recording, fit: Harmonics, omega: float, begin: float, end: float
 ) -> tuple[float, float]:
-    """By how much all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
+    """Find how far all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
     order = (len(fit.coefficients) - 1) // 2
     first, last = own.between(begin, end)
     every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell

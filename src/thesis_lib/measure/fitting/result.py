@@ -283,7 +283,7 @@ def shape_result(
 def _aliases(
     recordings: Sequence[Recording], fit: Fitted, begin: float, end: float, frequency: float
 ) -> tuple[Array, Array]:
-    """Frequencies in Hz that these frames show alike, and the phases in degrees that betray them.
+    """Return alias frequencies in Hz, and the phases in degrees that betray them.
 
     A camera's frames cannot tell one from the other. But cameras start at different times, so with
     a wrong frequency they seem to be out of step. The frequency itself comes first.
@@ -316,5 +316,5 @@ def _uneven(own: Recording) -> float:
 
 
 def size_off(scale: float) -> float:
-    """By how much shapes may be off in size if a grid measures `scale` of its own; 0 if it fits."""
+    """Return how far shapes may be off in size if a grid measures `scale`; 0 if it fits."""
     return scale - 1 if abs(scale - 1) > MAX_SCALE_ERROR else 0.0

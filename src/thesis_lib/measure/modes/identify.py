@@ -202,7 +202,7 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
 
 
 def _alike(told: list[list[tuple[float, float]]], hertz: float) -> tuple[tuple[float, float], ...]:
-    """Of what is told of each mode, that of the one nearest to a frequency."""
+    """Return the values of the mode nearest to a frequency."""
     taken = [own[0][0] for own in told]
     return tuple(told[int(np.argmin(np.abs(np.array(taken) - hertz)))])
 

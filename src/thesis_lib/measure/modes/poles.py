@@ -287,7 +287,7 @@ def search_modes(
     damped: bool,
     given: Sequence[float] = (),
 ) -> list[Poles]:
-    """Fits with one mode, two modes, … in a band in Hz, each started from the one before.
+    """Return fits with one mode, two modes, … in a band in Hz, each started from the one before.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def search_range(frequency: float, seconds: float) -> float:
 def strongest_line(
     blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float], near: float | None = None
 ) -> float | None:
-    """Frequency in Hz of the strongest line beside the poles, of those near a frequency if given.
+    """Return the strongest line beside the poles in Hz, near a frequency if given.
 
     None if none stands out.
     """
@@ -344,7 +344,7 @@ def strongest_line(
 
 
 def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array, Array]:
-    """Power over the noise of what is left within reach of each mode: the most, and the mean.
+    """Return the residual's power over noise within reach of each mode: maximum and mean.
 
     Much of it tells of another mode that the recording is too short to tell apart, or of a tone
     that is not steady. What is left there disturbs a mode, not the noise at other frequencies.

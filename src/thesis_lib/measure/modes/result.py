@@ -190,7 +190,7 @@ def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple
 def fit_window(
     manifest: Manifest, sound: xr.Dataset, recordings: Sequence[tracks.Recording]
 ) -> tuple[float, float]:
-    """From when to when the modes are fitted: of a decay, from the largest motion on, s."""
+    """Return from when to when the modes are fitted: of a decay, from the largest motion on, s."""
     begin, end = (float(value) for value in sound["steady"].values)
     if (
         not manifest.excitation.behaviour.decays

@@ -154,7 +154,7 @@ PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
 def camera_lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
-    """By how much cameras start later than was thought, where that is certain, and errors, s."""
+    """Estimate how much later cameras start than was assumed, where certain, and errors, s."""
     omega = poles.rates[:, 1]
     turn = np.array([shape.turn for shape in found])
     error = np.hypot([shape.turn_deviation for shape in found], PHASE_FLOOR_RAD)

@@ -119,7 +119,7 @@ def find_strays(moved: Array, places: Array) -> Mask:
 
 
 def _median(values: Array) -> Array:
-    """Median over the last axis of what is known: ten times as fast as NumPy's over short axes."""
+    """Return the nanmedian over a short last axis, ten times as fast as NumPy's."""
     count = np.isfinite(values).sum(axis=-1, keepdims=True)
     ranked = np.sort(values, axis=-1)  # NaN comes last
     low, high = (

@@ -64,7 +64,7 @@ def largest_gap(markers: Array) -> float:
 
 
 def by_model(model: Model, markers: Array, radius: float, places: Array) -> Between:
-    """By the first modes of a model, from markers (2, n) with a radius in m, at places (2, ...)."""
+    """Interpolate by a model's first modes, from markers (2, n) to places (2, ...)."""
     waves = 2 * np.pi / (MARKERS_PER_WAVE * largest_gap(markers))
     turn = 2 * np.pi * (np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS
     circle = radius * np.stack([np.cos(turn), np.sin(turn)])
@@ -81,7 +81,7 @@ def by_model(model: Model, markers: Array, radius: float, places: Array) -> Betw
 
 
 def _inside(model: Model, points: Array, instead: Array) -> Array:
-    """Points (2, ...) of the model; where a panel has none, others (2, ...) in their place."""
+    """Return points (2, ...) of the model, others where a panel has none."""
     if not isinstance(model, Panel):
         return points
     on = model.covers(points.reshape(2, -1)).reshape(points.shape[1:])
@@ -90,7 +90,7 @@ def _inside(model: Model, points: Array, instead: Array) -> Array:
 
 
 def _shapes(model: Model, points: Array, waves: float) -> Array:
-    """Shapes of the modes up to a wavenumber in rad/m at points (2, n), the longest first."""
+    """Return shapes of modes up to a wavenumber in rad/m at points (2, n), longest first."""
     numbers = np.arange(1, MAX_TRIED_MODES + 1)
     if isinstance(model, Beam):
         stiffness = model.bending_stiffness / (model.mass / model.length)
@@ -109,7 +109,7 @@ def _shapes(model: Model, points: Array, waves: float) -> Array:
 
 
 def by_spline(markers: Array, held: Array, places: Array) -> Between:
-    """By a thin plate spline through markers (2, n), at rest at held (2, k), at places (2, ...)."""
+    """Interpolate by a thin plate spline through markers (2, n), at rest at held (2, k)."""
     n = markers.shape[1]
     every = np.concatenate([markers, held], axis=1).T
     unit = np.eye(len(every))[:, :n]
@@ -124,7 +124,7 @@ def by_spline(markers: Array, held: Array, places: Array) -> Between:
 
 
 def edge_places(corners: Array, edges: list[int], step: float) -> Array:
-    """Places on some edges of a polygon (n, 2), a step in m apart at most, shape (2, places)."""
+    """Return places (2, n) on some edges of a polygon, at most a step in m apart."""
     found = [np.empty((2, 0))]
     for edge in edges:
         a, b = corners[edge], corners[(edge + 1) % len(corners)]

@@ -146,7 +146,7 @@ def _check(data: xr.Dataset, known: Mask, structure: StructureSpec) -> None:
 
 
 def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
-    """All shapes with the covariance of their errors: each marker's own, and what they share.
+    """Return all shapes, the covariance of each marker's errors, and what markers share.
 
     By the calibration they err all together, and by an error of size, where the grid does not fit.
     A decay that is not well known makes a whole shape too large, or turns it.
@@ -210,7 +210,7 @@ def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
 
 
 def _highest(structure: StructureSpec, step: float) -> float:
-    """Frequency in Hz of the flexural wave that is two spacings long, by the manifest's material.
+    """Return the frequency in Hz of the material's flexural wave that is two spacings long.
 
     ω = k² √(D/m) with k = π over the spacing.
     """

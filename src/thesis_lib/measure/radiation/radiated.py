@@ -186,7 +186,7 @@ def radiate_sound(
 
 
 def _ways(form: Array) -> Array:
-    """Rows whose forms |r·w|² add up to the power, the loudest first: its radiation modes."""
+    """Return rows whose |r·w|² add up to the power, the loudest first: radiation modes."""
     values, ways = np.linalg.eigh(form)
     return radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)
 
@@ -264,7 +264,7 @@ def _of_bands(
     ways: Sequence[Array],
     at: Sequence[ComplexArray],
 ) -> dict[str, Array]:
-    """Powers, and mean squares at points, of the tones in each band, whose errors are in common."""
+    """Sum the sines' powers and mean squares in each band, whose errors are in common."""
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
     found = [
         [estimates.estimate_sum(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]

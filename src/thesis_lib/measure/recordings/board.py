@@ -188,7 +188,7 @@ def rows_on(
 def on_surface(
     extent: tuple[float, float], points: ArrayLike, deflection: ArrayLike = 0.0
 ) -> Array:
-    """World coordinates (3, ...) of points (2, ...) of a structure, deflected along Z, in m."""
+    """Return world coordinates (3, ...) in m of points (2, ...) deflected along Z."""
     x, y = np.asarray(points, float)
     length, width = extent
     return np.stack(np.broadcast_arrays(x - length / 2, y - width / 2, deflection))

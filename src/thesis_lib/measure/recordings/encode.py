@@ -88,7 +88,7 @@ def pack_frames(
         return retime_frames(source, target, rate), probe_media(target).size
     own, frames = _raw(source) if raw else _pictures(source, say)
     if rate is None and own is None:
-        raise MediaError(f"{source}: pictures do not say their rate: give --rate-hz")
+        raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
     count, shape = 0, (0, 0)
 
     def even() -> Iterator[Image]:
@@ -105,14 +105,14 @@ def pack_frames(
 
 def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterator[Image]]:
     if not folder.is_dir():
-        raise MediaError(f"{folder}: allowed: a folder of pictures, a film, a .cih or a .cihx")
+        raise MediaError(f"{folder}: allowed: a folder of images, a video, a .cih or a .cihx")
     files = [
         file
         for file in folder.iterdir()
         if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
     ]
     if not files:
-        raise MediaError(f"{folder}: no picture in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
+        raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
     files.sort(key=lambda file: by_number(file.name))
     depth = max(map(depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
     if 8 < depth < 16:

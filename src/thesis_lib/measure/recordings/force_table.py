@@ -400,6 +400,6 @@ def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str)
     step = float(np.median(np.diff(times)))
     if not unit and step > MAX_UNSTATED_STEP_S:
         raise ForceError(
-            f"{path}: its times{f' ({name})' if name else ''} step by {step:g} and say no unit, "
+            f"{path}: its times{f' ({name})' if name else ''} step by {step:g} and have no unit, "
             f"allowed: a unit, as time_ms or time_s, or steps up to {MAX_UNSTATED_STEP_S:g} s"
         )

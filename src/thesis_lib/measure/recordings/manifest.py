@@ -144,7 +144,7 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
 
 
 def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
-    """Files of a camera's pictures of the board in the order of poses, None where there is none.
+    """List a camera's board images in the order of poses, None where there is none.
 
     Those of a folder or pattern are in the order of their names, numbers by value.
     """

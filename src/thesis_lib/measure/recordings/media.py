@@ -145,7 +145,7 @@ def write_video(
 def read_frames(
     path: Path, start: int = 0, stop: int | None = None, clock: Array | None = None
 ) -> Iterator[Image]:
-    """Frames `start` to `stop` of a video in gray of full range, shape (height, width), in order.
+    """Yield frames `start` to `stop` of a video in gray of full range, (height, width).
 
     Colour becomes luma, a limited range (16…235) is stretched to 0…255, as are fewer than 16 bits
     in 16, and a frame is turned and mirrored as it is to be shown. With a `clock`, the times of
@@ -257,7 +257,7 @@ def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if image is not None and image.dtype not in (np.uint8, np.uint16):  # numbers with a point
         image = cv2.imdecode(code, flags)
     if image is None or not whole:
-        raise MediaError(f"{path}: not a readable picture, or cut off")
+        raise MediaError(f"{path}: not a readable image, or cut off")
     return image.astype(np.uint16) if image.dtype == np.uint16 else image.astype(np.uint8)
 
 
@@ -272,7 +272,7 @@ def _read_heic(path: Path) -> Image:
     try:
         picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
     except (ValueError, OSError, EOFError, SyntaxError):
-        raise MediaError(f"{path}: not a readable picture, or cut off") from None
+        raise MediaError(f"{path}: not a readable image, or cut off") from None
     to_grey = {3: cv2.COLOR_RGB2GRAY, 4: cv2.COLOR_RGBA2GRAY}
     if picture.ndim == 3:
         picture = cv2.cvtColor(picture, to_grey[picture.shape[2]])

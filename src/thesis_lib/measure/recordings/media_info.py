@@ -225,7 +225,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
         video = video_track(file, path)
         rate = video.average_rate or video.guessed_rate
         if not rate or not video.width:
-            raise MediaError(f"{path}: the video track says no frame rate or size")
+            raise MediaError(f"{path}: the video track has no frame rate or size")
         first = next(decode_frames(file, video, path), None)
         if first is None:
             raise MediaError(f"{path}: no frame that can be decoded")
@@ -358,7 +358,7 @@ def describe_reading(path: Path) -> list[str]:
 
 
 def frame_clock(path: Path) -> Array:
-    """When each frame was taken after the first, shape (frames,), s, by the video's own clock.
+    """Return when frames were taken after the first, (frames,), s, by the video's clock.
 
     Time stamps that agree with the rate which the file states, to within their rounding, are those
     of a constant rate; others count as they stand.

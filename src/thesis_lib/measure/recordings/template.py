@@ -94,8 +94,8 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     if not 2 <= len(videos) <= 16:
         others = f" ({'; '.join(passed)})" if passed else ""
         raise ManifestError(
-            f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to ask before any is "
-            "filmed: -p cameras=4"
+            f"{folder}: {len(videos)} videos, allowed: 2 to 16{others}; to plan before "
+            "recording: -p cameras=4"
         )
     infos = [probe_media(video) for video in videos]
     manifest = validate_manifest(_values(folder, videos, infos, given))
@@ -196,7 +196,7 @@ def _shots(folder: Path, name: str) -> str | None:
 
 
 def _pictures(files: Iterator[Path] | Any) -> list[Path]:
-    """Pictures among files, but for hidden ones."""
+    """Return pictures among files, but for hidden ones."""
     return [
         file for file in files if file.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(file)
     ]

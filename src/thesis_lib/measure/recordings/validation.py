@@ -101,7 +101,7 @@ def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
 
 
 def rate_of(clock: Array, nominal: float) -> float:
-    """Frames per second of a video's clock; the nominal rate if it is that but for rounding."""
+    """Return a clock's frames per second; the nominal rate if they differ by rounding alone."""
     if len(clock) < 2:
         return nominal
     mean = float((len(clock) - 1) / clock[-1])

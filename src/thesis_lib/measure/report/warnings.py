@@ -313,7 +313,7 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
 
 
 def _peak(data: xr.Dataset) -> tuple[float, float]:
-    """Frequency in Hz at which the markers together move most for a force, and that in m/N."""
+    """Return the frequency in Hz at which markers move most for a force, and that in m/N."""
     size = np.sqrt(np.nanmean(np.abs(complex_of(data, "receptance")[0]) ** 2, axis=0))
     top = int(np.argmax(size))
     return float(data["frequency"].values[top]), float(size[top])

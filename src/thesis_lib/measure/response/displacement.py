@@ -118,7 +118,7 @@ MAX_SURFACE_SHIFT_RATIO = 0.25
 
 
 def span_of(recordings: Sequence[Recording]) -> tuple[float, float]:
-    """From when to when all cameras see all rows, s."""
+    """Return from when to when all cameras see all rows, s."""
     pads = [1 / own.rate + abs(own.readout) / 2 for own in recordings]
     ends = [
         (own.times[0] + pad, own.times[-1] - pad) for own, pad in zip(recordings, pads, strict=True)
@@ -186,7 +186,7 @@ def without_gaps(times: Array, values: Array, rate: float) -> Array:
 
 
 def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
-    """Power of noise in a band in Hz, m²/Hz, (markers,), of deflections at rest (times, markers).
+    """Return noise power in a band in Hz, m²/Hz, (markers,), at rest (times, markers).
 
     NaN where the rest is too short to tell.
     """
@@ -267,7 +267,7 @@ def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Arr
 def _late(
     one: Array, other: Array, rate: float, band: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """By how much another camera's times are too early, the standard error, and when, s."""
+    """Return by how much another camera's times are too early, the standard error, and when, s."""
     known = np.isfinite(one).all(axis=0) & np.isfinite(other).all(axis=0)
     window = np.hanning(len(one))[:, None]
     parts = [window * (own - own.mean(axis=0))[:, known] for own in (one, other)]

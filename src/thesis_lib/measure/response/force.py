@@ -157,7 +157,7 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
 
 
 def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[float]) -> Clock:
-    """Given, that of a camera whose sound track it is, or found by sound."""
+    """Return the given clock, that of the camera whose sound it is, or the one found by sound."""
     given = manifest.force
     assert given is not None
     if given.offset_s is not None:

@@ -228,7 +228,7 @@ def _band(manifest: Manifest, force: RecordedForce, slowest: float) -> tuple[flo
 def _common(
     manifest: Manifest, force: RecordedForce, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
-    """From when to when all cameras and the force were recorded, s."""
+    """Return from when to when all cameras and the force were recorded, s."""
     first, last = manifest.excitation.steady_interval_s or filmed
     begin = max(first, filmed[0], float(force.times[0]))
     end = min(last, filmed[1], float(force.times[-1]))

@@ -65,7 +65,7 @@ def cut_of(samples: int, rate: float, seconds: float | None) -> Cut:
 
 
 def segment_spectra(values: Array, cut: Cut, finer: int = 1) -> ComplexArray:
-    """Spectra of segments of series (samples · finer, series), shape (lines, segments, series).
+    """Return spectra of segments of (samples · finer, series): (lines, segments, series).
 
     `finer` samples stand for one of the motion's: lines are the same for all. Amplitudes are those
     of densities, so that a mean of squares is a power in units²/Hz.

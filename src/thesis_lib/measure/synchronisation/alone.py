@@ -136,7 +136,7 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:
-    """Loudness on the first video's clock, one above the other, and the delays of the windows."""
+    """Draw loudness on the first video's clock, one above the other, and windows' delays."""
     shown = drawable_names(names, "video")
     with in_style():
         figure, (top, low) = subplots(2, 1, figsize=(7.6, 5.2), layout="constrained")

@@ -41,7 +41,7 @@ class AudioSource:
     channel: int | None = None  #: Which channel counts, the first is 1; None: all of them, mixed
 
     def opened(self) -> AbstractContextManager[AudioTrack]:
-        """Its sound, while the file is open."""
+        """Open the file's sound; it can be read within the context."""
         return open_audio(self.path, self.channel)
 
 

@@ -21,7 +21,7 @@ FILTERED_SAMPLES = 1 << 17  # samples that are filtered at once
 
 
 def step_to(rate: float, wanted: float) -> int:
-    """Of how many samples one is kept for the lowest rate that is not below `wanted`."""
+    """Return the decimation factor for the lowest rate that is not below `wanted`."""
     return max(1, int(rate // wanted))
 
 

@@ -94,7 +94,7 @@ def _running(v: Array) -> tuple[Array, Array]:
 
 
 def _energy(sums: tuple[Array, Array], low: IntArray, high: IntArray) -> tuple[Array, Array]:
-    """Sum, and energy about the mean, of the samples from `low` to `high`."""
+    """Return sum, and energy about the mean, of the samples from `low` to `high`."""
     total = sums[0][high] - sums[0][low]
     return total, np.maximum(sums[1][high] - sums[1][low] - total**2 / (high - low), 0)
 
@@ -240,7 +240,7 @@ def phase_delays(
     reference: int = 0,
     steady: tuple[float, float] | None = None,
 ) -> Array:
-    """Delays from the phase of a tone, each the one nearest to a guess, shape (recordings,), s.
+    """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
 
     Every recording is fitted with cos, sin and a constant over the same stretch of the signal: the
     reference's settled part, as far as all recordings hold it, in whole periods. So what is not a

@@ -238,7 +238,7 @@ def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
 
 
 def _common(found: Synchronisation, heard: Heard) -> Interval:
-    """From when to when all cameras recorded, on the reference camera's clock, s."""
+    """Return from when to when all cameras recorded, on the reference camera's clock, s."""
     return max(float(found.delays.max()), 0.0), float((found.delays + heard.ends).min())
 
 

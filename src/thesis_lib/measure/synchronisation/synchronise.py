@@ -73,7 +73,7 @@ class Synchronisation:
     sources: tuple[str, ...] = ()
 
     def describe(self, names: Sequence[str] | None = None) -> list[str]:
-        """Sentences for a report: what was found, how sure it is, and what sound cannot show."""
+        """Describe what was found, its uncertainty, and what sound cannot show."""
         if self.method == "none":
             return [*UNHEARD_TEXT]
         numbers = [str(i) for i in range(len(self.delays))]

@@ -107,7 +107,7 @@ def strongest_frequency(
 
 
 def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
-    """Frequency in Hz, within 10 % of a guess, of the tone that explains most of a signal."""
+    """Estimate, within 10 % of a guess, the frequency in Hz that explains most of a signal."""
     x, low_rate = decimate_signal(signal, rate, TONE_RATE * guess)
     resolution, low, high = low_rate / len(x), 0.9 * guess, 1.1 * guess
     coarse = (

@@ -198,7 +198,7 @@ def force_match(
 def room_match(
     reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None = None
 ) -> Match:
-    """Delay between recordings of what microphones hear in a room; not certain if there is doubt.
+    """Return the delay between recordings of sound in a room; not certain if in doubt.
 
     First by all that they hear, :func:`whiten_signal`: certain if the highest correlation is far
     above the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by

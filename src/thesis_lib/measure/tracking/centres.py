@@ -125,7 +125,7 @@ class Patch:
         self.free = np.maximum(other - own - 2 * self.blur - 0.5, 0.5 * other)[..., None, None]
 
     def _offset(self, axis: int, du: Array, dv: Array) -> Array:
-        """Distance in px from the marker across the rows or the columns, (n, rows, columns)."""
+        """Return the distance in px from the marker across rows or columns, (n, rows, columns)."""
         nu, nv = self.normals[axis]
         return np.asarray(nu * du[:, None, :] + nv * dv[:, :, None])
 
@@ -152,7 +152,7 @@ class Patch:
         return float(np.median(beside)) if beside.size >= 20 else float(np.min(grey))
 
     def beam(self, du: Array, dv: Array, outer: Array) -> tuple[Array, Array]:
-        """Share of the beam in each pixel, with edges moved outward, and its derivative in that."""
+        """Return the beam's share of each pixel, edges moved outward, and its derivative."""
         n, rows, columns = len(du), dv.shape[1], du.shape[1]
         share, slope = np.ones((n, rows, columns)), np.zeros((n, rows, columns))
         across, half = self._offset(1, du, dv), HALF_PIXEL / self.blur
@@ -165,7 +165,7 @@ class Patch:
 
 
 def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
-    """Blurred indicators of ellipses and their derivatives in the centre.
+    """Return blurred indicators of ellipses and their derivatives in the centre.
 
     An ellipse is cut into chords along u. Blurred along u a chord is a difference of two normal
     distributions, and its spread along v a normal density. Both are integrated over the pixel;
@@ -195,7 +195,7 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
 
 
 def _borders(x: Array) -> Array:
-    """Borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
+    """Return borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
     return np.concatenate([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL], axis=1)
 
 

@@ -54,7 +54,7 @@ class View:
         return np.stack([along, across], axis=1) / (2 * step)
 
     def finest(self, plane: ArrayLike) -> Array:
-        """Pixels per metre where the plane is most foreshortened, shape (n,), for points (2, n)."""
+        """Return pixels per metre where the plane is most foreshortened, (n,), at points (2, n)."""
         smallest: Array = np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
         return smallest
 
@@ -67,7 +67,7 @@ def apply_homography(H: ArrayLike, points: ArrayLike) -> Array:
 
 
 def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
-    """Homography that takes points (2, n) to points (2, n) best in the target; NaN is left out.
+    """Fit the homography from points (2, n) to points (2, n), best in the target; skip NaN.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
 
 
 def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
-    """Corners (2, 4) of the largest bright region in undistorted px, longer sides first and third.
+    """Return corners (2, 4) of the largest bright region, undistorted px, long sides 1 and 3.
 
     Its sides are straight only without the lens's distortion.
     """

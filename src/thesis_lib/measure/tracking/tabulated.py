@@ -96,7 +96,7 @@ class Table:
         self.contrast = self.fit(image, start)[3]
 
     def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
-        """Centres in px near a start, both (2, n), which hold, which are in view; the contrast."""
+        """Fit centres in px near a start, both (2, n); return them, two masks and contrast."""
         n, (height, width) = start.shape[1], image.shape
         centre, inside = start.copy(), np.isfinite(start[0])
         contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)
@@ -161,7 +161,7 @@ class Follower:
         self.before = np.zeros_like(self.rest)
 
     def centres(self, image: Image) -> Array:
-        """Centres of the markers in px, shape (2, markers), NaN where missing; the hole is dropped.
+        """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
 
         Frames are to be given in their order: what moved before tells where to look.
         """
@@ -181,7 +181,7 @@ class Follower:
         return uv[:, : self.view.markers.count]
 
     def _fitted(self, image: Image, start: Array, lost: Mask) -> Array | None:
-        """Centres by the table; None if one that was not lost, or half of all, do not hold."""
+        """Fit centres by the table; None if one that was not lost, or half of all, do not hold."""
         if self.table is None:
             return None
         uv, holds, inside, _ = self.table.fit(image, start)

@@ -157,7 +157,7 @@ class Tracker:
         self.matched = np.full((2, markers.count), np.nan)
 
     def centres(self, image: Image) -> Array:
-        """Centres of the markers in px, shape (2, markers), NaN where missing; the hole is dropped.
+        """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
 
         Frames are to be given in their order: what moved before tells where to look.
         """
@@ -188,7 +188,7 @@ class Tracker:
         return np.asarray(cv2.remap(image, *self.maps, cv2.INTER_LINEAR), np.uint8)
 
     def matches(self, image: Image) -> Array:
-        """Places (2, n) of the plane in m where a disc matches best (figure F.6)."""
+        """Return places (2, n) of the plane in m where a disc matches best (figure F.6)."""
         score = cv2.matchTemplate(self.resampled(image), self.template, cv2.TM_CCOEFF_NORMED)
         highest = cv2.dilate(score, np.ones((7, 7), np.uint8))
         rows, columns = np.nonzero((score == highest) & (score > LEAST_SCORE))
@@ -197,7 +197,7 @@ class Tracker:
 
 
 def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
-    """Displacements on the plane; where a marker is missing, from a smooth surface through others.
+    """Fill in displacements of missing markers from a smooth surface through the others.
 
     Thin-plate splines through the nearest markers; as they were in the frame before, if few are
     seen or those on a line.

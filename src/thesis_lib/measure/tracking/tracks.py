@@ -67,7 +67,7 @@ class Recording:
         return centres
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
-        """First frame at or after a time and last before another, on the reference's clock."""
+        """Return the first frame from a time on and the last before another, reference clock."""
         first, last = np.searchsorted(
             self.times, np.array([begin, end]) + 1e-6 / self.rate * np.array([-1, 1])
         )
