@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 pytest_plugins = ["conforms", "quick", "small_book", "tiers"]
 PROJECT = Path(__file__).parents[1]
-PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py"]
+PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py",
+         "book/_toc.yml"]  # fmt: skip
 
 
 def until_study(document: nbformat.NotebookNode) -> None:
@@ -42,6 +43,7 @@ class Checkout:
             if (PROJECT / part).is_dir():
                 shutil.copytree(PROJECT / part, root / part, ignore=ignored)
             else:
+                (root / part).parent.mkdir(exist_ok=True)
                 shutil.copy(PROJECT / part, root / part)
         reader = {k: v for k, v in os.environ.items() if not k.startswith("JUPYTER_")}  # of nbval
         self.environment = {**reader, "PYTHONPATH": str(root / "src")}

@@ -1,10 +1,15 @@
 """The README's example runs as it stands."""
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from thesis_lib.vision import pinhole, triangulation
 
@@ -40,13 +45,54 @@ def test_law_of_the_readme_holds_for_drawn_motions(capsys):
     np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=1)), stated, rtol=0.05)
 
 
+def readme_commands() -> list[str]:
+    """Lines that begin with a dollar sign, without comments and without the two of ``make``."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\$ (.+?)(?: +#.*)?$", text, re.MULTILINE)
+    named = re.findall(r"`(\.venv/bin/thesis \w+)`", text)
+    return named + [line for line in lines if not line.startswith("make ")]
+
+
 def test_commands_of_the_readme_exist():
     from thesis_lib.cli import cli
 
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    commands = set(
-        re.findall(
-            r"thesis (list|run|book|record|claims|pdf|plan|measure|compare|print|sync|pack)\b", text
-        )
-    )
-    assert commands == set(cli.commands)
+    commands = {line.split()[1] for line in readme_commands()}
+    assert len(commands) > 10
+    assert commands <= set(cli.commands)
+
+
+@pytest.mark.nightly
+def test_commands_of_the_readme_run_and_leave_nothing_behind(tmp_path):
+    """In their order, in a copy of the project; own recordings are those of the example."""
+    clone, home = tmp_path / "clone", tmp_path / "home"
+    tracked = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split("\n")
+    for file in filter(None, tracked):
+        (clone / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / file, clone / file)
+    for asked in (["init", "-q"], ["add", "."], ["-c", "user.name=a", "-c", "user.email=a@b.c",
+                                                 "commit", "-qm", "Begin"]):  # fmt: skip
+        subprocess.run(["git", *asked], cwd=clone, check=True)
+    program = clone / ".venv" / "bin" / "thesis"
+    program.parent.mkdir(parents=True)
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m thesis_lib "$@"\n')
+    program.chmod(0o755)
+    home.mkdir()
+    environment = {**os.environ, "HOME": str(home), "PYTHONPATH": str(clone / "src")}
+    for line in readme_commands():
+        if "~/recording" in line and not (home / "recording").exists():
+            shutil.copytree(clone / "example", home / "recording")
+            (home / "recording" / "manifest.yaml").unlink()
+            (home / "recording" / "frames").mkdir()
+            for k, image in enumerate(sorted((clone / "example" / "board").glob("A-*"))):
+                shutil.copy(image, home / "recording" / "frames" / f"{k}{image.suffix}")
+        done = subprocess.run(
+            ["bash", "-c", line], cwd=clone, env=environment, capture_output=True, text=True,
+            timeout=1800,
+        )  # fmt: skip
+        assert done.returncode == 0, (line, done.stdout, done.stderr)
+    left = subprocess.run(
+        ["git", "status", "--porcelain"], cwd=clone, capture_output=True, text=True, check=True
+    ).stdout
+    assert left == ""

@@ -1,8 +1,7 @@
-"""A figure set of a reader's own: the page that tells how to add one, word by word."""
+"""A figure set of a reader's own, begun by ``thesis new-set``."""
 
 from __future__ import annotations
 
-import ast
 import re
 import shutil
 import sys
@@ -18,31 +17,16 @@ from thesis_lib.figure_sets import outside, registry
 from thesis_lib.figure_sets.digests import code_digest, request_key
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
+from thesis_lib.notebook.new_set import write_set
 from thesis_lib.studies import storage
-from thesis_lib.studies.request import validate_values
-
-PAGE = (PROJECT / "book" / "own-figure-set.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```\{code-block\} python\n:caption: (.+)\n((?:.*\n)*?)```", PAGE)
 
 
 @pytest.fixture
 def footprint(tmp_path, monkeypatch):
-    """The folder that the page makes; nothing of it stays known."""
+    """The folder that the command makes; nothing of it stays known."""
     monkeypatch.setenv(outside.SETS_VARIABLE, "")
     known = dict(registry.FIGURE_SETS), dict(registry.STUDIES)
-    folder = tmp_path / "footprint"
-    folder.mkdir()
-    cells = []
-    for place, text in BLOCKS:
-        if place.startswith("cell"):
-            tags = {"tags": ["parameters"]} if "parameters" in place else {}
-            cells.append(nbformat.v4.new_code_cell(text, metadata=tags))
-        else:
-            (tmp_path / place).write_text(text, encoding="utf-8")
-    document = nbformat.v4.new_notebook(cells=cells)
-    document.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
-    document.metadata["language_info"] = {"name": "python"}
-    nbformat.write(document, folder / "footprint.ipynb")
+    folder, _ = write_set(str(tmp_path / "footprint"), "Footprint of a pixel")
     yield folder
     for now, before in zip((registry.FIGURE_SETS, registry.STUDIES), known, strict=True):
         now.clear()
@@ -52,9 +36,10 @@ def footprint(tmp_path, monkeypatch):
         del sys.modules[name]
 
 
-def test_the_page_makes_six_pieces_in_few_lines():
-    assert len(BLOCKS) == 6
-    assert sum(len(text.splitlines()) for _, text in BLOCKS) <= 75
+def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
+    for name in (footprint, "claims", "ch3", "./Some Name"):
+        assert "allowed: " in refusal(thesis("new-set", name))
+    assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 5, ".toml"]
 
 
 def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
@@ -114,11 +99,12 @@ def test_a_failing_cell_is_counted_as_in_the_notebook(footprint, tmp_path):
     file = footprint / "footprint.ipynb"
     document = nbformat.read(file, as_version=4)
     document.metadata.pop("kernelspec")  # nor is a kernel needed
-    document.cells[1].source = document.cells[1].source.replace('"line"', '"lines"')
+    (drawn,) = [cell for cell in document.cells if '"line"' in cell.source]
+    drawn.source = drawn.source.replace('"line"', '"lines"')
     nbformat.write(document, file)
     done = thesis("run", footprint, "--out", tmp_path / "out")
     assert done.status == 1
-    assert "footprint: cell 2 failed with AttributeError" in done.err
+    assert "footprint: cell 4 failed with AttributeError" in done.err
     assert "figures.py has no function lines (did you mean line?)" in done.err
 
 
@@ -203,35 +189,24 @@ def test_what_is_wrong_with_it_is_said_in_one_line_and_nothing_written(footprint
     assert not (footprint.parent / "out").exists()
 
 
-@pytest.mark.parametrize("name", registry.STUDIES)
-def test_the_notebooks_of_the_book_set_what_their_figure_sets_declare(name):
-    request = registry.STUDIES[name]
-    document = nbformat.read(PROJECT / "notebooks" / f"{name}.ipynb", as_version=4)
-    (cell,) = [one for one in document.cells if "parameters" in one.metadata.get("tags", [])]
-    given = {
-        ast.unparse(line.target if isinstance(line, ast.AnnAssign) else line.targets[0]): line.value
-        for line in ast.parse(cell.source).body
-        if isinstance(line, ast.AnnAssign | ast.Assign)
-    }
-    assert given.keys() == request.model_fields.keys()
-    for field, value in given.items():
-        declared = validate_values(request, {field: ast.literal_eval(value)})
-        assert getattr(declared, field) == getattr(request(), field), field
-
-
 @pytest.mark.slow
-def test_in_the_library_it_is_one_of_the_book(own_checkout, footprint, tmp_path):
-    home = own_checkout.root / "src" / "thesis_lib" / "figure_sets" / "footprint"
-    shutil.move(footprint, home)
-    shutil.move(home / "footprint.ipynb", own_checkout.root / "notebooks" / "footprint.ipynb")
-    assert "footprint" in own_checkout.thesis("list", cwd=tmp_path).stdout
+def test_in_the_library_it_passes_the_tests_of_all_figure_sets(own_checkout, tmp_path):
+    name = "pixel-size"
+    assert own_checkout.thesis("new-set", name, cwd=tmp_path).returncode == 0
     publish = (
         "from thesis_lib.figure_sets import cube_file; from pathlib import Path;"
         "from thesis_lib.studies.published import publish_errors;"
-        "publish_errors(cube_file.read_cube(Path('out/footprint.nc')))"
+        f"publish_errors(cube_file.read_cube(Path('out/{name}.nc')))"
     )
     for said in ("nothing is published yet", "no difference from published (3 quantities"):
-        done = own_checkout.thesis("run", "footprint", "--out", "out", cwd=tmp_path)
+        done = own_checkout.thesis("run", name, "--out", "out", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert said in done.stdout
         assert own_checkout.python("-c", publish, cwd=tmp_path).returncode == 0
+    for part in ("tests", "benchmarks"):
+        shutil.copytree(PROJECT / part, own_checkout.root / part)
+    contracts = ["tests/figure_sets", "tests/notebook", "-m", "not book and not nightly"]
+    asked = ["-m", "pytest", "-q", "-k", name, *contracts]
+    done = own_checkout.python(*asked, cwd=own_checkout.root, timeout=400)
+    assert done.returncode == 0, done.stdout
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 10

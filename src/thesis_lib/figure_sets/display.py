@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -66,8 +68,12 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
 
 
 def read_caption(figure_set: str, name: str, *which: int) -> Caption:
-    """Return the caption of a picture; empty if ``captions.toml`` has none."""
-    words = read_toml("captions.toml").get(figure_set, {}).get(name, {})
+    """Return the caption of a figure, from the facts or from its set's folder; empty if none."""
+    own = Path(str(figures_module(figure_set).__file__)).with_name("captions.toml")
+    captions = read_toml("captions.toml").get(figure_set, {})
+    if own.is_file():
+        captions = tomllib.loads(own.read_text(encoding="utf-8"))
+    words = captions.get(name, {})
     return Caption(**{key: text.format(*which) for key, text in words.items()})
 
 

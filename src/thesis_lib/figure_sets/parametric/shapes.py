@@ -55,7 +55,7 @@ class ShapeMarkers(PlateMarkers):
     )
     force_mm: Corner = Field(
         (1000 * FORCE_AT[0], 1000 * FORCE_AT[1]),
-        description='where the force of amplitude_mm="force" acts',
+        description='where the force acts, if amplitude_mm is "force"',
     )
     element_mm: Annotated[Real, Field(gt=0, le=1000)] = Field(
         10.0, description="length of the sides of the finite elements"

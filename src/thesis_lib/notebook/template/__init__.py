@@ -1,0 +1,1 @@
+"""Figure set footprint: begun from a template."""

@@ -1,0 +1,21 @@
+"""Parameters of the figure set footprint."""
+
+from pydantic import Field
+
+from thesis_lib.studies.fields import Positive, SensorWidth, Several
+from thesis_lib.studies.request import Study
+
+
+class Footprint(Study):
+    """A request: each field with its bounds, its meaning and, by the end of its name, its unit."""
+
+    name = "footprint"
+    title = "Footprint of a pixel"
+    subject = study = "footprint"
+    varied, varied_label = "distance_mm", "distance d"
+
+    distances_mm: Several[Positive] = Field(
+        [500.0, 1000.0, 2000.0], description="distances of the camera"
+    )
+    focal_length_mm: Positive = Field(24.0, description="focal length of the lens")
+    sensor_width_mm: SensorWidth = Field(36.0, description="width of the sensor")
