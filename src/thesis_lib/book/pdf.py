@@ -16,6 +16,7 @@ from lxml.html import builder
 from thesis_lib.book import rendering
 from thesis_lib.book.downloads import ARCHIVE_NAME
 from thesis_lib.files import whole_file
+from thesis_lib.runs.progress import Progress
 from thesis_lib.web.page import BookError
 
 BROWSER_COMMANDS = ("chromium", "chromium-browser", "google-chrome")
@@ -50,17 +51,21 @@ def print_book(root: Path) -> Path:
     browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
     if not (root / "build" / "html" / "index.html").is_file():
         raise BookError("there is no book to print yet: run `thesis book` first")
-    rendering.install_assets(root)
-    page = rendering.run_sphinx(root, "singlehtml") / "intro.html"
-    text = prepare_page(page.read_text(encoding="utf-8"))
-    printable = page.with_name("print.html")
-    printable.write_text(text, encoding="utf-8")
+    progress = Progress(3)
+    with progress.step("pages"):
+        rendering.install_assets(root)
+        page = rendering.run_sphinx(root, "singlehtml") / "intro.html"
+        text = prepare_page(page.read_text(encoding="utf-8"))
+        printable = page.with_name("print.html")
+        printable.write_text(text, encoding="utf-8")
 
-    def print_and_mend(part: Path) -> None:
-        print_page(browser, printable, root / PRINT_STYLE, part)
-        mend_outline(part)
+    def write(part: Path) -> None:
+        with progress.step("print"):
+            print_page(browser, printable, root / PRINT_STYLE, part)
+        with progress.step("outline"):
+            mend_outline(part)
 
-    whole_file(pdf, print_and_mend)
+    whole_file(pdf, write)
     return pdf
 
 

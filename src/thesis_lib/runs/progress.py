@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
+from collections.abc import Iterator
 
 from thesis_lib import asides
 from thesis_lib.text import message
+
+REPORT_INTERVAL_S = 5.0  # a silent command seems to hang
 
 
 class Progress:
@@ -27,6 +31,24 @@ class Progress:
         self.done += 1
         seconds = time.monotonic() - self._steps.pop(name, time.monotonic())
         self.report(f"{name}: {'FAILED' if failed else 'done'} in {seconds:.1f} s")
+
+    @contextlib.contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Report when a step begins and ends, and every few seconds that it still runs."""
+        ended, failed = threading.Event(), True
+
+        def report_running() -> None:
+            while not ended.wait(REPORT_INTERVAL_S):
+                self.report(f"{name}: still running")
+
+        self.begin(name)
+        threading.Thread(target=report_running, daemon=True).start()
+        try:
+            yield
+            failed = False
+        finally:
+            ended.set()
+            self.end(name, failed)
 
     def skip(self) -> None:
         """Count a step that is up to date."""
