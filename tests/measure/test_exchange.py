@@ -97,7 +97,8 @@ def measured(tmp_path_factory):
     tracks = recordings(folder)
     data = fitted(tracks)
     moved = time_histories(data, tracks, REST)
-    files.write_formats(folder, data, moved, tracks)
+    own = [one.camera for one in tracks]
+    files.write_formats(folder, files.Measured("shape", data, moved, own))
     return folder, data, moved
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.exchange import cameras, files, history, uff, vtk
+from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.exchange.reading import OWN_FILE
 from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
@@ -107,7 +107,8 @@ def measure_shape(
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
-        files.write_formats(part, data, moved, inputs.recordings)
+        own = [recording.camera for recording in inputs.recordings]
+        files.write_formats(part, files.Measured("shape", data, moved, own))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
             radiation_files.write_sound(part, radiated)
@@ -160,7 +161,7 @@ def _measure_response(
     response = build.build_response(data, manifest)
     with staging(out) as part:
         storage.write_netcdf(data, part / "response.nc")
-        uff.write_response(part / "response.uff", data)
+        files.write_formats(part, files.Measured("response", data))
         put_files(part, out)
     _print_report(response, None, say)
     return response
@@ -193,18 +194,11 @@ def measure_modes(
         storage.write_netcdf(data, part / "modes.nc")
         write_csv(build.tabulate_modes(data), part / "modes.csv")
         write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
-        uff.write_modes(part / "modes.uff", data)
+        own = [recording.camera for recording in recordings]
+        files.write_formats(part, files.Measured("modes", data, moved, own))
         for k in range(data.sizes["mode"]):
-            one, name = data.isel(mode=k), f"mode-{k + 1}"
-            (part / "vtk" / name).mkdir(parents=True)
-            vtk.write_vtk(part / "vtk" / name, one)
-            animation.write_shape(part / name, one)
-        cameras.write_calibration(part, [own.camera for own in recordings], data)
+            animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
         storage.write_netcdf(uncertainty.to_keep(calibration), part / OWN_FILE)
-        if moved is not None:
-            storage.write_netcdf(moved, part / "motion.nc")
-            history.write_csv(part / "motion.csv", moved)
-            uff.write_motion(part / "motion.uff", data, moved)
         if radiated is not None:
             radiation_files.write_sound(part, radiated)
         report.write(part)

@@ -33,13 +33,6 @@ def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camer
     ]
 
 
-def write_calibration(folder: Path, cameras: Sequence[Camera], data: xr.Dataset) -> None:
-    """Write calibrated cameras into a folder, in the structure's axes, for both programs."""
-    placed = in_structure_axes(cameras, data)
-    write_opencv(folder / "cameras.yaml", placed)
-    write_aniposelib(folder / "cameras.toml", placed)
-
-
 def _opencv(camera: Camera) -> tuple[Array, Array, Array, Array]:
     """Return intrinsic matrix, k₁, k₂, p₁, p₂, k₃, rotation vector and translation in m."""
     K = camera.K.copy()

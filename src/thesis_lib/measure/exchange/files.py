@@ -1,43 +1,103 @@
-"""All files of a measurement that other programs open, in one go."""
+"""All files of a measurement that other programs open: one list of formats.
+
+A format is a function that takes a path and a :class:`Measured`, and a line in :data:`FORMATS`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import scipy.io
 import xarray as xr
 
 from thesis_lib.measure.exchange import cameras, history, uff, vtk
-from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
+from thesis_lib.vision.lens import Camera
+
+Content = Literal["shape", "modes", "response", "motion", "cameras"]
 
 
-def write_formats(
-    folder: Path, data: xr.Dataset, moved: xr.Dataset, recordings: Sequence[Recording]
-) -> None:
-    """Write motion, shape, period and cameras into a folder, in each format.
+@dataclass(frozen=True)
+class Measured:
+    """What a measurement has to write."""
 
-    Parameters
-    ----------
-    folder : Path
-        It must be there.
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
-    moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
-    recordings : sequence of Recording
-        The cameras.
-    """
-    storage.write_netcdf(moved, folder / "motion.nc")
-    history.write_csv(folder / "motion.csv", moved)
-    uff.write_uff(folder / "shapes.uff", data)
-    uff.write_motion(folder / "motion.uff", data, moved)
-    write_matlab(folder / "measured.mat", data, moved)
-    (folder / "vtk").mkdir(exist_ok=True)
-    vtk.write_vtk(folder / "vtk", data)
-    cameras.write_calibration(folder, [own.camera for own in recordings], data)
+    result: Literal["shape", "modes", "response"]
+    #: What ``shape_result``, ``modes_result`` or ``estimate_response`` returns
+    data: xr.Dataset
+    #: What :func:`~thesis_lib.measure.exchange.history.time_histories` returns, if there is one
+    motion: xr.Dataset | None = None
+    cameras: Sequence[Camera] = ()  #: In the frame of the calibration
+
+    @property
+    def contents(self) -> set[Content]:
+        """What there is: the result, and perhaps motion and cameras."""
+        return {
+            self.result,
+            *(("motion",) if self.motion is not None else ()),
+            *(("cameras",) if self.cameras else ()),
+        }
+
+
+def write_formats(folder: Path, measured: Measured) -> None:
+    """Write a measurement into a folder, in each format of what it holds."""
+    for content, name, write in FORMATS:
+        if content in measured.contents:
+            write(folder / name, measured)
+
+
+def _write_shape_grids(folder: Path, measured: Measured) -> None:
+    folder.mkdir(exist_ok=True)
+    vtk.write_vtk(folder, measured.data)
+
+
+def _write_mode_grids(folder: Path, measured: Measured) -> None:
+    for k in range(measured.data.sizes["mode"]):
+        part = folder / f"mode-{k + 1}"
+        part.mkdir(parents=True)
+        vtk.write_vtk(part, measured.data.isel(mode=k))
+
+
+def _write_opencv(path: Path, measured: Measured) -> None:
+    cameras.write_opencv(path, cameras.in_structure_axes(measured.cameras, measured.data))
+
+
+def _write_aniposelib(path: Path, measured: Measured) -> None:
+    cameras.write_aniposelib(path, cameras.in_structure_axes(measured.cameras, measured.data))
+
+
+def _write_motion(path: Path, measured: Measured) -> None:
+    assert measured.motion is not None
+    if path.suffix == ".nc":
+        storage.write_netcdf(measured.motion, path)
+    elif path.suffix == ".csv":
+        history.write_csv(path, measured.motion)
+    else:
+        uff.write_motion(path, measured.data, measured.motion)
+
+
+def _write_matlab(path: Path, measured: Measured) -> None:
+    assert measured.motion is not None
+    write_matlab(path, measured.data, measured.motion)
+
+
+FORMATS: tuple[tuple[Content, str, Callable[[Path, Measured], None]], ...] = (
+    ("motion", "motion.nc", _write_motion),
+    ("motion", "motion.csv", _write_motion),
+    ("motion", "motion.uff", _write_motion),
+    ("shape", "shapes.uff", lambda path, measured: uff.write_uff(path, measured.data)),
+    ("shape", "measured.mat", _write_matlab),
+    ("shape", "vtk", _write_shape_grids),
+    ("modes", "modes.uff", lambda path, measured: uff.write_modes(path, measured.data)),
+    ("modes", "vtk", _write_mode_grids),
+    ("response", "response.uff", lambda path, measured: uff.write_response(path, measured.data)),
+    ("cameras", "cameras.yaml", _write_opencv),
+    ("cameras", "cameras.toml", _write_aniposelib),
+)
+"""Content that a format needs, name of its file or folder, and what writes it."""
 
 
 def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
