@@ -277,6 +277,8 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "another tone": (given("excitation.frequency_hz", 11.0), FAILED,
                      ["s of steady tone of 11 Hz"]),
     "an unknown sound": (given("excitation.sound", "music"), WRONG, ['given "music"', '"none"']),
+    "an unknown detector": (given("structure.markers.detector", "squares"), WRONG,
+                            ['structure.markers.detector: given squares, allowed: disc']),
     # Excitation.
     "above half of the rate": (given("excitation.frequency_hz", 31), WRONG,
                                ["below half of the frame rate, 30 Hz"]),

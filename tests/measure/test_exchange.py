@@ -102,6 +102,17 @@ def measured(tmp_path_factory):
     return folder, data, moved
 
 
+@pytest.mark.parametrize("result", ["shape", "modes", "response"])
+def test_a_format_is_a_function_and_a_line(monkeypatch, tmp_path, result):
+    def count(path, measured):
+        path.write_text(str(measured.data.sizes["marker"]))
+
+    monkeypatch.setattr(files, "FORMATS", (("motion", "none.txt", count), (result, "n.txt", count)))
+    data = xr.Dataset({"x": ("marker", [1.0, 2.0])})
+    files.write_formats(tmp_path, files.Measured(result, data))
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("n.txt", "2")]
+
+
 def test_the_motion_is_the_true_one_on_the_first_cameras_clock(conforms, measured):
     moved = measured[2]
     times = moved["time"].values

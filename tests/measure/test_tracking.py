@@ -443,6 +443,25 @@ def test_without_a_hole_the_corners_have_to_be_given(conforms):
     conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
 
 
+def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
+    class Still:
+        """Finds every marker where it is at rest."""
+
+        def __init__(self, view, turn, image):
+            self.view = view
+            self.moved = self.before = np.zeros((2, MARKERS.count))
+
+        def centres(self, image):
+            return self.view.to_image(MARKERS.centres)
+
+    monkeypatch.setitem(following.DETECTORS, "still", Still)
+    at, frame, _, _ = rest
+    own = replace(MARKERS, detector="still")
+    (detector,), _ = following.trackers_of(frame, at, own, None, 0.0)
+    (discs,), _ = following.trackers_of(frame, at, MARKERS, None, 0.0)
+    np.testing.assert_allclose(detector.centres(frame), discs.centres(frame), atol=0.05)
+
+
 def test_a_hidden_hole_is_said(rest):
     at, image, _, _ = rest
     hole = lens.project_points(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))

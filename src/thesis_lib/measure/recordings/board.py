@@ -104,6 +104,7 @@ class Markers:
     diameter: float  #: Diameter of markers and hole in m
     hole: tuple[float, float] | None = None  #: Centre of the hole in m
     bright: bool = False  #: Whether they are brighter than the structure
+    detector: str = "disc"  #: What finds them: a name in ``measure.tracking.follow.DETECTORS``
 
     @cached_property
     def positions(self) -> Array:

@@ -301,6 +301,7 @@ class MarkersSpec(Fields):
     tone: Literal["dark", "bright"] = Field(
         "dark", description="whether they are darker or brighter than the structure"
     )
+    detector: str = Field("disc", description="what finds them in a frame")
     hole_mm: Place | None = Field(
         default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
         description="a hole that looks like a marker, from the clamped corner",

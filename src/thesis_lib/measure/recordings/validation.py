@@ -41,7 +41,8 @@ def markers_of(manifest: Manifest) -> Markers:
     hole = None if given.hole is None else (float(given.hole[0]), float(given.hole[1]))
     size = given.length_mm / 1000, given.width_mm / 1000
     diameter = given.markers.diameter_mm / 1000
-    return Markers(size, given.marker_points, diameter, hole, given.markers.tone == "bright")
+    bright, detector = given.markers.tone == "bright", given.markers.detector
+    return Markers(size, given.marker_points, diameter, hole, bright, detector)
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:

@@ -1,14 +1,20 @@
-"""How a video's markers are followed: from its first frame on, in full or at several widths."""
+"""How a video's markers are followed: from its first frame on, in full or at several widths.
+
+A marker detector is a function from a camera's view, the vibration's angle from frame to frame and
+the first frame to a :class:`Detector`, and a line in :data:`DETECTORS`, by the name that
+``structure.markers.detector`` of a manifest gives.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import cv2
 import numpy as np
 
-from thesis_lib.arrays import Image
+from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.evening import even_light
 from thesis_lib.measure.tracking.homography import (
@@ -22,6 +28,26 @@ from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
 
 
+class Detector(Protocol):
+    """Finds the markers of one camera, frame after frame.
+
+    A measurement that was stopped goes on from `moved` and `before`, displacements in px in the
+    last frame and in the one before it.
+    """
+
+    moved: Array
+    before: Array
+
+    def centres(self, image: Image) -> Array:
+        """Return the markers' centres in px, (2, markers), NaN where missing; frames in order."""
+
+
+DETECTORS: dict[str, Callable[[View, float, Image], Detector]] = {
+    "disc": lambda view, turn, image: Follower(Tracker(view, turn), image),
+}
+"""Marker detectors by name."""
+
+
 def trackers_of(
     image: Image,
     camera: Camera,
@@ -29,7 +55,7 @@ def trackers_of(
     corners_px: Sequence[tuple[float, float]] | None,
     turn: float,
     shares: Sequence[float] = (),
-) -> tuple[list[Tracker | Follower], list[str]]:
+) -> tuple[list[Detector], list[str]]:
     """Return the trackers of a video's markers, from its first frame.
 
     Parameters
@@ -51,8 +77,8 @@ def trackers_of(
 
     Returns
     -------
-    trackers : list of Tracker or Follower
-        One for each share; without any a follower of the full frames.
+    trackers : list of Detector
+        A tracker for each share; without any the detector of the markers, in the full frames.
     notes : list of str
         At which width the markers are not found as they should be, and why.
 
@@ -63,8 +89,8 @@ def trackers_of(
     """
     view, notes = first_view(image, camera, markers, corners_px), []
     if not shares:
-        return [Follower(Tracker(view, turn), image)], []
-    trackers: list[Tracker | Follower] = []
+        return [DETECTORS[markers.detector](view, turn, image)], []
+    trackers: list[Detector] = []
     for picture in pictures_of(image, shares):
         own = _resize(view, picture.shape[1], picture.shape[0])
         try:
