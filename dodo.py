@@ -144,17 +144,18 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
-    writers = (
-        thesis_index.write_thesis_index,
-        assumptions.write_assumptions,
-        conformance.write_conformance,
-    )
-    pieces = (*thesis_index.PIECES, *assumptions.PIECES, *conformance.PIECES)
+    writers = thesis_index.write_thesis_index, assumptions.write_assumptions
     yield make_task(
-        "index, assumptions and conformance",
+        "index and assumptions",
         lambda: [write(EXECUTED_FOLDER) for write in writers],
         [*PAGES, *PUBLISHED, *library_files()],
-        included(*pieces),
+        included(*thesis_index.PIECES, *assumptions.PIECES),
+    )  # fmt: skip
+    yield make_task(
+        "conformance",
+        lambda: conformance.write_conformance(EXECUTED_FOLDER),
+        [*folder_files([conformance.locate_report()]), *list_code("book", "templates.py")],
+        included(*conformance.PIECES),
     )  # fmt: skip
     yield make_task(
         "explorer, form and demonstrations", lambda: demos.write_demos(EXECUTED_FOLDER),

@@ -1,4 +1,4 @@
-"""Publishing: errors, efforts, conformance, and the outputs that the notebooks carry."""
+"""Publishing: errors, efforts, and the outputs that the notebooks carry."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from thesis_lib import files
-from thesis_lib.book import conformance
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.files import project_root
@@ -17,17 +16,8 @@ from thesis_lib.studies import effort, published
 def publish_results(made: Mapping[str, tuple[Path, Path]]) -> None:
     """Make results the published ones: executed notebook and cube of all figure sets.
 
-    The picture of the README is drawn again, too. What the tests have measured is published if it
-    is in ``build``.
-
-    Raises
-    ------
-    BookError
-        If a test had failed; nothing is published then.
+    The picture of the README is drawn again, too.
     """
-    measured = project_root() / "build" / conformance.JUNIT_REPORT
-    if measured.is_file():  # first, for what failed in it publishes nothing
-        conformance.publish_checks(measured)
     for name, (notebook, cube) in made.items():
         published.publish_errors(cube_file.read_cube(cube))
         keep_outputs(runs.locate_notebook(name), notebook)

@@ -11,7 +11,7 @@ from thesis_lib.files import digest_of, folder_files, project_root, whole_text
 
 SOURCE_FOLDERS = (
     "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
-    "package.json", "package-lock.json",
+    "package.json", "package-lock.json", "build/conformance.xml",
 )  # fmt: skip
 OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
 

@@ -6,7 +6,7 @@ import csv
 import json
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_file
@@ -14,6 +14,7 @@ from thesis_lib.text import damaged, duration
 
 EFFORT_FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
 MINUTE_S = 60.0
+MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
 
 
 class EffortError(ValueError):
@@ -116,13 +117,23 @@ def read_efforts(path: Path | None = None) -> dict[str, Effort]:
     return found
 
 
+def _is_similar(one: Effort, other: Effort) -> bool:
+    pairs = zip(astuple(one), astuple(other), strict=True)
+    return all(max(pair) <= MAX_SIMILAR_RATIO * min(pair) for pair in pairs)
+
+
 def write_efforts(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Path:
-    """Publish efforts; returns the file."""
+    """Publish efforts; return the file.
+
+    A line stays as it is while nothing in it has changed much, so that two who publish what they
+    measured on their own machines do not change the same lines.
+    """
     path = path or effort_path()
-    rows = [
-        (name, f"{one.seconds:.1f}", f"{one.peak_memory_mb:.0f}", f"{one.cube_mb:.2f}")
-        for name, one in efforts
-    ]
+    before = read_efforts(path)
+    rows = []
+    for name, new in efforts:
+        one = before[name] if name in before and _is_similar(new, before[name]) else new
+        rows.append((name, f"{one.seconds:.1f}", f"{one.peak_memory_mb:.0f}", f"{one.cube_mb:.2f}"))
 
     def fill(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="") as stream:
