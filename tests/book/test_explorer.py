@@ -176,7 +176,7 @@ def random_setups(count: int) -> list[dict[str, Any]]:
         if np.max(np.abs(cosines)) > math.cos(math.radians(3)):
             continue
         width = int(rng.choice([320, 640, 1280, 1920, 333]))
-        shifted = len(found) % 3 != 0  # every third is a literal run
+        shifted = len(found) % 3 != 0  # every third is a nominal run
         found.append(
             {
                 "subject": subject,
@@ -310,7 +310,7 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
 
 
 @pytest.mark.slow
-def test_every_setup_of_the_thesis_gives_the_published_literal_run(
+def test_every_setup_of_the_thesis_gives_the_published_nominal_run(
     conforms, chromium: Browser, path: Path
 ) -> None:
     """All cases, modes and both structures, symmetric as they are, with their ties."""

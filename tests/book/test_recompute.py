@@ -234,7 +234,7 @@ def held_at_random(
             held(conforms, request, asked(opened, name, typed(request)))
             times.append(opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
         assert opened.trouble == []
-    print("ms to the literal run and the law:", sorted(round(one["literal"]) for one in times))
+    print("ms to the nominal run and the law:", sorted(round(one["literal"]) for one in times))
 
 
 @pytest.mark.slow

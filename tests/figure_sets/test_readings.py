@@ -263,7 +263,7 @@ def displaced(cameras, offset):
 
 
 @pytest.mark.parametrize("offset", [0.5, -0.3, 0.125])
-def test_literal_run_is_that_of_cameras_with_the_principal_point_moved(conforms, offset):
+def test_nominal_run_is_that_of_cameras_with_the_principal_point_moved(conforms, offset):
     study = validate_request("beam-aperture", {"trials": 0, "principal_offset_px": offset})
     structure, cube = study.structure, studies.run(study)
     shapes = [deflection_shape(structure, mode, structure.markers, 5.5e-3)
@@ -286,7 +286,7 @@ def test_half_a_pixel_either_way_is_the_same_grid(conforms):
     conforms.invariance(one[..., 1:], other[..., 1:], rtol=1e-6)
 
 
-def test_only_the_literal_run_is_another_draw(conforms):
+def test_only_the_nominal_run_is_another_draw(conforms):
     """The random trials have other draws of the same distribution."""
     values = {"trials": 400, "cases": ["4a", "4d"]}
     one, other = (

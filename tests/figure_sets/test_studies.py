@@ -183,7 +183,7 @@ def camera_matrix(distance, azimuth, elevation, focal_px, width, height):
         ("plate-arrays", 13, 24.0, 10.0),
     ],
 )
-def test_literal_run_is_the_thesis_written_as_a_loop(conforms, name, s, focal_mm, peak_mm):
+def test_nominal_run_is_the_thesis_written_as_a_loop(conforms, name, s, focal_mm, peak_mm):
     cube = cube_of(name, focal_length_mm=focal_mm, amplitude_mm=peak_mm).isel(setting=s)
     width, height = float(cube["width_px"]), float(cube["height_px"])
     n, points = int(cube["n_cameras"]), cube.sizes["point"]
@@ -367,7 +367,7 @@ def test_a_mode_does_not_depend_on_the_others():
     same(shuffled, cube_of("beam-distance").sel(mode=[3, 1]))
 
 
-def test_the_seed_changes_the_trials_but_not_the_literal_run(conforms):
+def test_the_seed_changes_the_trials_but_not_the_nominal_run(conforms):
     one, other = cube_of("beam-distance"), cube_of("beam-distance", seed=1)
     conforms.invariance(one["mean_error"][..., 0], other["mean_error"][..., 0], atol=0)
     assert (one["mean_error"][..., 1:] != other["mean_error"][..., 1:]).all()

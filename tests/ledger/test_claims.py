@@ -43,7 +43,7 @@ def stated(tmp_path, monkeypatch):
 
 
 def cube_with(literal, bands, case="1", values=(500.0, 1000.0), medians=None, trials=21):
-    """A cube whose settings have these literal runs, and bands and medians of the trials.
+    """A cube whose settings have these nominal runs, and bands and medians of the trials.
 
     Of 21 trials the 5 % quantile is the second and the median the eleventh.
     """
@@ -115,7 +115,7 @@ EXACT = [
 
 
 @pytest.mark.parametrize(("relation", "low", "high", "literal", "agrees"), EXACT)
-def test_a_literal_run_agrees_to_the_printed_digits_whatever_the_band(
+def test_a_nominal_run_agrees_to_the_printed_digits_whatever_the_band(
     stated, relation, low, high, literal, agrees
 ):
     (claim,) = stated({"relation": relation, "low": low, "high": high})
@@ -162,7 +162,7 @@ def test_the_widened_band_of_the_trials_decides_between_scatter_and_difference(
     assert (check.low, check.high) == band
 
 
-def test_band_is_from_5_to_95_percent_of_the_trials_without_the_literal_run(stated):
+def test_band_is_from_5_to_95_percent_of_the_trials_without_the_nominal_run(stated):
     (claim,) = stated({})
     errors = np.random.default_rng(0).permutation(np.arange(101.0))
     cube = cube_with([0], [(0, 0)]).isel(trial=[0] * 102).copy(deep=True)

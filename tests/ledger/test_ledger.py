@@ -234,7 +234,7 @@ def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
 # -- Own runs: series and their file --
 
 
-def test_series_grow_with_what_is_varied_and_leave_out_the_literal_run():
+def test_series_grow_with_what_is_varied_and_leave_out_the_nominal_run():
     cube = cube_of("beam-aperture").isel(setting=[3, 0, 2, 1])
     series = {(s.quantity, s.mode): s for s in series_of(cube)}
     assert series["mean_error", 2].values.tolist() == [16, 60, 110, 160]

@@ -49,7 +49,7 @@ def test_the_sound_is_of_the_same_settings() -> None:
 def test_an_axis_is_logarithmic_where_errors_are_far_apart(far: float, scale: str) -> None:
     part = xr.Dataset(
         {"label": ("setting", ["p", "q"]), "in_view": ("setting", [1.0, 1.0])},
-        attrs={"trial_0": "literal run", "predicts": "law"},
+        attrs={"trial_0": "nominal run", "predicts": "law"},
     )
     low = np.array([1.0, far])
     axes = Figure().subplots()

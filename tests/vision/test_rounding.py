@@ -44,7 +44,7 @@ def test_shifts_belong_to_seed_trial_and_camera_alone(conforms):
     assert len(np.unique(many[1:])) == 20 * 12 * 2
 
 
-def test_literal_run_has_no_shift():
+def test_nominal_run_has_no_shift():
     shifts = rounding.grid_shifts(3, 5, 4)
     assert shifts.shape == (6, 4, 2)
     assert not shifts[0].any()

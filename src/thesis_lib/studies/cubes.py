@@ -93,7 +93,7 @@ def summarise_errors(cube: xr.Dataset) -> pd.DataFrame:
 
 
 def trial_band(values: xr.DataArray) -> Any:
-    """Return the quantiles 5, 50 and 95 % of errors over their trials but the literal run.
+    """Return the quantiles 5, 50 and 95 % of errors over their trials but the nominal run.
 
     They are (3, setting, ...), NaN without such trials. One setting is read at a time.
     """

@@ -297,7 +297,7 @@ Estimator = Literal["least-squares", "analytic-centre", "interval"]
 Trials = Annotated[
     Whole,
     Field(
-        ge=0, le=1_000_000, description="random shifts of the pixel grids beside the literal run"
+        ge=0, le=1_000_000, description="random shifts of the pixel grids beside the nominal run"
     ),
 ]
 Repeats = Annotated[

@@ -256,7 +256,7 @@ def study_coordinates(
     """Return the coordinates of a study's cube: settings, modes, trials, points."""
     x, y = structure.markers
     hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
-    words = "random shift of the pixel grids, 0 for the literal run"
+    words = "random shift of the pixel grids, 0 for the nominal run"
 
     def along_dimension(dim: str, values: Any, long_name: str, units: str = "1") -> Any:
         return dim, np.array(values), {"long_name": long_name, "units": units}

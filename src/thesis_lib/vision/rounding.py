@@ -39,7 +39,7 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     Returns
     -------
     ndarray, shape (trials + 1 - first, n_cameras, 2)
-        Shifts in px, uniform in ±½; trial 0 is the literal run and has none.
+        Shifts in px, uniform in ±½; trial 0 is the nominal run and has none.
     """
     return _grid_shifts(seed, trials, n_cameras, first).copy()
 
@@ -72,7 +72,7 @@ def image_noise(
     Returns
     -------
     ndarray, shape (trials + 1 - first, n_cameras, 2, 1 + modes, markers)
-        The literal run has noise, too.
+        The nominal run has noise, too.
     """
     frames = [0, *modes]
     noise = np.empty((trials + 1 - first, n_cameras, 2, len(frames), markers))

@@ -67,7 +67,7 @@ class Symmetry:
     #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
     #: same size as their partner's
     same: float
-    #: Root mean square of ln(error / law), of the literal runs and of the trials
+    #: Root mean square of ln(error / law), of the nominal runs and of the trials
     literal: float
     drawn: float
     #: Error over that of the rectangle, median over settings and modes, by trials and by the law

@@ -41,7 +41,7 @@ export default (() => {
     const status = html("p", { class: "tl-ex-status", role: "status" });
     const refusal = html("p", { class: "tl-ex-refused", role: "alert" }), facts = html("p", { class: "tl-ex-facts" });
     const bottom = html("div", { class: "tl-ex-export" }, html("span", {}, "Run it:"), code);
-    const head = [["", ""], ["literal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
+    const head = [["", ""], ["nominal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
       ["predicted", "by the law"]];
     const cells = ERRORS.map(() => ["literal", "band", "predicted", "published", "spread", "stated"].map((name) =>
       html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null })));
@@ -180,7 +180,7 @@ export default (() => {
         ["largest motion in an image", `${show(moved)} px`]];
       facts.replaceChildren(...counts.flatMap(([words, value]) => [html("span", {}, `${words} `, html("b", {}, value)), " "]));
     }
-    function refresh() { // the literal run and the prediction; the trials follow
+    function refresh() { // the nominal run and the prediction; the trials follow
       const { state, structure } = app;
       setup = setupOf(state, structure);
       app.result = compute(state, structure, sensorWidth);

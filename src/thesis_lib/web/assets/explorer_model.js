@@ -120,7 +120,7 @@ export default (() => {
   }
 
   // --- vision/simulation.py
-  // Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the literal run). `deflected` may
+  // Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the nominal run). `deflected` may
   // hold the markers several times, once for each mode.
   function measure(P, rest, deflected, shifts = null, restIsKnown = false) {
     const heights = (points) => {

@@ -65,7 +65,7 @@ export default (() => {
     return `thesis run ${s}-arrays ${words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`).join(" ")}`;
   }
 
-  // What the cameras measure: the literal run and the prediction, then one trial after the other.
+  // What the cameras measure: the nominal run and the prediction, then one trial after the other.
   function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
     const focal = (f * w[0]) / sensorWidth, setting = { distance: d, cameras: c, focal, size: w, known: r === "known" };
     const { P, rest, modes: [one], draw } = simulation.simulate(setting, structure, [{ mode: m, peak: a / 1000 }]);

@@ -1,4 +1,4 @@
-// Runs beside the page: settings come in; the literal run and the law of all of them go out at once, then the bands of each
+// Runs beside the page: settings come in; the nominal run and the law of all of them go out at once, then the bands of each
 // one as soon as its draws are made, those that are looked at first.
 import simulation from "./simulation.js";
 import model from "./explorer_model.js";

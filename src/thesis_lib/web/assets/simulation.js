@@ -1,4 +1,4 @@
-// One setting of cameras: what they measure of some modes in the literal run, the law of it, and one draw after the other.
+// One setting of cameras: what they measure of some modes in the nominal run, the law of it, and one draw after the other.
 // Angles are in degrees and distances in mm, as readers have them; the model's own units are those of pinhole.js.
 import model from "./explorer_model.js";
 
