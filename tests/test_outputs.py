@@ -59,7 +59,7 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Two videos, a folder of pictures, and manifests."""
+    """Two videos, a folder of images, and manifests."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "cam1").mkdir()
     for k, frame in enumerate(FRAMES):

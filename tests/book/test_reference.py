@@ -33,7 +33,7 @@ FAMILIES = {
     "ModalError", "SynchronisationError", "TrackingError",
 }  # fmt: skip
 OF_RECORDINGS = {"validation.py", "steps.py", "listen.py"}  # with manifest and recordings
-SIZES = "…, allowed: … …"  # of a picture, each as … × … px
+SIZES = "…, allowed: … …"  # of an image, each as … × … px
 # What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
 INTERNAL = {
     "…", "……", "…: …", "…: frame 0: …; …", "…: no frames to write",

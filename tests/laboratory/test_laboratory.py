@@ -69,7 +69,7 @@ def recordings(tmp_path_factory, rig):
 
 @pytest.fixture(scope="module", autouse=True)
 def corners_once():
-    """Finds the corners of a picture once, however many tests calibrate with it."""
+    """Finds the corners of an image once, however many tests calibrate with it."""
     kept = {}
 
     def once(image, board):
@@ -449,7 +449,7 @@ def test_another_board_than_the_manifest_s_is_not_found(folder, columns, rows):
 
 
 def shifted(image, right):
-    """The picture moved to the right, background coming in from the left."""
+    """The image moved to the right, background coming in from the left."""
     moved = np.full_like(image, 60)
     moved[:, right:] = image[:, :-right]
     return moved

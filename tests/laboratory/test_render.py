@@ -1,4 +1,4 @@
-"""Pictures against exact areas, closed forms of blur and noise, and projected discs."""
+"""Images against exact areas, closed forms of blur and noise, and projected discs."""
 
 from dataclasses import replace
 
@@ -156,7 +156,7 @@ def test_polygons_add_up_with_their_contrasts_and_frames_are_averaged(conforms):
 
 
 def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
-    """A picture that is of one grey level in the middle."""
+    """An image that is of one grey level in the middle."""
     uv = np.array([[50.0, 350, 350, 50], [50, 50, 250, 250]])
     polygons = Polygons(np.array([0]), np.array([grey - sensor.background]))
     return render_polygons(uv, polygons, size, sensor, rng)

@@ -44,7 +44,7 @@ def tone(frequency: float = 8.0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory) -> Path:
-    """A folder with two cameras' files: noise for pictures, and no board in any."""
+    """A folder with two cameras' files: noise for images, and no board in any."""
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (9, HEIGHT, WIDTH), np.uint8)
     for name in "AB":
@@ -255,7 +255,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "a cut video": (file("B.mkv", keep=0.6), FAILED, ["B.mkv: ends before frame"]),
     "an MP4 without its index": (both(coded(), file("B.mp4", keep=0.9)), WRONG,
                                  ["cut off before its index"]),
-    "a picture for a video": (given("cameras.1.video", "shots/B/0.png"), WRONG,
+    "an image for a video": (given("cameras.1.video", "shots/B/0.png"), WRONG,
                               ["shots/B/0.png"]),
     "another size": (video(size=(96, 64)), WRONG, ["96 × 64 px, allowed: 64 × 48 px"]),
     "a turned phone": (coded(turned=True), WRONG, ["48 × 64 px, allowed: 64 × 48 px"]),
@@ -291,13 +291,13 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
                                       ["in this order"]),
     "a steady part elsewhere": (given("excitation.steady_interval_s", [0.7, 9]), WRONG,
                                 ["excitation.steady_interval_s: given [0.7, 9], allowed: within"]),
-    # The board and its pictures.
+    # The board and its images.
     "no pictures": (gone("shots/B"), WRONG, ["cameras[1].board_images", "0 pictures"]),
     "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
-    "pictures of a camera's own kind": (
+    "images of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
         ["0 pictures", ".jpg", '4 of ".dng", which are not read: export JPEG']),
-    "a picture less": (gone("shots/B/3.png"), WRONG,
+    "an image less": (gone("shots/B/3.png"), WRONG,
                        ["given 4, 3 board images", "as many for every"]),
     "a pattern that fits nothing": (given("cameras.1.board_images", "shots/B/*.tif"), WRONG,
                                     ["0 pictures"]),
@@ -335,7 +335,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "three coefficients": (second(distortions=[0.1] * 3), WRONG, ["camera B: 3 coefficients"]),
     "a mirror": (second(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), WRONG,
                  ["camera B: mirrored axes", "x right, y down"]),
-    "a picture upside down": (
+    "an image upside down": (
         second(matrix=[[60, 0, 31.5], [0, -60, 23.5], [0, 0, 1]]), WRONG, ["mirrored axes"]),
     "no rotation": (second(rotation=[[1, 0, 0], [0, 2, 0], [0, 0, 1]]), WRONG,
                     ["camera B: rotation: no rotation matrix"]),
@@ -349,7 +349,7 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
             (folder / "c.toml").read_text() + '\n[metadata]\nunits = "ft"') and None),
         WRONG, ['lengths in "ft", allowed: m or mm']),
     "no places": (second(translation=None), WRONG, ["does not say where", "poses: anew"]),
-    "no pictures for places": (
+    "no images for places": (
         both(calibration(poses="anew"), given("cameras.1.board_images")), WRONG,
         ["cameras[1].board_images: given null"]),
     "a tile of nothing": (given("board.tile_mm", 0), WRONG, ["board.tile_mm: given 0"]),

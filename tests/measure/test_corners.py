@@ -1,4 +1,4 @@
-"""Corners against the projections of the board that the picture was made from."""
+"""Corners against the projections of the board that the image was made from."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -20,7 +20,7 @@ MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
 
 @pytest.fixture(scope="module")
 def scenes():
-    """Clean pictures and exact corners: views from 8 to 65 degrees off the board's normal."""
+    """Clean images and exact corners: views from 8 to 65 degrees off the board's normal."""
     cameras = [resize_camera(camera, HALF_SIZE) for camera in rig()]
     R, t = default_poses()
     exact = exact_images(cameras, R, t)
@@ -128,7 +128,7 @@ def test_opencvs_dictionaries_begin_with_the_same_marks(bits):
 
 @pytest.fixture(scope="module")
 def marked():
-    """A clean picture of such a board, nearly as large as it is, and its exact corners."""
+    """A clean image of such a board, nearly as large as it is, and its exact corners."""
     camera, (R, t) = resize_camera(rig()[1], HALF_SIZE), default_poses()
     exact = exact_images([camera], R[3:4], t[3:4], MARKED.corners)[0, 0]
     return picture(camera, R[3], t[3], MARKED), exact

@@ -121,7 +121,7 @@ def test_the_motion_is_the_true_one_on_the_first_cameras_clock(conforms, measure
     known = np.isfinite(z)
     true = 1e3 * SHAPE * height(times)[:, None]
     steady = (times >= BEGIN) & (times <= END)
-    # The row that a marker is in moves with it by a hundredth of the picture: 3 mm · ωT / 200.
+    # The row that a marker is in moves with it by a hundredth of the image: 3 mm · ωT / 200.
     conforms.closed_form(np.abs(z - true)[steady & (times < 2.4)].max(), below=4e-3)
     off = np.where(known, z - true, 0.0)
     # Before the steady part the exposure's blur is left in, too: 1 − sinc, of 3 mm.
@@ -323,7 +323,7 @@ def test_markers_on_one_line_are_joined_along_it():
     assert mesh.marker_edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
 
 
-# Moving pictures.
+# Moving images.
 
 
 def test_the_shape_is_a_film_of_one_period(measured, tmp_path):

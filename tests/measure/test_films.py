@@ -87,7 +87,7 @@ def test_frames_are_turned_and_mirrored_as_they_are_to_be_shown(tmp_path, plain,
 
 @pytest.mark.parametrize("marked", [True, False])
 def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
-    """Drones and phones put a picture before the film, marked as one or not."""
+    """Drones and phones put an image before the film, marked as one or not."""
     still, path = tmp_path / "still.mkv", tmp_path / "covered.mkv"
     film(still, "yuvj420p", "mjpeg", count=1)
     with av.open(str(still)) as one, av.open(str(plain)) as two, av.open(str(path), "w") as file:

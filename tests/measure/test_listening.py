@@ -31,7 +31,7 @@ def force(t):
 
 
 def folder_of(folder, sounds, rate=RATE, **excitation):
-    """The manifest of videos with these sounds, whose pictures are few and small."""
+    """The manifest of videos with these sounds, whose images are few and small."""
     names = "ABCD"[: len(sounds)]
     for name, sound in zip(names, sounds, strict=True):
         write_video(folder / f"{name}.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound, rate)

@@ -341,9 +341,9 @@ def test_three_frames_at_rest_are_enough(recordings):
 @pytest.mark.parametrize(
     ("frames", "samples", "words"),
     [
-        (66, 85000, ["pictures end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
-        (150, 62400, ["pictures end at 2.500 s, its sound at 1.300 s", "0.5 s apart"]),
-        (60, 48000, ["1.000 s of pictures, allowed: more than rest_duration_s, 1 s"]),
+        (66, 85000, ["images end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
+        (150, 62400, ["images end at 2.500 s, its sound at 1.300 s", "0.5 s apart"]),
+        (60, 48000, ["1.000 s of images, allowed: more than rest_duration_s, 1 s"]),
         (66, 33600, []),
     ],
 )

@@ -386,7 +386,7 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "an empty video": (video(lambda path: cut(path, 0)), 2, [VIDEO, "B.mkv: not a video"]),
     "a cut video": (video(lambda path: cut(path, 0.5)), 1, ["B.mkv: ends before frame"]),
     "a text as video": (video(lambda path: path.write_text("hello")), 2, [VIDEO, "not a video"]),
-    "a picture as video": (video(lambda path: shutil.copy(path.parent / "board/A-00.jpg", path)), 2,
+    "an image as video": (video(lambda path: shutil.copy(path.parent / "board/A-00.jpg", path)), 2,
                            [VIDEO, "B.mkv: 25 frames per second, allowed: 60"]),
     "no sound": (video(lambda path: remux(path, None)), 2, [VIDEO, "B.mkv: no audio track"]),
     "silence": (sound(lambda samples: 0 * samples), 2, ["B.mkv: silent audio", "allowed"]),

@@ -31,7 +31,7 @@ def noise(n=30, size=SIZE, seed=0):
 
 
 def blurred(n=30):
-    """Smooth moving pictures, grey levels from 0 to 255."""
+    """Smooth moving images, grey levels from 0 to 255."""
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     waves = [127.5 + 135 * np.sin(0.1 * x + 0.07 * y + 0.05 * k) for k in range(n)]
     return np.clip(waves, 0, 255).astype(np.uint8)
@@ -411,7 +411,7 @@ def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("A.mkv", b"old")]
 
 
-# Pictures.
+# Images.
 
 
 def test_pictures_come_back_exactly(tmp_path):

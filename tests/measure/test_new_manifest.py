@@ -20,7 +20,7 @@ from thesis_lib.measure.report.figures import draw_prediction
 
 @pytest.fixture
 def folder(tmp_path):
-    """Two cameras; one has its pictures in a folder, the other by their names; one has no sound."""
+    """Two cameras; one has its images in a folder, the other by their names; one has no sound."""
     picture = np.full((48, 64), 90, np.uint8)
     write_video(tmp_path / "left.mkv", [picture] * 20, 50, np.zeros(48000))
     write_mp4(tmp_path / "right.MP4", [np.dstack([picture] * 3)] * 20, 59.94)
@@ -50,10 +50,10 @@ def test_what_files_show_is_in_the_manifest_and_what_is_missing_is_said(folder):
     assert (manifest.board.tile_mm, manifest.excitation.sound) == (30.0, "room")
     lines = done.out.splitlines()
     assert lines[0].startswith("left.mkv: 64 × 48 px, 50 frames per second, ")
-    assert lines[0].endswith("4 pictures of the board in board/left")
+    assert lines[0].endswith("4 board images in board/left")
     missing = [line for line in lines if line.startswith("missing: ")]
     assert any("right.MP4 has no sound" in line for line in missing)
-    assert any("pictures of the board by right, at least 3" in line for line in missing)
+    assert any("board images by right, at least 3" in line for line in missing)
     assert any("[4, 2]" in line for line in missing)
     assumed = [line for line in lines if line.startswith("not given, so assumed: -p ")]
     assert any("structure.length_mm=623.0" in line for line in assumed)

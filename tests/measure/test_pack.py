@@ -1,4 +1,4 @@
-"""Pictures, raw frames and Phantom's files against what was put into them, by their formats."""
+"""Images, raw frames and Phantom's files against what was put into them, by their formats."""
 
 import re
 import struct

@@ -21,7 +21,7 @@ PX = DPI / 25.4  # of a mm
 
 
 def pages(path):
-    """Grey pictures of all pages, and their texts."""
+    """Grey images of all pages, and their texts."""
     document = pypdfium2.PdfDocument(str(path))
     pictures = [page.render(scale=DPI / 72, grayscale=True).to_numpy() for page in document]
     return pictures, [page.get_textpage().get_text_range() for page in document]

@@ -34,7 +34,7 @@ TRUE = PART.amplitude * PART.shape(BEAM, POINTS)
 
 
 def recordings(folder, count=4, noise=0.0, readout=0.0, seed=0, lost=0.0, motion=MOTION, end=END):
-    """Tracks on disk as exact cameras with noise see them, each row of a picture at its time."""
+    """Tracks on disk as exact cameras with noise see them, each row of an image at its time."""
     rng, made = np.random.default_rng(seed), []
     for k, station in enumerate(RIG.stations[:count]):
         rate, delay, camera = RATES[k], DELAYS[k], station.camera
@@ -176,7 +176,7 @@ def summed(data):
 def test_a_rolling_shutter_is_made_good_by_its_readout_time(conforms, tmp_path):
     rolling = recordings(tmp_path, readout=0.012)
     data = shape_result(manifest(), heard(), rolling)
-    # The row moves with the marker by a hundredth of the picture, so that little is left.
+    # The row moves with the marker by a hundredth of the image, so that little is left.
     conforms.closed_form(data["deflection"], TRUE, atol=1e-3 * 0.004)
     conforms.closed_form(np.abs(data["quadrature"]).max(), below=2e-3 * 0.004)
     ignored = shape_result(manifest(), heard(), [replace(own, readout=0.0) for own in rolling])

@@ -262,7 +262,7 @@ def test_errors_go_with_their_cameras(tmp_path):
 
 
 def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
-    """Lenses that are off as their covariance says, and then few pictures for the places."""
+    """Lenses that are off as their covariance says, and then few images for the places."""
     points, n = BOARD.corners, 4
     held = np.diag(np.tile([2.0, 2, 2, 2, 2e-3, 2e-3, 1e-4, 1e-4], n) ** 2)
     errors, said, alone = [], [], []
@@ -337,7 +337,7 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
     told = " ".join(note.text for note in check_shape(data))
     assert ("does not state its uncertainty" in told) == (not exact)
     ratio = float(np.sqrt(np.mean(data["standard_error"] ** 2 / before["standard_error"] ** 2)))
-    if exact:  # of the same pictures, twice, if places are found anew
+    if exact:  # of the same images, twice, if places are found anew
         conforms.independent(ratio, 1, atol=1e-3 if placed else 0.3)
         np.testing.assert_allclose(data["focal_deviation"], before["focal_deviation"])
     else:

@@ -265,7 +265,7 @@ def test_the_report_says_what_sound_cannot_show(conforms):
     text = " ".join(
         synchronise_cameras(recordings(transient, 0)[0], RATE, FPS, FREQUENCY).describe()
     )
-    for words in ("picture and its sound", "clocks", "AC-coupled", "clap",
+    for words in ("image and its sound", "clocks", "AC-coupled", "clap",
                   "a tone of 4.25 Hz is shifted by 0.39 frame of 1/60 s"):  # fmt: skip
         assert words in text
     shift = (np.arctan(3 / FREQUENCY) - np.arctan(2 / FREQUENCY)) / (2 * np.pi * FREQUENCY) * FPS

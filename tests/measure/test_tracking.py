@@ -91,7 +91,7 @@ def off(found, exact):
 
 @pytest.fixture(scope="module")
 def rest():
-    """Camera, its picture of the beam at rest, the view found there, and the true centres."""
+    """Camera, its image of the beam at rest, the view found there, and the true centres."""
     at = camera()
     (image,) = filmed(at, [-1.0])
     return at, image, found_view(at, image), truth(at, [-1.0])[0]
@@ -253,7 +253,7 @@ def test_what_was_hidden_is_followed_again(conforms):
     tracker = Tracker(found_view(at, frames[0]), 2 * np.pi * Component().frequency / 60)
     for k in range(6, 12):
         frames[k] = painted(frames[k], exact[k][:, 37], 4, 200)
-    for k in range(16, 19):  # and pictures without light
+    for k in range(16, 19):  # and images without light
         frames[k] = np.full_like(frames[k], 60)
     follower = Follower(tracker, frames[0])
     found = np.array([follower.centres(frame) for frame in frames])
@@ -287,7 +287,7 @@ def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
 
 
 def cropped(at, image, view, left, top, right, bottom):
-    """Part of a picture, with the camera and the view that belong to it."""
+    """Part of an image, with the camera and the view that belong to it."""
     shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
     small = replace(at, K=shift @ at.K, size=(right - left, bottom - top))
     part = np.ascontiguousarray(image[top:bottom, left:right])

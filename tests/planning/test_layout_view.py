@@ -1,4 +1,4 @@
-"""The picture of a plan that can be turned: what it shows is where the cameras are."""
+"""The image of a plan that can be turned: what it shows is where the cameras are."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tips(opened: Opened) -> np.ndarray[Any, Any]:
 
 
 def test_every_option_shows_its_cameras_where_they_are(chromium: Browser, planned: Path) -> None:
-    """Seen from above, distances in the picture are those on the ground, in one scale for all."""
+    """Seen from above, distances in the image are those on the ground, in one scale for all."""
     with (
         xr.open_dataset(planned / "plan.nc") as cube,
         open_offline(chromium, planned / "plan.html") as opened,

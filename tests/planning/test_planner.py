@@ -732,7 +732,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
             assert [x, y, z] == pytest.approx([*expected, distance * math.sin(phi)], abs=0.05)
     page = (folder / "plan.html").read_text(encoding="utf-8")
     assert "http://" not in page.replace("http://www.w3.org", "")
-    assert page.count("<script") == 1  # of the picture that can be turned
+    assert page.count("<script") == 1  # of the image that can be turned
     assert page.count("<figure>") == 2
 
 

@@ -48,8 +48,8 @@ from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotation
 MIN_ALIAS_PERIODS = 0.5  # periods that an alias stays away from 0 and from half of the frame rate
 MAX_EXPOSURE_PERIODS = 0.8  # of a period that a frame may last
 MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to move
-MAX_VIEW_EXTENT = 0.98  # of half the picture that the structure may reach
-MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's picture is high
+MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
+MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
 
 ADOPTED_RIG = assumed_values("experiment")
 
@@ -256,7 +256,7 @@ def check_markers(
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
         remedy = "wider or nearer ones, or fewer and larger markers"
-        refuse_value(name, given, f"allowed: pictures in which {enough}: {remedy}")
+        refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
     if lift > largest:
         seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"

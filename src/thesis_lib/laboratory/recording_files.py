@@ -75,7 +75,7 @@ def write_video(
 
 
 def write_board_images(rig: Rig, index: int, folder: Path) -> None:
-    """Write the pictures of the board by one camera: camera A's are ``A/00.png`` and so on."""
+    """Write the board images by one camera: camera A's are ``A/00.png`` and so on."""
     for k, image in enumerate(render_board_images(rig, index)):
         write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
@@ -190,7 +190,7 @@ EXAMPLE_DIRECTIONS_DEG = ((12.0, 26.0), (-10.0, 25.0), (175.0, 27.0))  # azimuth
 EXAMPLE_AMPLITUDE_M = 0.003  # m at the tip
 EXAMPLE_SIZE_PX = (1280, 720)
 EXAMPLE_CRF = 18  # of H.264
-JPEG_QUALITY = 92  # of the board's pictures, JPEG
+JPEG_QUALITY = 92  # of the board's images, JPEG
 FOCAL_MM, SENSOR_MM = 24.0, 36.0
 
 

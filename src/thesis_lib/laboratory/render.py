@@ -1,4 +1,4 @@
-"""Pictures of polygons: exact areas of pixels, point spread, noise, eight bits.
+"""Images of polygons: exact areas of pixels, point spread, noise, eight bits.
 
 A scene is a set of flat colours bounded by closed polygons in space. Their vertices are projected
 exactly, lens distortion included; the share of each pixel that a polygon covers is then the exact
@@ -69,7 +69,7 @@ def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -
     polygons : Polygons
         How the vertices are joined; either way round.
     width, height : int
-        Size of the picture.
+        Size of the image.
 
     Returns
     -------

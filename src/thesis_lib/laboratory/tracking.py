@@ -282,8 +282,8 @@ class PlanarView(BeamView):
 def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
     """Return the views of the plane of a structure whose corners (n, 2) in m are marked.
 
-    Marked to a pixel in every picture, corners are triangulated, and the outline is put there as a
-    rigid body: four corners of a narrow structure in one picture would leave its perspective open.
+    Marked to a pixel in every image, corners are triangulated, and the outline is put there as a
+    rigid body: four corners of a narrow structure in one image would leave its perspective open.
     """
     outline = on_surface(rig.markers.extent, np.array(corners).T)
     images = np.array(

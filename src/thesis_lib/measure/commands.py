@@ -209,12 +209,12 @@ def sync(videos: tuple[Path, ...], out: Path) -> None:
     echo(f"Wrote {out / 'sync.csv'} and {out / 'sync.png'}")
 
 
-@click.command(short_help="Convert pictures or raw frames to video.")
+@click.command(short_help="Convert images or raw frames to video.")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("video", type=_FILE_TYPE, required=False)
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1e6), help="Frames per second.")
 def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
-    """Convert pictures, raw frames (.cih, .cihx) or a film to a video at its true rate.
+    """Convert images, raw frames (.cih, .cihx) or a film to a video at its true rate.
 
     Nothing is lost except the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.

@@ -35,7 +35,7 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, parse_variables, with_origin
 from thesis_lib.text import one_line
 
-SHOT_VARIABLES = parse_variables("shots_used(camera) [1] pictures of the board that were used")
+SHOT_VARIABLES = parse_variables("shots_used(camera) [1] board images that were used")
 UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
     "frequency", "of_sound", "of_sound_deviation",

@@ -34,9 +34,9 @@ CALIBRATION_VARIABLES = parse_variables("""
     centre_deviation(camera) [m] standard deviation of the centre of projection
     K(camera, i, j) [px] intrinsic matrix
     distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
-    size(camera, side) [px] width and height of the pictures
+    size(camera, side) [px] width and height of the images
     residuals(camera, shot, side, corner) [px] corners seen minus computed
-    corners(camera, shot, side, corner) [px] corners of the board as found in the pictures
+    corners(camera, shot, side, corner) [px] corners of the board as found in the images
     R_camera_world(camera, i, j) [1] rotation from the first board to the camera
     centre(camera, i) [m] centre of projection in the first board's frame
 """)

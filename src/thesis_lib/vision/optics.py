@@ -1,7 +1,7 @@
 """Optics of a single camera and of a parallel pair (thesis 2, Appendices A–C).
 
 Lengths are in one unit of the caller's choice, metres elsewhere in the library; angles in rad;
-image coordinates in px. Everything broadcasts. Pictures are ``(rows, columns)`` or
+image coordinates in px. Everything broadcasts. Images are ``(rows, columns)`` or
 ``(rows, columns, colours)``, the first row on top.
 """
 
@@ -43,7 +43,7 @@ def crop_factor(sensor: ArrayLike, reference: ArrayLike = FULL_FRAME) -> Array:
 
 
 def picture_height(width: int, across: int, up: int) -> int:
-    """Return whole rows of a picture `width` px wide in the proportion across : up (Table 2.1)."""
+    """Return whole rows of an image `width` px wide in the proportion across : up (Table 2.1)."""
     return width * up // across
 
 
@@ -196,7 +196,7 @@ def join_homogeneous(first: ArrayLike, second: ArrayLike) -> Array:
     return np.cross(np.asarray(first, float), np.asarray(second, float))
 
 
-# Pictures: pixels and colours (2.2.3, 2.3).
+# Images: pixels and colours (2.2.3, 2.3).
 
 
 def block_means(picture: ArrayLike, block: int) -> Array:
@@ -205,7 +205,7 @@ def block_means(picture: ArrayLike, block: int) -> Array:
     Raises
     ------
     ValueError
-        If the blocks do not fill the picture.
+        If the blocks do not fill the image.
     """
     fine = np.asarray(picture, float)
     rows, columns = fine.shape[:2]
@@ -250,7 +250,7 @@ def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
     for colour in range(3):
         kernel = _GREEN_WEIGHTS if colour == 1 else _RED_OR_BLUE
         mask = masks[..., colour].astype(float)
-        with np.errstate(invalid="ignore"):  # a picture of one row lacks a colour: NaN
+        with np.errstate(invalid="ignore"):  # an image of one row lacks a colour: NaN
             mean = _filter(raw * mask, kernel) / _filter(mask, kernel)
         result[..., colour] = np.where(masks[..., colour], raw, mean)
     return result

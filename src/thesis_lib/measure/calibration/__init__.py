@@ -1,1 +1,1 @@
-"""Pictures of a board to cameras."""
+"""Images of a board to cameras."""

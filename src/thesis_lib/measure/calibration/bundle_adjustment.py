@@ -1,4 +1,4 @@
-"""Bundle adjustment: cameras and boards that fit all pictures at once (eq. 5.1, Appendix E).
+"""Bundle adjustment: cameras and boards that fit all images at once (eq. 5.1, Appendix E).
 
 The unknowns are each camera's pose and, if wanted, its intrinsics and distortion, and each board's
 pose (:mod:`~thesis_lib.measure.calibration.reprojection`). The board's tiles give the scale; where
@@ -62,9 +62,9 @@ def adjust_bundle(
     Parameters
     ----------
     observations : ndarray, shape (cameras, shots, 2, points)
-        Pixels, in one order of the points for all pictures; NaN where a point is not seen.
+        Pixels, in one order of the points for all images; NaN where a point is not seen.
     points : ndarray, shape (3, points) or (cameras, shots, 3, points)
-        The board's corners in its own frame, m; where its sides differ, those of each picture.
+        The board's corners in its own frame, m; where its sides differ, those of each image.
     cameras : sequence of Camera
         Names, sizes, and intrinsics and distortion to start from or to keep. Where the cameras
         stand is found from the observations.
@@ -86,7 +86,7 @@ def adjust_bundle(
         If the shapes do not match.
     CalibrationError
         If a camera has no shot, a shot no camera, if either is not connected with the rest by
-        common pictures, or if the steps do not converge.
+        common images, or if the steps do not converge.
     """
     observations, points = np.asarray(observations, float), np.asarray(points, float)
     expected = (len(cameras), 2, points.shape[-1])

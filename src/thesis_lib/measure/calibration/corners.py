@@ -1,7 +1,7 @@
 """Corners of the board in an image, to a few thousandths of a pixel (Appendix D, step 3).
 
 OpenCV finds the grid (:mod:`~thesis_lib.measure.calibration.grids`); a least-squares fit of the
-grey levels finds each corner. Around a corner the blurred picture of two crossing edges is, with c
+grey levels finds each corner. Around a corner the blurred image of two crossing edges is, with c
 the corner and dᵢ the distances from the edges,
 
     I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2,

@@ -53,7 +53,7 @@ class Network:
 def start_network(
     observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]
 ) -> Network:
-    """Return the poses chained from picture to picture, the world being the first shot's board.
+    """Return the poses chained from image to image, the world being the first shot's board.
 
     Raises
     ------
@@ -175,8 +175,8 @@ def normal_equations(
 ) -> tuple[Array, Array, Array]:
     """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 
-    Points that a picture does not show are NaN in the observations and count for nothing. Each
-    picture touches the twenty unknowns of its camera and its board only; the matrix is gathered
+    Points that an image does not show are NaN in the observations and count for nothing. Each
+    image touches the twenty unknowns of its camera and its board only; the matrix is gathered
     from such blocks.
 
     Returns

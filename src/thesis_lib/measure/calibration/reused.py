@@ -54,7 +54,7 @@ def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
     assert manifest.calibration is not None
     if manifest.calibration.poses == "kept" and not found.placed:
         raise ManifestError(
-            f"{path}: does not say where all cameras are, allowed: poses: anew, with pictures of "
+            f"{path}: does not say where all cameras are, allowed: poses: anew, with images of "
             "the board"
         )
     covariance = found.covariance

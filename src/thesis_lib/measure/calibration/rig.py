@@ -73,7 +73,7 @@ def adjust_cameras(
     CalibrationError
         If the shots do not determine the cameras.
     MediaError
-        If a picture cannot be read.
+        If an image cannot be read.
     """
     board = manifest.board.board
 

@@ -1,8 +1,8 @@
-"""One order of the corners for all pictures, though the board looks the same when turned.
+"""One order of the corners for all images, though the board looks the same when turned.
 
 A square board of 9 × 9 tiles looks the same after quarter turns, and from behind too when it is
-printed on both faces, so each picture has its own idea of which corner is the first. The cameras do
-not move between the shots: :func:`unify_corners` chooses, per picture, the one symmetry under
+printed on both faces, so each image has its own idea of which corner is the first. The cameras do
+not move between the shots: :func:`unify_corners` chooses, per image, the one symmetry under
 which they stand still. Where the operator of Appendix D, step 3, clicks the same origin in every
 image, this is what stands in for the operator. A board with marks has no symmetry.
 """
@@ -33,7 +33,7 @@ def unify_corners(
     """Order corners alike for all cameras, which do not move between board images.
 
     In every shot the first camera that sees the board decides on its axes. A rig of cameras is
-    tried for each way in which two pictures can belong together; the one that fits all shots holds.
+    tried for each way in which two images can belong together; the one that fits all shots holds.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def unify_corners(
         Corners in px in the order of ``board.corners``, NaN where the board was not found, and in
         poses that were left out.
     dict of int to float
-        Poses that were left out, as the board or a camera moved between their pictures, and by how
+        Poses that were left out, as the board or a camera moved between their images, and by how
         much these are then off the rig of the others, m.
 
     Raises

@@ -1,7 +1,7 @@
 """Uncertainty of a calibration, from its calibration images alone.
 
 The covariance of a bundle adjustment takes every corner for an independent witness. Corners of one
-picture are not: the board is not quite flat, the lens not quite its model. Pictures are, so what
+image are not: the board is not quite flat, the lens not quite its model. Images are, so what
 each of them contributes says how far the cameras would have been off with others (the jackknife;
 Efron & Stein 1981). Nothing is adjusted again: with gₛ and Nₛ what shot s adds to the right side
 and the matrix of the normal equations, its board's pose eliminated, cameras change without it by

@@ -1,8 +1,8 @@
-"""Each camera's calibration by itself, from pictures of the board (Appendix D).
+"""Each camera's calibration by itself, from board images (Appendix D).
 
 Zhang's method (Zhang 2000) finds a camera's intrinsics, its distortion and the board's pose in
 every shot. Which of the corners that look alike is the first is each picture's own idea; module
-:mod:`~thesis_lib.measure.calibration.symmetry` brings the pictures of several cameras together.
+:mod:`~thesis_lib.measure.calibration.symmetry` brings the images of several cameras together.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which markers are neighbours: faces between them, for pictures and for programs of the field."""
+"""Which markers are neighbours: faces between them, for images and for programs of the field."""
 
 from __future__ import annotations
 

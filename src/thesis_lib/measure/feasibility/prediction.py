@@ -56,7 +56,7 @@ class CameraPrediction:
     nearest_mm: float
     farthest_mm: float
     defocus_px: float
-    in_view: float  #: Share of the markers that stay in the picture
+    in_view: float  #: Share of the markers that stay in the image
     gap_px: float  #: Least distance between the edges of two markers' images, px
     motion_px: float  #: Most that an image moves from rest, A ∂(u, v)/∂Z, px
     #: Most that a marker moves from frame to frame, 2A |sin(πf/r)|, as it seems along the plane at
@@ -85,7 +85,7 @@ class PredictedView:
     """Markers as the cameras see them, as far as the manifest gives their places; cameras first.
 
     Values of OPTICS; matrices; directions; world points (3, n); depths (cameras, 3, n) at −A, 0
-    and A; images at rest; whether markers stay in the picture, and corners at rest; Jacobian
+    and A; images at rest; whether markers stay in the image, and corners at rest; Jacobian
     (cameras, 2, 3, n) in px/m; what deflection seems to move on the plane at rest, over deflection.
     """
 

@@ -1,4 +1,4 @@
-"""Clocks by the pictures: how fast each camera's runs, and by how much its start is off.
+"""Clocks by the images: how fast each camera's runs, and by how much its start is off.
 
 All cameras film one vibration. Its frequency by the clock of each tells how fast that runs; and the
 phase of what a camera sees, against what the others see move along the normal, when it started, to

@@ -45,7 +45,7 @@ def find_frozen(scatter: Array) -> Mask:
 def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     """Return one camera's harmonics with the scatter that makes up for what compression swallowed.
 
-    A codec repeats a part of a picture that hardly changes, so small motions are lost altogether,
+    A codec repeats a part of an image that hardly changes, so small motions are lost altogether,
     those a little larger in part. Up to which image amplitude θ, those markers tell that move
     beside markers that stand still. At an amplitude a the loss is at most about θ min(1, θ²/a²), as
     in films by x264. No marker scatters by less than half of what the camera's markers do.
@@ -161,7 +161,7 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
 MIN_TONE_POWER_RATIO = 40.0  # times the mean power of what is left that a tone's must be
 MAX_SPECTRUM_FRAMES = 2048  # frames in which another tone is sought
 EXAMINED_SERIES = 8  # image coordinates of each camera that are looked at
-MIN_JUMP_PX = 0.1  # px by which a whole picture must jump
+MIN_JUMP_PX = 0.1  # px by which a whole image must jump
 MIN_JUMP_SIGMAS = 8.0  # standard errors that it must jump by
 MAX_JUMP_FRAMES = 4096  # frames that are looked at
 MIN_EDGE_FRAMES = 5  # frames before and after a jump, at least

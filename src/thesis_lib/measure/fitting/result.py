@@ -94,8 +94,8 @@ VARIABLES = parse_variables("""
     frame_rate_given(camera) [Hz] frames per second, by the manifest
     uneven(camera) [s] rms by which the camera's frames come early or late
     frame_rate(camera) [Hz] frames per second, by the camera's own clock
-    lag(camera) [s] by how much the pictures start later than the sound tells
-    lag_deviation(camera) [s] standard error of the lag of the pictures behind the sound
+    lag(camera) [s] by how much the images start later than the sound tells
+    lag_deviation(camera) [s] standard error of the lag of the images behind the sound
     jump(camera) [px] by how much all that the camera sees jumped
     jump_time(camera) [s] time at which all that the camera sees jumped
     rest_misfit(camera) [px] rms distance of the markers at rest from the images of the points that

@@ -55,8 +55,8 @@ VARIABLES = parse_variables("""
     zero() [s] time at which the complex amplitudes hold, on the first camera's clock
     window(end) [s] the part that was fitted
     noise() [px] usual scatter of a coordinate of the centres about the modes
-    lag(camera) [s] by how much the pictures start later than the sound tells
-    lag_deviation(camera) [s] standard error of the lag of the pictures behind the sound
+    lag(camera) [s] by how much the images start later than the sound tells
+    lag_deviation(camera) [s] standard error of the lag of the images behind the sound
     pace(camera) [1] how much faster than the first camera's the clock runs
     left_out(camera) [1] share of the centres left out, as unlike the neighbours' motion
     frames(camera) [1] frames that the fit used

@@ -71,7 +71,7 @@ def blur_factor(rate: Array, exposure: float) -> complex:
 
 
 def mode_images(track: Track, block: TrackBlock, poles: Poles) -> list[Harmonics]:
-    """Return each mode in one camera's pictures, as if rows and exposures took no time."""
+    """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = pole_columns(block.times, poles.rates)
     fit, inverse = fit_known(B, block)

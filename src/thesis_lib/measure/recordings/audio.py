@@ -1,7 +1,7 @@
 """Sound of videos and sound files: its track, its channels, its pace, and its samples.
 
 A file states a sample rate, and its time stamps state another one where the recorder stamps sound
-by the clock of its pictures. The time stamps count: a line through them against the samples gives
+by the clock of its images. The time stamps count: a line through them against the samples gives
 the samples per second of the video's clock, and only a jump between them is a gap.
 """
 

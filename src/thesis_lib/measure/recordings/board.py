@@ -54,15 +54,15 @@ class Board:
         return np.stack([np.tile(x, ny), np.repeat(y, nx), np.zeros(nx * ny)])
 
     def shown(self, images: Array) -> Array:
-        """Return the corners in the frame of a side, as pictures show them, in m.
+        """Return the corners in the frame of a side, as images show them, in m.
 
-        Corners of the other side lie a thickness behind, and run in a picture from it the other
+        Corners of the other side lie a thickness behind, and run in an image from it the other
         way round.
 
         Parameters
         ----------
         images : ndarray, shape (..., 2, corners)
-            Pixels in the order of :attr:`corners`; NaN where a picture is absent.
+            Pixels in the order of :attr:`corners`; NaN where an image is absent.
 
         Returns
         -------

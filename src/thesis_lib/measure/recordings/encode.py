@@ -1,6 +1,6 @@
-"""Pictures in a folder, raw frames, or a film at another rate, as a lossless video.
+"""Images in a folder, raw frames, or a film at another rate, as a lossless video.
 
-Industrial cameras write one picture per frame, and Photron's raw frames (``.mraw``) beside a header
+Industrial cameras write one image per frame, and Photron's raw frames (``.mraw``) beside a header
 in text (``.cih``) or XML (``.cihx``). Phantom's ``.cine`` is read as it is.
 """
 
@@ -58,7 +58,7 @@ def pack_frames(
     Parameters
     ----------
     source : Path
-        Folder of pictures, in the order of their names, numbers by value; or a ``.cih`` or
+        Folder of images, in the order of their names, numbers by value; or a ``.cih`` or
         ``.cihx`` beside its ``.mraw``; of more than eight bits the highest eight that are used
         are kept. Or a film, or a raw stream such as ``.h264``, whose frames are copied.
     target : Path

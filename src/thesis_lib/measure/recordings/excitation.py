@@ -205,7 +205,7 @@ class Excitation(Fields):
     sound: Literal["force", "room", "none"] = Field(
         "force",
         description="what the sound tracks carry: the force's signal, what microphones hear, or "
-        "none that is needed, since the vibration is steady and the pictures tell its phase",
+        "none that is needed, since the vibration is steady and the images tell its phase",
     )
     steady_interval_s: tuple[Real, Real] | None = Field(
         None,

@@ -204,7 +204,7 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         if exist and len(files) < 3:
             yield (
                 f"{where}: given {format_given(camera.board_images)}, which is "
-                f"{len(files)} pictures, allowed: at least 3{_unread(camera, folder)}"
+                f"{len(files)} images, allowed: at least 3{_unread(camera, folder)}"
             )
         if isinstance(camera.board_images, str):
             for shot in files:  # which may be links

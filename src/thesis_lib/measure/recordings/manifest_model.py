@@ -117,7 +117,7 @@ class Reuse(Fields):
     poses: Literal["kept", "anew"] = Field(
         "kept",
         description="whether the cameras stand where they stood, or are placed again by this "
-        "folder's pictures of the board, which need no lens then",
+        "folder's board images, which need no lens then",
     )
     unit: Literal["m", "mm"] | None = Field(
         None, description="unit of the file's lengths; null is what the file says, else m"
@@ -411,14 +411,14 @@ class CameraFiles(Fields):
     )
     board_images: FileName | tuple[FileName | None, ...] | None = Field(
         None,
-        title="null, a folder of pictures, a pattern such as board/A-*.png, or a list of 3 to 200 "
+        title="null, a folder of images, a pattern such as board/A-*.png, or a list of 3 to 200 "
         "files with null where there is none, each inside the manifest's folder",
-        description="pictures of the calibration board; the k-th of every camera shows the same "
+        description="images of the calibration board; the k-th of every camera shows the same "
         "pose; null if calibration has the cameras' places",
     )
     corners_px: tuple[Place, Place, Place, Place] | None = Field(
         None,
-        description="where the structure's corners lie in the pictures: at (0, 0), (length, 0), "
+        description="where the structure's corners lie in the images: at (0, 0), (length, 0), "
         "(length, width), (0, width)",
     )
     focal_length_mm: Positive | None = Field(None, description="focal length of the lens")
@@ -436,7 +436,7 @@ class CameraFiles(Fields):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Return the width and height of the pictures in px."""
+        """Return the width and height of the images in px."""
         return self.width_px, self.height_px
 
     @property
@@ -474,7 +474,7 @@ class Manifest(Fields):
     calibration: Reuse | None = Field(
         None,
         title="null, a path, or an object",
-        description="a calibration that is reused; null calibrates from the pictures of the board",
+        description="a calibration that is reused; null calibrates from the board images",
     )
     force: Force | None = Field(
         None, description="the force that was recorded beside the cameras, for motion over force"
@@ -500,7 +500,7 @@ class Manifest(Fields):
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
                 if camera.board_images is None:
-                    why = "allowed without calibration: pictures of the board"
+                    why = "allowed without calibration: board images"
                     refuse_value(f"cameras[{i}].board_images", None, why)
         for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
             for name in ("name", "video"):

@@ -196,12 +196,12 @@ def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
 
 
 def write_png(path: Path, image: Image) -> None:
-    """Write a gray picture, uint8 of shape (height, width), whole or not at all.
+    """Write a gray image, uint8 of shape (height, width), whole or not at all.
 
     Raises
     ------
     MediaError
-        If the picture is of another kind.
+        If the image is of another kind.
     """
     if image.dtype != np.uint8 or image.ndim != 2 or not image.size:
         raise MediaError(f"{path}: {image.dtype} of shape {image.shape}, allowed: gray uint8")
@@ -210,19 +210,19 @@ def write_png(path: Path, image: Image) -> None:
 
 
 def read_png(path: Path, depth: int | None = None) -> Image:
-    """Read a picture as gray, uint8 of shape (height, width).
+    """Read an image as gray, uint8 of shape (height, width).
 
     Parameters
     ----------
     path : Path
         The file.
     depth : int, optional
-        Bits that hold the grey levels of a picture of 16; else as many as its brightest pixel has.
+        Bits that hold the grey levels of an image of 16; else as many as its brightest pixel has.
 
     Raises
     ------
     MediaError
-        If there is no such file, it is not a picture, or cut off.
+        If there is no such file, it is not an image, or cut off.
     """
     levels = _levels(path)
     if levels.dtype == np.uint8:
@@ -232,7 +232,7 @@ def read_png(path: Path, depth: int | None = None) -> Image:
 
 
 def depth_of(path: Path) -> int:
-    """Return how many bits hold the grey levels of a picture: 8, or of 16 as many as are used.
+    """Return how many bits hold the grey levels of an image: 8, or of 16 as many as are used.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def depth_of(path: Path) -> int:
 
 
 def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Return the grey levels of a picture, of eight bits or of sixteen."""
+    """Return the grey levels of an image, of eight bits or of sixteen."""
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     data = path.read_bytes()
@@ -262,7 +262,7 @@ def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
 
 
 def _read_heic(path: Path) -> Image:
-    """Return a picture as telephones store it, turned as it is to be shown."""
+    """Return an image as telephones store it, turned as it is to be shown."""
     try:
         import pillow_heif
     except ImportError:

@@ -38,7 +38,7 @@ NOT_RECORDINGS = {"tty": "a text"} | dict.fromkeys(
 
 
 class MediaError(ValueError):
-    """A video, picture or audio track that cannot be used; the message is one line."""
+    """A video, image or audio track that cannot be used; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def open_media(path: Path) -> Iterator[InputContainer]:
 def video_track(file: InputContainer, path: Path) -> VideoStream:
     """Return the track of the film, decoded by as many threads as there are cores.
 
-    Attached pictures and other tracks of one frame are no film; of several films the one with most
+    Attached images and other tracks of one frame are no film; of several films the one with most
     pixels is taken, of equal ones the first.
 
     Raises

@@ -45,7 +45,7 @@ from thesis_lib.web.html import render_html
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = (
     3,
     12,
-)  # pictures of the board that are needed, that are wanted
+)  # board images that are needed, that are wanted
 ASKED_FIELDS = (  # what no file shows
     "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
     "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
@@ -66,7 +66,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
     Parameters
     ----------
     folder : Path
-        With two videos or more; pictures of the board lie in folders, or their names begin, with
+        With two videos or more; board images lie in folders, or their names begin, with
         the names of the videos.
     given : mapping
         Fields by path, as ``{"board.tile_mm": 30}``; ``cameras.exposure_s`` is every camera's.
@@ -196,7 +196,7 @@ def _shots(folder: Path, name: str) -> str | None:
 
 
 def _pictures(files: Iterator[Path] | Any) -> list[Path]:
-    """Return pictures among files, but for hidden ones."""
+    """Return images among files, but for hidden ones."""
     return [
         file for file in files if file.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(file)
     ]
@@ -214,9 +214,7 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
         board = (
-            f"; {len(shots)} pictures of the board in {camera.board_images}"
-            if camera.board_images
-            else ""
+            f"; {len(shots)} board images in {camera.board_images}" if camera.board_images else ""
         )
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
@@ -236,13 +234,13 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
             )
         if camera.board_images and len(shots) < MIN_BOARD_IMAGES:
             yield (
-                f"missing: pictures of the board by {camera.name}, at least {MIN_BOARD_IMAGES}, "
+                f"missing: board images by {camera.name}, at least {MIN_BOARD_IMAGES}, "
                 "better "
                 f"{WANTED_BOARD_IMAGES}, in {camera.board_images}"
             )
     if len(set(counts)) > 1:
         yield (
-            f"missing: as many pictures of the board by every camera, not {counts}: the k-th of "
+            f"missing: as many board images by every camera, not {counts}: the k-th of "
             "each shows the same pose, null in a list of names stands for none"
         )
     for part in (manifest.calibration, manifest.force, manifest.truth):

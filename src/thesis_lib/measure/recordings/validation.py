@@ -28,7 +28,7 @@ from thesis_lib.studies.fields import format_given
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
 RATE_TOLERANCE = 0.1  # relative, from which on a rate is mistaken; below, the file is right
-MAX_END_GAP_S = 0.5  # s that a video's pictures and its sound may end apart
+MAX_END_GAP_S = 0.5  # s that a video's images and its sound may end apart
 
 
 class ChainError(ValueError):
@@ -144,7 +144,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     """Return how recordings differ from what the manifest says, one line each.
 
     The excitation, the markers' places, every video's size, frame rate, length and sound, and the
-    size of every picture of the board.
+    size of every image of the board.
     """
     lines, rates = check_excitation(manifest) + _check_plane(manifest.structure), []
     for i, camera in enumerate(manifest.cameras):
@@ -260,7 +260,7 @@ def _check_plane(structure: StructureSpec) -> list[str]:
 
 
 def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
-    """Yield what is wrong with the stated lengths of a video's pictures and sound."""
+    """Yield what is wrong with the stated lengths of a video's images and sound."""
     heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if heard and not info.has_audio:
         yield (
@@ -270,10 +270,10 @@ def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
     if info.duration is None:
         return
     if info.duration <= rest:
-        yield f"{info.duration:.3f} s of pictures, allowed: more than rest_duration_s, {rest:g} s"
+        yield f"{info.duration:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
     if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
         yield (
-            f"its pictures end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
+            f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
             f"allowed: at most {MAX_END_GAP_S:g} s apart"
         )
 

@@ -20,9 +20,9 @@ VARIABLES = parse_variables("""
     found(camera, side, marker) [px] centres in the camera's first frame
     outline(camera, side, vertex) [px] the structure's corners in the camera's first frame, by the
         calibration
-    track_side(camera) [1] along which side of the picture the marker that moves most moves most
+    track_side(camera) [1] along which side of the image the marker that moves most moves most
     track_time(camera, frame) [s] times of frames, on the first camera's clock
-    track(camera, frame) [px] motion of the marker that moves most, along the side of the picture
+    track(camera, frame) [px] motion of the marker that moves most, along the side of the image
         along which the motion is largest
     residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
         on

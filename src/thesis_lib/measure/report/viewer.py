@@ -22,7 +22,7 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
     Parameters
     ----------
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns. The picture begins at
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns. The image begins at
         the maximum of the deflection.
     extent : tuple of float
         Length and width of the structure in m.

@@ -66,7 +66,7 @@ VARIABLES = parse_variables("""
     delay_deviation() [s] standard error of the start of the force's file
     pace() [1] how much faster than the first camera's the force's clock runs
     unknown(marker) [1] share of the time in which the marker's deflection is not known
-    camera_lag(camera) [s] by how much the pictures start later than the sound tells
+    camera_lag(camera) [s] by how much the images start later than the sound tells
     camera_pace(camera) [1] how much faster than the first camera's clock the camera's runs
     beyond() [1] share of the force's power above half of the lowest frame rate
     ringing() [1] rms of the last eighth of the motion over that of the largest
@@ -107,7 +107,7 @@ def estimate_response(
     sought = manifest.excitation.modes
     most = min(sought.to_hz or np.inf, MAX_REPORTED_RATIO * slowest)
     recordings, steps = in_step(recordings, rest, span_of(recordings), (sought.from_hz, most))
-    delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of pictures
+    delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of images
     force = read_force(manifest, folder, delays, [own.pace for own in recordings])
     filmed = span_of(recordings)
     low, high = _band(manifest, force, slowest)

@@ -42,7 +42,7 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
 
 
 def frame_rate_of(videos: Sequence[Path]) -> float:
-    """Return the frame rate of the first file that has pictures, Hz; NaN if none has."""
+    """Return the frame rate of the first file that has images, Hz; NaN if none has."""
     for video in videos:
         with suppress(MediaError):
             return probe_media(video).frame_rate

@@ -9,7 +9,7 @@ few kHz: memory does not grow with the length. What follows from that for long r
 - The tone is fitted in as many samples from the rest at the start on, two hours of 4 Hz; beyond it
   is not said to be steady.
 - One delay and one frequency serve all of a recording. Clocks of cameras differ by some 10⁻⁵: the
-  delay is that in the middle, and the pictures tell the rest. A room's sounds are compared window
+  delay is that in the middle, and the images tell the rest. A room's sounds are compared window
   by window, as ``thesis sync`` does.
 """
 

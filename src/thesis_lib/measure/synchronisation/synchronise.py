@@ -30,8 +30,8 @@ from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match
 Kind = Literal["force", "room"]
 
 BLIND_SPOTS = (
-    "Sound alone does not show an offset between a camera's picture and its sound.",
-    "Nor does it show whether the clocks of picture and sound drift apart.",
+    "Sound alone does not show an offset between a camera's image and its sound.",
+    "Nor does it show whether the clocks of image and sound drift apart.",
 )
 IN_A_ROOM = (
     "Sound takes 2.9 ms per metre through air: a camera that is further from it seems to start "
@@ -41,7 +41,7 @@ IN_A_ROOM = (
 )
 UNHEARD_TEXT = (
     "No sound was used: every recording counts from its own start.",
-    "The pictures tell by how much of a period the cameras are then apart, and are put in step by "
+    "The images tell by how much of a period the cameras are then apart, and are put in step by "
     "it. What is not steady, as the start of the vibration, is not.",
 )
 

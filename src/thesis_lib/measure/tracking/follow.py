@@ -67,7 +67,7 @@ def trackers_of(
     markers : Markers
         What is printed on the structure.
     corners_px : sequence of tuple, optional
-        The structure's corners in the picture, lens distortion included, in the order of
+        The structure's corners in the image, lens distortion included, in the order of
         :func:`~thesis_lib.measure.tracking.homography.view_of`.
     turn : float
         Angle of the vibration from frame to frame in rad; 0 if it is not known.

@@ -1,6 +1,6 @@
 """How a camera sees the beam's plane: a homography, from the beam's four corners.
 
-The corners are found in the picture, as those of the largest bright region, or given; a hole tells
+The corners are found in the image, as those of the largest bright region, or given; a hole tells
 which end is clamped (thesis 5.1.2, figures F.3 and F.4).
 """
 
@@ -34,7 +34,7 @@ class View:
     markers: Markers  #: What is printed on the beam
     #: Homography from the beam's plane in m to undistorted pixels, shape (3, 3)
     H_image_plane: Array
-    blur: float = 0.6  #: Standard deviation in px of the edges in the picture
+    blur: float = 0.6  #: Standard deviation in px of the edges in the image
 
     def to_image(self, plane: ArrayLike) -> Array:
         """Return the pixels (2, ...), distortion included, of points (2, ...) of the plane in m."""
@@ -136,7 +136,7 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
     Its sides are straight only without the lens's distortion.
     """
     _, bright = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # In small pictures a column of markers may cut the beam in two.
+    # In small images a column of markers may cut the beam in two.
     closed = cv2.morphologyEx(bright, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     regions, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not regions:
