@@ -101,7 +101,7 @@ def test_least_squares_is_as_good_with_any_number_at_equal_pixels():
 
 def test_a_swing_leaves_on_average_what_the_page_says():
     swing = np.linspace(2, 10, 2000)
-    left = np.array([cone_law.swing_error(a) for a in swing]) * np.sqrt(swing)
+    left = np.array([cone_law.fitted_amplitude_error(a) for a in swing]) * np.sqrt(swing)
     assert np.sqrt(np.mean(left**2)) == pytest.approx(0.11, abs=0.002)
     assert 0.35 < left.min() / 0.11 < 0.45
     assert 1.35 < left.max() / 0.11 < 1.45
@@ -122,21 +122,23 @@ def test_a_third_of_a_pixel_of_shake_is_enough():
 
 
 def test_estimators_by_number_of_cameras():
-    crowd = book("design-law")["crowd_error"]
-    gain = crowd / crowd.sel(rule="least-squares")
-    assert (gain.sel(crowd=4) > 0.9).all()  # "any estimator will do"
-    assert gain.sel(crowd=12, rule="analytic-centre") < 0.75
-    assert -1.05 < slope([32, 64], crowd.sel(rule="analytic-centre", crowd=[32, 64])) < -0.8
-    assert slope([4, 64], crowd.sel(rule="least-squares", crowd=[4, 64])) == pytest.approx(
-        -0.5, abs=0.03
+    error = book("design-law")["equidistant_rig_error"]
+    gain = error / error.sel(rule="least-squares")
+    assert (gain.sel(equidistant_rig=4) > 0.9).all()  # "any estimator will do"
+    assert gain.sel(equidistant_rig=12, rule="analytic-centre") < 0.75
+    assert (
+        -1.05 < slope([32, 64], error.sel(rule="analytic-centre", equidistant_rig=[32, 64])) < -0.8
     )
+    assert slope(
+        [4, 64], error.sel(rule="least-squares", equidistant_rig=[4, 64])
+    ) == pytest.approx(-0.5, abs=0.03)
     tolerated = book("design-law")["tolerated_noise"]
-    assert (tolerated[-3:].diff("crowd") < 0).all()
+    assert (tolerated[-3:].diff("equidistant_rig") < 0).all()
 
 
 def test_noise_and_the_interval_estimator():
     law = book("design-law")
-    tolerance = law["share_tolerance"].sel(count=slice(3, None))  # two gain nothing
+    tolerance = law["equal_pixels_tolerated_noise"].sel(count=slice(3, None))  # two gain nothing
     assert (tolerance.sel(approach="interval") > 0.06).all()  # "near a tenth of a pixel"
     assert (tolerance.sel(approach="interval") < 0.1).all()  # "less than a tenth"
     centre = tolerance.sel(approach="analytic centre").values
@@ -150,7 +152,7 @@ def test_noise_and_the_interval_estimator():
 
 
 def test_linear_equations_need_refining_where_distances_differ():
-    stand = book("design-law")["stand_error"]
+    stand = book("design-law")["unequal_distance_error"]
     over = (stand.sel(rule="linear") / stand.sel(rule="least-squares")).values
     assert over[0] == pytest.approx(1, abs=0.01)
     assert over[1:].min() > 1.5

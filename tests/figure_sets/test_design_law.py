@@ -238,17 +238,17 @@ def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
     seen = np.rint(amplitude * np.cos(turn) + shift) - shift
     error = 2 * np.mean(seen * np.cos(turn), axis=1) - amplitude
     found = np.sqrt(np.mean(error**2))
-    conforms.sampled(cone_law.swing_error(amplitude), found, rtol=5e-3)
+    conforms.sampled(cone_law.fitted_amplitude_error(amplitude), found, rtol=5e-3)
 
 
 def test_swing_error_for_large_and_small_amplitudes(conforms):
     large = np.linspace(20, 21, 101)  # over which the fraction of a pixel averages out
-    rms = np.sqrt(np.mean(cone_law.swing_error(large) ** 2))
+    rms = np.sqrt(np.mean(cone_law.fitted_amplitude_error(large) ** 2))
     conforms.closed_form(rms, np.sqrt(zeta(3) / np.pi**4 / 20.5), rtol=0.01)
     # A step somewhere within the swing, with probability 2a: 16 a / (3π²) on average, less a².
     small = 0.01
     expected = np.sqrt(16 * small / (3 * np.pi**2) - small**2)
-    conforms.closed_form(cone_law.swing_error(small), expected, rtol=0.01)
+    conforms.closed_form(cone_law.fitted_amplitude_error(small), expected, rtol=0.01)
     conforms.closed_form(cone_law.useful_frames(large), 13.5 * 20.5, rtol=0.01)
 
 
@@ -262,7 +262,7 @@ def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
     basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=2)
     seen = np.rint(peaks * basis[..., 0] + shift) - shift
     error = (np.linalg.pinv(basis) @ seen[..., None])[:, 0, 0] - peaks[:, 0]
-    floor = np.sqrt(np.mean(cone_law.swing_error(peaks) ** 2))
+    floor = np.sqrt(np.mean(cone_law.fitted_amplitude_error(peaks) ** 2))
     conforms.sampled(np.sqrt(np.mean(error**2)) / floor, above=1, below=1.25)
 
 
@@ -658,9 +658,10 @@ def test_figures_are_drawn_from_the_cube_alone(cube, name):
 
 FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
         "exponents": "small_exponent", "pairs": "pair_error", "shares": "frame_error",
-    "estimators": "crowd_error", "noisy": "noisy_share_error", "mistakes": "mistaken_error",
-    "refined": "stand_error",
-    "dither": "swing_error",
+    "estimators": "equidistant_rig_error", "noisy": "noisy_share_error",
+    "mistakes": "mistaken_error",
+    "refined": "unequal_distance_error",
+    "dither": "fitted_amplitude_error",
 }  # fmt: skip
 
 
@@ -700,7 +701,7 @@ def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
     assert f"to {squares:.0f} by least squares" in text
     least = 1e6 * float(cube["least_share_error"].sel(at))
     assert f"below {least:.0f}. 2 sharp ones" in text
-    bear = cube["share_tolerance"].sel(approach="interval")
+    bear = cube["equal_pixels_tolerated_noise"].sel(approach="interval")
     assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in text
 
 
@@ -825,18 +826,18 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
 def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     study = DesignLaw.model_validate({"trials": 12})
     made = dither.simulate_estimators(study) | dither.simulate_dither(study)
-    crowd = np.asarray(made["crowd_error"])
-    linear, least, centre, joint = crowd.T
+    equidistant_rig = np.asarray(made["equidistant_rig_error"])
+    linear, least, centre, joint = equidistant_rig.T
     assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
     assert (joint < centre).all()
     conforms.sampled(centre[2:], below=0.85 * least[2:])
     noisy = np.asarray(made["noise_error"])
     conforms.sampled(noisy[0, 2], below=0.85 * noisy[0, 1])
     conforms.sampled(noisy[-1, 2], above=0.97 * noisy[-1, 1])  # noise takes the gain away
-    stand = np.asarray(made["stand_error"])
+    stand = np.asarray(made["unequal_distance_error"])
     conforms.sampled(abs(stand[0, 0] / stand[0, 1] - 1), below=0.02)
     conforms.sampled(stand[1:, 0], above=1.5 * stand[1:, 1])
-    for name in ("swing", "shake", "disc"):
+    for name in ("fitted_amplitude", "shake", "disc"):
         drawn, closed = (np.asarray(made[f"{k}{name}_error"]) for k in ("drawn_", ""))
         conforms.sampled(np.sqrt(np.mean((drawn / closed) ** 2)), 1, atol=0.25)
     assert (np.asarray(made["endless_shake_error"]) <= made["shake_error"]).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pkgutil
 import re
 from functools import cache
@@ -11,6 +12,7 @@ import pytest
 import xarray as xr
 from scenes.ledger import cube_of, own_cube
 
+from conftest import PROJECT
 from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.optics import compute as optics
@@ -99,3 +101,18 @@ def test_cubes_of_the_book_have_units_and_long_names(name):
     cube = cube_file.read_built(STUDIES[name]())
     assert not isinstance(cube, str), cube
     assert faults(attributes_of(cube)) == []
+
+
+def test_cubes_of_version_0_are_read_under_todays_names():
+    names = json.loads((PROJECT / "data/published/renamed-variables.json").read_text("utf-8"))
+    old = xr.Dataset(
+        {"swing_error": ("swing", [0.5])}, {"swing": [1.0]},
+        {"source": "simulation by thesis_lib 0.1.0, figure set design-law"},
+    )  # fmt: skip
+    new = cube_file.rename_variables(old)
+    assert new["fitted_amplitude_error"].dims == ("fitted_amplitude",)
+    own = old.assign_attrs(source="simulation by thesis_lib 1.0.0, figure set mine")
+    assert cube_file.rename_variables(own) is own
+    declared_names = {name.rpartition(".")[2] for name in declared()}
+    assert set(names.values()) <= declared_names
+    assert not set(names) & declared_names

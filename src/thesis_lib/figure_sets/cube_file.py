@@ -14,7 +14,7 @@ import xarray as xr
 from thesis_lib.figure_sets import outside
 from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
-from thesis_lib.files import workplace
+from thesis_lib.files import shipped, workplace
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
 from thesis_lib.studies.storage import CubeError, open_netcdf
@@ -32,13 +32,22 @@ def read_cube(path: Path) -> xr.Dataset:
     CubeError
         In one line: the file, and what is wrong with it.
     """
-    cube = open_netcdf(path)
+    cube = rename_variables(open_netcdf(path))
     listed = cubes.list_dimension(cube)
     errors = set() if listed else {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
     check_cube(
         cube, path, set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS), errors
     )
     return cube
+
+
+def rename_variables(cube: xr.Dataset) -> xr.Dataset:
+    """Return a cube with today's names of variables and dimensions, if it is of version 0."""
+    if "thesis_lib 0." not in str(cube.attrs.get("source", "")):
+        return cube
+    renamed = json.loads((shipped() / "data/published/renamed-variables.json").read_text("utf-8"))
+    names = {*map(str, cube.variables), *map(str, cube.dims)}
+    return cube.rename({old: new for old, new in renamed.items() if old in names})
 
 
 def read_built(study: Study) -> xr.Dataset | str:

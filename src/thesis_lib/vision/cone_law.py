@@ -270,7 +270,7 @@ def _rounding_variances(
     return difference_variance(images[:, :, 1] - images[:, :, 0])
 
 
-def swing_error(amplitude_px: ArrayLike) -> Array:
+def fitted_amplitude_error(amplitude_px: ArrayLike) -> Array:
     """Return the rms error in px of an amplitude fitted to ever more rounded samples of a sinusoid.
 
     One camera rounds all frames on one grid, so its errors repeat and do not average out. With
@@ -290,7 +290,7 @@ def swing_error(amplitude_px: ArrayLike) -> Array:
 
 
 def useful_frames(amplitudes_px: ArrayLike) -> Array:
-    """Return the useful number of frames: 1/6 px² over the mean square of `swing_error`.
+    """Return the useful number of frames: 1/6 px² over the mean square of `fitted_amplitude_error`.
 
     An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
     come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.
@@ -300,7 +300,7 @@ def useful_frames(amplitudes_px: ArrayLike) -> Array:
     amplitudes_px : array_like, shape (..., vibrations)
         Amplitudes in px, over which is averaged.
     """
-    return np.asarray(1 / (6 * np.mean(swing_error(amplitudes_px) ** 2, axis=-1)))
+    return np.asarray(1 / (6 * np.mean(fitted_amplitude_error(amplitudes_px) ** 2, axis=-1)))
 
 
 def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:

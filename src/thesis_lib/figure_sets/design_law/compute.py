@@ -102,28 +102,34 @@ VARIABLES = parse_variables(f"""
     drawn_fit_error(estimator, count, rate) [percent] rms error of the fitted amplitude, drawn
     drawn_fit_error_std(estimator, count, rate) [percent] standard error of the drawn error of the
         fitted amplitude
-    crowd_error(crowd, rule) [m] rms error of a deflection, cameras at equal distances
-    crowd_error_std(crowd, rule) [m] standard error of that of cameras at equal distances
-    tolerated_noise(crowd) [px] noise before rounding that halves the gain of the analytic centre
+    equidistant_rig_error(equidistant_rig, rule) [m] rms error of a deflection, cameras
+        at equal distances
+    equidistant_rig_error_std(equidistant_rig, rule) [m] standard error of the rms error,
+        cameras at equal distances
+    tolerated_noise(equidistant_rig) [px] noise before rounding that halves the gain of the
+        analytic centre
     noise_error(noise, rule) [m] rms error of a deflection, pixels with noise before rounding
     noise_error_std(noise, rule) [m] standard error of the drawn error with noise before rounding
-    stand_error(stand, rule) [m] error of a deflection, cameras at unequal distances, median
+    unequal_distance_error(unequal_distance, rule) [m] error of a deflection, cameras at
+        unequal distances, median
     noisy_share_error(count, image_noise, approach) [m] rms error of a deflection at equal
         pixels, noise before rounding
     noisy_share_error_std(count, image_noise, approach) [m] standard error of the drawn error at
         equal pixels, noise before rounding
     least_share_error(count, image_noise) [m] least rms error of any estimator; 0 without noise
-    share_tolerance(count, approach) [px] noise before rounding that halves the gain over least
-        squares
+    equal_pixels_tolerated_noise(count, approach) [px] noise before rounding that halves the
+        gain over least squares
     mistaken_error(count, mistake, approach) [m] rms error of a deflection at equal pixels where
         the interval estimator is told wrong noise or images have outliers
     mistaken_error_std(count, mistake, approach) [m] standard error of the drawn error with wrong
         noise or outliers
     feasible_fraction(count, mistake) [1] fraction of points whose pixels agree within five times
         the noise that the interval estimator is told
-    swing_error(swing) [px] error of an amplitude fitted to endless frames
-    drawn_swing_error(swing) [px] rms error of an amplitude fitted to frames, drawn
-    drawn_swing_error_std(swing) [px] standard error of the drawn error of a fitted amplitude
+    fitted_amplitude_error(fitted_amplitude) [px] error of an amplitude fitted to endless frames
+    drawn_fitted_amplitude_error(fitted_amplitude) [px] rms error of an amplitude fitted to
+        frames, drawn
+    drawn_fitted_amplitude_error_std(fitted_amplitude) [px] standard error of the drawn error of
+        a fitted amplitude
     shake_error(shake) [px] error of the mean of some frames with shake
     endless_shake_error(shake) [px] error of the mean of endless frames with shake
     drawn_shake_error(shake) [px] rms error of the mean of some frames, drawn
@@ -154,14 +160,14 @@ COORDINATES = parse_variables("""
     rate(rate) [Hz] frames per second, about
     estimator(estimator) [1] how points are estimated
     rule(rule) [1] how points are estimated
-    crowd(crowd) [1] number of cameras
+    equidistant_rig(equidistant_rig) [1] number of cameras
     noise(noise) [px] noise of an image before rounding
     image_noise(image_noise) [px] noise of an image before rounding
     approach(approach) [1] how points are estimated
     mistake(mistake) [1] noise of an image before rounding, and the difference from what the
         interval estimator assumes
-    stand(stand) [m] distances of four cameras
-    swing(swing) [px] amplitude of an image
+    unequal_distance(unequal_distance) [m] distances of four cameras
+    fitted_amplitude(fitted_amplitude) [px] amplitude of an image
     shake(shake) [px] standard deviation of camera shake
     disc(disc) [px] diameter of a marker's image
 """)
@@ -172,9 +178,9 @@ def run(study: DesignLaw) -> xr.Dataset:
 
     (a) along ``motion`` and ``setting``, (b) along ``angle``, (c) along ``finding`` and for pairs
     along ``tilt`` and ``opening``, (d) along ``count`` and ``rate``, (e) estimators along
-    ``crowd``, ``noise`` and ``stand``, with noise at equal pixels along ``count``,
-    ``image_noise`` and ``approach``, (f) dither along ``swing``, ``shake`` and ``disc``;
-    ``quantity``, ``value`` and ``unit`` are what runs are compared by.
+    ``equidistant_rig``, ``noise`` and ``unequal_distance``, with noise at equal pixels along
+    ``count``, ``image_noise`` and ``approach``, (f) dither along ``fitted_amplitude``, ``shake``
+    and ``disc``; ``quantity``, ``value`` and ``unit`` are what runs are compared by.
     """
     cube = xr.Dataset(coords=_coordinates(study))
     parts = (
@@ -216,13 +222,15 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "rate": study.frame_rates_hz,
         "estimator": list(ESTIMATORS),
         "rule": list(estimators.ESTIMATORS),
-        "crowd": list(dither.CROWD_SIZES),
+        "equidistant_rig": list(dither.EQUIDISTANT_COUNTS),
         "noise": list(dither.NOISES_PX),
         "image_noise": NOISES_PX,
         "approach": list(TRACKING_APPROACHES),
         "mistake": list(ASSUMED_MISTAKES),
-        "stand": [", ".join(f"{d:g}" for d in one) for one in dither.STAND_DISTANCES_M],
-        "swing": dither.SWINGS_PX,
+        "unequal_distance": [
+            ", ".join(f"{d:g}" for d in one) for one in dither.UNEQUAL_DISTANCES_M
+        ],
+        "fitted_amplitude": dither.FITTED_AMPLITUDES_PX,
         "shake": dither.SHAKES_PX,
         "disc": dither.DISC_DIAMETERS_PX,
     }
@@ -360,12 +368,20 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                 )
     for name in estimators.ESTIMATORS:
         part = cube.sel(rule=name)
-        power = estimators.fit_exponent(cube["crowd"].values, part["crowd_error"].values)
+        power = estimators.fit_exponent(
+            cube["equidistant_rig"].values, part["equidistant_rig_error"].values
+        )
         add_quantity(f"exponent of number, random layouts, {name}", power)
-        for along, unit in (("crowd", "cameras"), ("noise", "px noise"), ("stand", "m")):
+        for along, unit in (
+            ("equidistant_rig", "cameras"),
+            ("noise", "px noise"),
+            ("unequal_distance", "m"),
+        ):
             for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):
                 add_quantity(f"error, {name}, {value} {unit}", 1e6 * error, "um")
-    for count, noise in zip(cube["crowd"].values, cube["tolerated_noise"].values, strict=True):
+    for count, noise in zip(
+        cube["equidistant_rig"].values, cube["tolerated_noise"].values, strict=True
+    ):
         add_quantity(f"noise that halves the gain, {count} cameras", noise, "px")
     for count in study.counts:
         part = cube.sel(count=count)
@@ -375,7 +391,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
         ):  # fmt: skip
             add_quantity(f"error, interval, {count} cameras, {noise:g} px noise", 1e6 * error, "um")
         for name, noise in zip(
-            part["approach"].values, part["share_tolerance"].values, strict=True
+            part["approach"].values, part["equal_pixels_tolerated_noise"].values, strict=True
         ):
             if np.isfinite(noise):
                 add_quantity(
@@ -383,7 +399,11 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                     noise,
                     "px",
                 )
-    for along, unit in (("swing", "amplitude"), ("shake", "shake"), ("disc", "diameter")):
+    for along, unit in (
+        ("fitted_amplitude", "amplitude"),
+        ("shake", "shake"),
+        ("disc", "diameter"),
+    ):
         ratio = cube[f"drawn_{along}_error"] / cube[f"{along}_error"]
         add_quantity(f"dither by {unit}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
     names, numbers, units = (list(column) for column in zip(*rows, strict=True))

@@ -13,17 +13,17 @@ from thesis_lib.vision import dither, estimators
 from thesis_lib.vision.estimators import rms_with_std
 from thesis_lib.vision.pinhole import pixelate
 
-CROWD_SIZES = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
+EQUIDISTANT_COUNTS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
 CROWD_DISTANCE_M = 0.75  # m
 NOISES_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # px, of NOISY cameras
 NOISY_CAMERAS = 12
 WITH_NOISE = (0.0, 0.01, 0.02, 0.03, 0.05, 0.1, 0.15, 0.2)  # px, where a tolerance is looked for
 NOISY_LAYOUTS = 10  # layouts there
 COMPARED_ESTIMATORS = ("least-squares", "analytic-centre")
-STAND_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
+UNEQUAL_DISTANCES_M = ((0.75,) * 4, (0.5, 1.5, 1.5, 3.0), (0.3, 0.3, 3.0, 3.0))  # m
 SHARP_SIZE_PX, SHARP_FOCAL_PX = (1920, 1080), 1280.0  # where distances differ
 MAX_LAYOUTS, MAX_MARKERS = 30, 100  # at most
-SWINGS_PX = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
+FITTED_AMPLITUDES_PX = np.round(np.geomspace(0.05, 10, 47), 4)  # px, amplitudes
 SHAKES_PX = np.round(np.linspace(0, 1, 21), 9)  # px, standard deviations
 DISC_DIAMETERS_PX = np.arange(2.0, 13.0)  # px, diameters
 SHAKE_FRAMES = 100  # of a shaking camera
@@ -46,7 +46,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
 
     # what is asked for several times is drawn once: fewer layouts are the first of more
-    clean = {n: crowded(n, 0.0) for n in CROWD_SIZES}
+    clean = {n: crowded(n, 0.0) for n in EQUIDISTANT_COUNTS}
     noisy = [
         crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in NOISES_PX
     ]
@@ -61,9 +61,11 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
             )
             for n, errors in clean.items()
         ],
-        **_name_errors("crowd_error", [rms_with_std(errors) for errors in clean.values()]),
+        **_name_errors(
+            "equidistant_rig_error", [rms_with_std(errors) for errors in clean.values()]
+        ),
         **_name_errors("noise_error", [rms_with_std(errors) for errors in noisy]),
-        "stand_error": [sharp_errors(stand) for stand in STAND_DISTANCES_M],
+        "unequal_distance_error": [sharp_errors(stand) for stand in UNEQUAL_DISTANCES_M],
     }
 
 
@@ -128,8 +130,8 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
         return _name_errors(f"drawn_{of.__name__}_error", found)
 
     return {
-        "swing_error": np.sqrt(dither.amplitude_variance(SWINGS_PX)),
-        **simulate_each(swing, SWINGS_PX),
+        "fitted_amplitude_error": np.sqrt(dither.amplitude_variance(FITTED_AMPLITUDES_PX)),
+        **simulate_each(swing, FITTED_AMPLITUDES_PX),
         "shake_error": np.sqrt(dither.shaken_variance(SHAKE_FRAMES, SHAKES_PX)),
         "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES_PX)),
         **simulate_each(shake, SHAKES_PX),

@@ -283,12 +283,12 @@ def shares(cube: xr.Dataset) -> Figure:
 def estimators(cube: xr.Dataset) -> Figure:
     """Plot errors of the estimators against the number of cameras and the noise of pixels."""
     drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
-    n = cube["crowd"].values
+    n = cube["equidistant_rig"].values
     for k, name in enumerate(cube["rule"].values):
         part, style = cube.sel(rule=name), {"color": cycle_color(k), "marker": "osD^"[k % 4]}
-        left.plot(n, 1e6 * part["crowd_error"], ms=4, lw=1.3, label=name, **style)
+        left.plot(n, 1e6 * part["equidistant_rig_error"], ms=4, lw=1.3, label=name, **style)
         right.plot(cube["noise"], 1e6 * part["noise_error"], ms=4, lw=1.3, **style)
-    first = 1e6 * float(cube["crowd_error"].isel(crowd=0).min())
+    first = 1e6 * float(cube["equidistant_rig_error"].isel(equidistant_rig=0).min())
     for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
         line = first * (n / n[0]) ** power
         left.plot(n, line, ":", color=INK_COLOR, lw=1)
@@ -349,15 +349,15 @@ def dithering(cube: xr.Dataset) -> Figure:
     """Plot the residual rounding error by motion, shake, and size of the markers."""
     drawing, grid = subplots(1, 3, figsize=(7.6, 3.1), layout="constrained")
     panels = (
-        ("swing", "(a) fitted amplitude, px", "amplitude of the image, px"),
+        ("fitted_amplitude", "(a) fitted amplitude, px", "amplitude of the image, px"),
         ("shake", "(b) mean of frames, px", "camera shake, px"),
         ("disc", "(c) centroid of a disc, px", "diameter of the marker, px"),
     )
     ends = {name: (cube[name].values.min(), cube[name].values.max()) for name, *_ in panels}
-    swing = np.geomspace(*ends["swing"], 201)  # its axis is logarithmic
+    swing = np.geomspace(*ends["fitted_amplitude"], 201)  # its axis is logarithmic
     shake, disc = (np.linspace(*ends[name], 201) for name in ("shake", "disc"))
     closed_forms = {
-        "swing": (swing, np.sqrt(dither.amplitude_variance(swing))),
+        "fitted_amplitude": (swing, np.sqrt(dither.amplitude_variance(swing))),
         "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.SHAKE_FRAMES, shake))),
         "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
     }

@@ -243,7 +243,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         "noisy_share_error": drawn,
         "noisy_share_error_std": drawn_std,
         "least_share_error": least,
-        "share_tolerance": [[half_gain_noise(of) for of in gain.T] for gain in gains],
+        "equal_pixels_tolerated_noise": [[half_gain_noise(of) for of in gain.T] for gain in gains],
         "mistaken_error": mistaken,
         "mistaken_error_std": mistaken_std,
         "feasible_fraction": agreeing,

@@ -134,16 +134,19 @@ def list_findings(cube: xr.Dataset) -> str:
 def list_estimators(cube: xr.Dataset) -> str:
     """List errors of the estimators by number of cameras, and their exponents."""
     powers = [
-        fit_exponent(cube["crowd"], cube["crowd_error"].sel(rule=n)) for n in cube["rule"].values
+        fit_exponent(cube["equidistant_rig"], cube["equidistant_rig_error"].sel(rule=n))
+        for n in cube["rule"].values
     ]
     distance = design_dither.CROWD_DISTANCE_M
-    return _fill("estimators", cube, ("crowd_error",), exponents=powers, distance=distance)
+    return _fill(
+        "estimators", cube, ("equidistant_rig_error",), exponents=powers, distance=distance
+    )
 
 
 def list_dither(cube: xr.Dataset) -> str:
     """List the remaining error of one rounded coordinate at a few motions, shakes and sizes."""
     picks = {
-        "swing": ("amplitude", (0.25, 0.5, 1, 2, 5)),
+        "fitted_amplitude": ("amplitude", (0.25, 0.5, 1, 2, 5)),
         "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
         "disc": ("diameter", (3, 5, 10)),
     }
@@ -220,7 +223,7 @@ def few_noisy(cube: xr.Dataset) -> str:
     squares, centre, interval = (errors.sel(approach=name) for name in errors["approach"].values)
     few, many = int(cube["count"].min()), int(cube["count"].max())
     some = {"count": many, "image_noise": SHOWN_NOISES_PX[1]}
-    tolerated = cube["share_tolerance"].sel(approach="interval").dropna("count")
+    tolerated = cube["equal_pixels_tolerated_noise"].sel(approach="interval").dropna("count")
     loud = {"image_noise": cube["image_noise"].values >= SHOWN_NOISES_PX[-1]}
     level = (squares.max("count") / squares.min("count")).isel(loud)
     stds = cube["noisy_share_error_std"] / cube["noisy_share_error"]

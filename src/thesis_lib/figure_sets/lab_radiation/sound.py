@@ -185,7 +185,7 @@ TAP_VARIABLES = parse_variables("""
     tap_true_energy(ringing) [J] sound energy of a mode over the whole decay, of the true motion
     tap_all() [W] sound power of all modes together, as measured
     tap_all_error() [W] standard error of the sound power of all modes together
-    tap_heard(ringing, tap_time) [Pa] pressure of each mode 1 m above the middle
+    tap_pressure(ringing, tap_time) [Pa] pressure of each mode 1 m above the middle
     tap_time(tap_time) [s] time since the decay began
 """)
 
@@ -231,7 +231,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
         "tap_true_energy": power / (-2 * rig.motion.poles.real),
         "tap_all": whole["band_power"].values,
         "tap_all_error": whole["band_power_error"].values,
-        "tap_heard": np.array(each, "float32")[:, : len(times)],
+        "tap_pressure": np.array(each, "float32")[:, : len(times)],
         "tap_time": times,
     }
 
