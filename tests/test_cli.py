@@ -91,9 +91,10 @@ def test_list_names_sets_and_chapters():
     costs = effort.read_efforts()
     for name, model in STUDIES.items():
         line = next(line for line in done.out.splitlines() if line.startswith(name))
-        assert re.search(rf" {costs[name].kind} +{costs[name].time} +{costs[name].memory} ", line)
+        if name in costs:
+            assert re.search(rf" {costs[name].time} +{costs[name].memory} ", line)
         number = len(model().settings())
-        assert (f" {number} settings" in line) == (number > 0)
+        assert not number or re.search(rf"^{name} +{number} ", line)
         assert line.endswith(model.title)
     for chapter, names in CHAPTER_SETS.items():
         line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
