@@ -301,7 +301,7 @@ def test_a_camera_without_shots_is_named():
 
 def test_a_shot_without_cameras_is_named():
     uv = without(observations(), [(c, 7) for c in range(4)])
-    with pytest.raises(CalibrationError, match=r"^shot 7: no camera sees the board$"):
+    with pytest.raises(CalibrationError, match=r"^board image 7: no camera sees the board$"):
         adjust_bundle(uv, POINTS, rig())
 
 

@@ -292,15 +292,15 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "a steady part elsewhere": (given("excitation.steady_interval_s", [0.7, 9]), WRONG,
                                 ["excitation.steady_interval_s: given [0.7, 9], allowed: within"]),
     # The board and its images.
-    "no pictures": (gone("shots/B"), WRONG, ["cameras[1].board_images", "0 pictures"]),
+    "no pictures": (gone("shots/B"), WRONG, ["cameras[1].board_images", "0 images"]),
     "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
     "images of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
-        ["0 pictures", ".jpg", '4 of ".dng", which are not read: export JPEG']),
+        ["0 images", ".jpg", '4 of ".dng", which are not read: export JPEG']),
     "an image less": (gone("shots/B/3.png"), WRONG,
                        ["given 4, 3 board images", "as many for every"]),
     "a pattern that fits nothing": (given("cameras.1.board_images", "shots/B/*.tif"), WRONG,
-                                    ["0 pictures"]),
+                                    ["0 images"]),
     "a list with a missing picture": (
         given("cameras.1.board_images", [f"shots/B/{k}.png" for k in (0, 1, 2, 9)]), WRONG,
         ['cameras[1].board_images[3]: given "shots/B/9.png", no such file']),

@@ -96,7 +96,7 @@ REFUSED = {
     "three columns unnamed": (lines([*BOTH, OTHERS]), "no column is clearly the force"),
     "commas for both": ("Zeit,Kraft\n" + lines(BOTH, ",", ","), "commas"),
     "commas for both, no header": (lines(BOTH, ",", ","), "clearly"),
-    "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "say no unit"),
+    "milliseconds unsaid": ("time,force\n" + lines([1000 * TIMES, FORCES]), "have no unit"),
     "volts": ("time (s),force (V)\n" + lines(BOTH), "in V, allowed: N"),
     "a gap": ("time,force\n" + lines(BOTH).replace("0.5000,", "0.5000,NaN,"), "no number"),
     "an end": ("time,force\n" + lines(BOTH) + "\nend of file", "line 202"),

@@ -155,7 +155,7 @@ SILLY = [  # place, value, words of the refusal
     (("cameras", 1, "name"), False, ["cameras[1].name: given false", "40 characters"]),
     (("cameras", 0, "board_images"), "../shots", ["cameras[0].board_images", "inside"]),
     (("cameras", 0, "board_images"), "shots/none",
-     ["cameras[0].board_images", "0 pictures", "at least 3"]),
+     ["cameras[0].board_images", "0 images", "at least 3"]),
     (("cameras", 0, "board_images"), "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
     (("cameras", 0, "board_images"), ["shots/A/1.png"],
      ["cameras[0].board_images: given", "3 to 200"]),

@@ -271,7 +271,7 @@ REFUSED = {  # what is wrong: change of the manifest, words of the refusal
     "a folder as video": (camera(1, video="board"), ['cameras[1].video: given "board"', "no such"]),
     "no board images": (
         camera(1, board_images="bord/*.jpg"),
-        ["cameras[1].board_images", "0 pictures", "at least 3"],
+        ["cameras[1].board_images", "0 images", "at least 3"],
     ),
     "a long exposure": (camera(1, exposure_s=0.05), ["cameras[1].exposure_s: given 0.05", "in s"]),
     "corners crossed": (camera(0, corners_px=[[1, 1], [9, 1], [1, 9], [9, 9]]),
