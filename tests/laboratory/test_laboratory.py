@@ -445,7 +445,7 @@ def test_another_board_than_the_manifest_s_is_not_found(folder, columns, rows):
     for camera in (0, 1):
         shots = [f"{'AB'[camera]}/0{k}.png" for k in range(3)]
         change(folder, ("cameras", camera, "board_images"), shots)
-    assert "0 of 3 shots" in refusal(folder, CalibrationError)
+    assert "0 of 3 board images" in refusal(folder, CalibrationError)
 
 
 def shifted(image, right):

@@ -395,7 +395,7 @@ BROKEN = {  # what is wrong: change of the files, exit status, words
     "another tone": (sound(tone), 1, ["B: ", "allowed: at least"]),
     "short sound": (sound(lambda samples: samples[:SAMPLE_RATE]), 2,
                     [VIDEO, "its sound at 1.000 s", "allowed: at most 0.5 s apart"]),
-    "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].board_images", "2 pictures", "at least 3"]),
+    "two shots": (keep_shots("ABC", 2), 2, ["cameras[0].board_images", "2 images", "at least 3"]),
     "fewer shots of one": (keep_shots("B", 9), 2, ["cameras: given ", ", 9, ", "as many"]),
     "a text as shot": (shot(lambda path: path.write_text("no picture")), 2,
                        [BOARD, "B-03.jpg: not a readable image"]),
@@ -563,7 +563,7 @@ def narrow(values):
         (
             lambda _: None,
             narrow,
-            ["A: 0 of 3 shots", "is the board a checkerboard of 8 × 9 tiles?"],
+            ["A: 0 of 3 board images", "is the board a checkerboard of 8 × 9 tiles?"],
         ),
     ],
 )

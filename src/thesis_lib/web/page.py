@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import threading
 from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
@@ -40,6 +41,7 @@ _MIME_ORDER = [
     "text/latex", "text/plain",
 ]  # fmt: skip
 _TEMPLATE_FOLDER = Path(__file__).with_name("templates")
+_RENDERING = threading.Lock()  # mdurl fills a cache that other threads read before it is whole
 _ROLE_PATTERN = re.compile(r"\{([\w:]+)\}`([^`]+)`")
 _TARGET_PATTERN = re.compile(r"(.+?)\s*<([^<>]+)>", re.DOTALL)
 _BOOK_LINK = re.compile(r'<a href="(?![\w+.-]+:|#|[^"]*\.html)[^"]*">(.*?)</a>', re.DOTALL)
@@ -157,7 +159,8 @@ class _Text:
         hold a reader's words, and stays text.
         """
         parser = self.parser if own else self.of_outputs
-        html = str(parser.render(_ROLE_PATTERN.sub(self._render_role, source)))
+        with _RENDERING:
+            html = str(parser.render(_ROLE_PATTERN.sub(self._render_role, source)))
         return _BOOK_LINK.sub(r"\1", html)
 
     def _render_role(self, match: re.Match[str]) -> str:

@@ -111,7 +111,7 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
     theta = 2 * np.pi * (np.arange(SINUSOID_FRAMES) + 0.5) / SINUSOID_FRAMES
     place = random.uniform(-0.5, 0.5, (draws, 1))
 
-    def swing(a: float) -> Array:
+    def fitted_amplitude(a: float) -> Array:
         seen = pixelate(place + a * np.cos(theta))
         return np.asarray(2 * np.mean(seen * np.cos(theta), axis=1) - a)
 
@@ -131,7 +131,7 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
 
     return {
         "fitted_amplitude_error": np.sqrt(dither.amplitude_variance(FITTED_AMPLITUDES_PX)),
-        **simulate_each(swing, FITTED_AMPLITUDES_PX),
+        **simulate_each(fitted_amplitude, FITTED_AMPLITUDES_PX),
         "shake_error": np.sqrt(dither.shaken_variance(SHAKE_FRAMES, SHAKES_PX)),
         "endless_shake_error": np.sqrt(dither.mean_variance(0.0, SHAKES_PX)),
         **simulate_each(shake, SHAKES_PX),
