@@ -17,7 +17,7 @@ from refused import refusal
 from thesis_lib.book import demos
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import run
-from thesis_lib.figure_sets.parametric import compute
+from thesis_lib.figure_sets.parametric import compute, in_page
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate_request
@@ -346,6 +346,23 @@ def test_what_a_page_cannot_do_is_left_to_the_command(
         opened.page.get_by_role("button", name="Reset").click()
         until(opened, "literal")
         assert stale.count() == 0
+        assert opened.trouble == []
+
+
+def test_a_parameter_that_the_page_does_not_know_is_left_to_the_command(
+    chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one that is added to all camera studies."""
+    monkeypatch.setattr(in_page, "KNOWN_FIELDS", in_page.KNOWN_FIELDS - {"azimuth_zero", "modes"})
+    file = tmp_path / "form.html"
+    file.write_text(HEAD + demos.rerun_form_html(), encoding="utf-8")
+    with open_offline(chromium, file) as opened:
+        asked(opened, "beam-distance", {"azimuth_deg": 31})
+        until(opened, "literal")
+        opened.page.evaluate(PUT, ["beam-distance", {"azimuth_zero": "X"}])
+        assert said(opened, SENTENCE).startswith("Not in the page: the parameter azimuth_zero.")
+        opened.page.evaluate(PUT, ["beam-distance", {"modes": "[1, 2]"}])
+        assert said(opened, SENTENCE).startswith("Not in the page: the parameter modes.")
         assert opened.trouble == []
 
 

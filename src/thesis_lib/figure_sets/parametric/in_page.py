@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes
-from thesis_lib.studies.fields import unit_of_field
+from thesis_lib.studies.fields import format_given, unit_of_field
 from thesis_lib.studies.published import read_published
 from thesis_lib.studies.request import distance_limit
 from thesis_lib.vibration.beam import Beam, cantilever_roots
@@ -27,6 +27,13 @@ from thesis_lib.vibration.structure import Structure, peak_deflection
 
 COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
 """Figure sets that a page computes."""
+KNOWN_FIELDS = {
+    "amplitude_mm", "azimuth_deg", "azimuth_zero", "cases", "cube", "distance_mm", "distances_mm",
+    "elevation_deg", "elevations_deg", "estimator", "first_marker_mm", "focal_length_mm", "grid",
+    "half_apertures_deg", "layouts", "modes", "noise_px", "pair_order", "principal_offset_px",
+    "resolution_px", "rest", "seed", "sensor_width_mm", "trials", "widths_px",
+}  # fmt: skip
+"""Parameters that ``web/assets/setups.js`` computes with; it leaves others to the command."""
 MAX_MODE = 30  # the highest mode that a request may have
 
 
@@ -58,8 +65,9 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
         ``structures`` as :func:`structure_model` tells them, with ``peaks``, the deflection of
         each mode by a force of 1 N in m; the cases' ``pairs``, ``order``, ``centres`` and
         ``opposite``; ``conditions``, words for values that do not go together; what a viewer draws
-        with; and ``sets``: what is varied, titles of cases, and ``published`` rows of case, value,
-        order of pairs, mode, literal mean error, median, 5 and 95 % in percent.
+        with; and ``sets``: what is varied, titles of cases, ``others``, the defaults of parameters
+        that the page does not know, and ``published`` rows of case, value,
+        order of pairs, mode, nominal mean error, median, 5 and 95 % in percent.
     """
     studies = {name: camera_study(name) for name in names}
     structures = {one.subject: one.structure for one in studies.values()}
@@ -90,6 +98,11 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
                 "titles": {
                     case: setups.case_title(one.subject, one.study, case)
                     for case in dict.fromkeys(setting.case for setting in one.settings())
+                },
+                "others": {
+                    field: format_given(value)
+                    for field, value in one.request.items()
+                    if field not in KNOWN_FIELDS
                 },
                 "published": _published_errors(name),
             }

@@ -83,7 +83,9 @@ export default (() => {
   }
 
   // A request by the names of its parameters: settings, modes with their peaks, the structure; or why there are none.
-  function asked({ subject, study }, values, facts) {
+  function asked({ subject, study, others }, values, facts) {
+    const unknown = Object.keys(others).find((name) => shown(values[name]) !== others[name]);
+    if (unknown) return { left: `the parameter ${unknown}` };
     const given = facts.structures[subject], printed = KINDS[study](values, facts), peaks = peaksOf(values, given);
     const problem = problemOf(values, printed, peaks, facts, given);
     if (problem) return { problem };
