@@ -509,7 +509,8 @@ def test_nothing_sticks_out(chromium: Browser, path: Path, widths: tuple[int, in
 
 def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
     data = json.loads(json.dumps(form_data()))
-    n = data["sets"][DISTANCE]["shown"][0]
+    listed = data["sets"][DISTANCE]["shown"]
+    n = next(k for k in listed if data["fields"][k]["name"] == "distances_mm")
     data["fields"][n] |= {"meaning": EVIL, "unit": EVIL, "allowed": EVIL, "permitted": EVIL}
     data["sets"][DISTANCE]["title"] = data["chapters"]["ch3"]["title"] = EVIL
     file = tmp_path / "evil.html"
