@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from IPython.display import Markdown
+    pass
 
 
 def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -29,18 +29,3 @@ def format_columns(rows: Iterable[Mapping[str, str]]) -> str:
 def escape_markdown(text: str) -> str:
     """Escape a reader's words, so that nothing in them is Markdown."""
     return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
-
-
-def markdown_table(
-    header: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    text: str,
-    above: bool = False,
-    plain: bool = True,
-) -> Markdown:
-    """Return a table with a text below or above it; cells are plain text, or Markdown, too."""
-    from IPython.display import Markdown  # takes longer than all else of a command's imports
-
-    cells = [[escape_markdown(cell) if plain else cell for cell in row] for row in rows]
-    lines = format_rows(header, cells)
-    return Markdown(f"{text}\n\n{lines}" if above else f"{lines}\n{text}")

@@ -53,13 +53,6 @@ def marker_edges(x: ArrayLike, y: ArrayLike) -> IntArray:
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def face_triangles(corners: IntArray) -> IntArray:
-    """Return the faces as triangles, (triangles, 3)."""
-    if corners.shape[1] == 3:
-        return corners
-    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-
-
 def _classes(values: Array) -> IntArray:
     """Return the numbers of values in ascending order; those that are as good as equal have one."""
     order = np.argsort(values)
