@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes.sounds import claps, later, write_film
 
 from thesis_lib.vision import pinhole, triangulation
 
@@ -63,7 +64,7 @@ def test_commands_of_the_readme_exist():
 
 @pytest.mark.nightly
 def test_commands_of_the_readme_run_and_leave_nothing_behind(tmp_path):
-    """In their order, in a copy of the project; own recordings are those of the example."""
+    """In their order, in a copy of the project; own recordings are claps and a board."""
     clone, home = tmp_path / "clone", tmp_path / "home"
     tracked = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
@@ -82,9 +83,11 @@ def test_commands_of_the_readme_run_and_leave_nothing_behind(tmp_path):
     environment = {**os.environ, "HOME": str(home), "PYTHONPATH": str(clone / "src")}
     for line in readme_commands():
         if "~/recording" in line and not (home / "recording").exists():
-            shutil.copytree(clone / "example", home / "recording")
-            (home / "recording" / "manifest.yaml").unlink()
-            (home / "recording" / "frames").mkdir()
+            (home / "recording" / "frames").mkdir(parents=True)
+            room = claps(1)
+            for name, start in (("A", 0.0), ("B", 1.3)):
+                sound = later(room, start, 9)
+                write_film(home / "recording" / f"{name}.mkv", [sound], 16000, codec="pcm_s16le")
             for k, image in enumerate(sorted((clone / "example" / "board").glob("A-*"))):
                 shutil.copy(image, home / "recording" / "frames" / f"{k}{image.suffix}")
         done = subprocess.run(

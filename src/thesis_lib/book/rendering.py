@@ -32,6 +32,7 @@ from thesis_lib.web.page import (
     read_installed_assets,
 )
 
+_IMAGE_PATTERN = re.compile(r"_images/([^\"'?#)\s]+)")
 _WARNING_PATTERN = re.compile(r"\b(WARNING|ERROR|CRITICAL|[A-Z]\w*Error): .")
 
 
@@ -63,12 +64,22 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     html = root / "build" / "html"
     with staging(html.parent) as work:
         new = shutil.copytree(source, work / "html")
+        drop_old_images(new)
         finish_pages(new)
         write_edition(root, new)
         downloads.add_downloads(root, new, made)
         downloads.replace_folder(new, html)
     downloads.pack_book(html, root / "build" / f"{downloads.ARCHIVE_NAME}.zip")
     return html / "index.html"
+
+
+def drop_old_images(book: Path) -> None:
+    """Delete the images that no page shows any more; Sphinx keeps those of earlier builds."""
+    pages = (page.read_text(encoding="utf-8") for page in book.rglob("*.html"))
+    shown = {name for text in pages for name in _IMAGE_PATTERN.findall(text)}
+    for image in (book / "_images").glob("*"):
+        if image.name not in shown:
+            image.unlink()
 
 
 def run_sphinx(root: Path, builder: str) -> Path:
