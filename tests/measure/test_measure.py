@@ -289,7 +289,7 @@ REFUSED = {  # what is wrong: change of the manifest, words of the refusal
     "above Nyquist": (excitation(frequency_hz=31.0), ["excitation.frequency_hz: given 31",
                                                       "below half of the frame rate, 30 Hz"]),
     "a long rest": (excitation(rest_duration_s=5.0),
-                    ["A.mkv: ", "s of pictures", "more than rest_duration_s, 5 s"]),
+                    ["A.mkv: ", "s of images", "more than rest_duration_s, 5 s"]),
     "a rest in motion": (excitation(rest_duration_s=2.5),
                          ["excitation.rest_duration_s: given 2.5", "allowed: at most the 1."]),
     "no rest": (excitation(rest_duration_s=0.0), ["excitation.rest_duration_s: given 0", "0.05 s"]),
