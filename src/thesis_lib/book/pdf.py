@@ -52,7 +52,7 @@ def print_book(root: Path) -> Path:
     if not (root / "build" / "html" / "index.html").is_file():
         raise BookError("there is no book to print yet: run `thesis book` first")
     progress = Progress(3)
-    with progress.step("pages"):
+    with progress.report_step("pages"):
         rendering.install_assets(root)
         page = rendering.run_sphinx(root, "singlehtml") / "intro.html"
         text = prepare_page(page.read_text(encoding="utf-8"))
@@ -60,9 +60,9 @@ def print_book(root: Path) -> Path:
         printable.write_text(text, encoding="utf-8")
 
     def write(part: Path) -> None:
-        with progress.step("print"):
+        with progress.report_step("print"):
             print_page(browser, printable, root / PRINT_STYLE, part)
-        with progress.step("outline"):
+        with progress.report_step("outline"):
             mend_outline(part)
 
     whole_file(pdf, write)

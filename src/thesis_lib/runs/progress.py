@@ -33,7 +33,7 @@ class Progress:
         self.report(f"{name}: {'FAILED' if failed else 'done'} in {seconds:.1f} s")
 
     @contextlib.contextmanager
-    def step(self, name: str) -> Iterator[None]:
+    def report_step(self, name: str) -> Iterator[None]:
         """Report when a step begins and ends, and every few seconds that it still runs."""
         ended, failed = threading.Event(), True
 
