@@ -59,13 +59,13 @@ def print_book(root: Path) -> Path:
         printable = page.with_name("print.html")
         printable.write_text(text, encoding="utf-8")
 
-    def write(part: Path) -> None:
+    def write_printed(part: Path) -> None:
         with progress.report_step("print"):
             print_page(browser, printable, root / PRINT_STYLE, part)
         with progress.report_step("outline"):
             mend_outline(part)
 
-    whole_file(pdf, write)
+    whole_file(pdf, write_printed)
     return pdf
 
 

@@ -24,13 +24,13 @@ class Progress:
     def begin(self, name: str) -> None:
         """Report that a step begins."""
         self._steps[name] = time.monotonic()
-        self.report(f"{name}: running")
+        self.write_line(f"{name}: running")
 
     def end(self, name: str, failed: bool = False) -> None:
         """Report that a step has ended, and how long it took."""
         self.done += 1
         seconds = time.monotonic() - self._steps.pop(name, time.monotonic())
-        self.report(f"{name}: {'FAILED' if failed else 'done'} in {seconds:.1f} s")
+        self.write_line(f"{name}: {'FAILED' if failed else 'done'} in {seconds:.1f} s")
 
     @contextlib.contextmanager
     def report_step(self, name: str) -> Iterator[None]:
@@ -39,7 +39,7 @@ class Progress:
 
         def report_running() -> None:
             while not ended.wait(REPORT_INTERVAL_S):
-                self.report(f"{name}: still running")
+                self.write_line(f"{name}: still running")
 
         self.begin(name)
         threading.Thread(target=report_running, daemon=True).start()
@@ -50,11 +50,11 @@ class Progress:
             ended.set()
             self.end(name, failed)
 
-    def skip(self) -> None:
+    def skip_step(self) -> None:
         """Count a step that is up to date."""
         self.done += 1
 
-    def report(self, text: str) -> None:
+    def write_line(self, text: str) -> None:
         """Print a text after the number of steps that are done."""
         seconds = time.monotonic() - self._begun
         with contextlib.suppress(OSError, ValueError):  # nobody listens any more

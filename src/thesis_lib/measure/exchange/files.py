@@ -33,7 +33,7 @@ class Measured:
     cameras: Sequence[Camera] = ()  #: In the frame of the calibration
 
     @property
-    def contents(self) -> set[Content]:
+    def available_contents(self) -> set[Content]:
         """What there is: the result, and perhaps motion and cameras."""
         return {
             self.result,
@@ -45,7 +45,7 @@ class Measured:
 def write_formats(folder: Path, measured: Measured) -> None:
     """Write a measurement into a folder, in each format of what it holds."""
     for content, name, write in FORMATS:
-        if content in measured.contents:
+        if content in measured.available_contents:
             write(folder / name, measured)
 
 
