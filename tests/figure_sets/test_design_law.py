@@ -13,7 +13,6 @@ from scipy.special import zeta
 from scipy.stats import qmc
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.design_law import compute as design_study
@@ -648,7 +647,7 @@ def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_
 
 
 @pytest.mark.few(3)
-@pytest.mark.parametrize("name", read_toml("captions.toml")["design-law"])
+@pytest.mark.parametrize("name", figure_sets_display.read_captions("design-law"))
 def test_figures_are_drawn_from_the_cube_alone(cube, name):
     bare = cube.drop_attrs().assign_attrs(figure_set="design-law")
     one, other = (figure_svg(figure_sets_display.draw_picture(part, name)) for part in (bare, cube))

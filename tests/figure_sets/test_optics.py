@@ -13,7 +13,6 @@ from refused import refusal
 
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
@@ -433,7 +432,7 @@ def test_odd_requests_run_and_are_shown(values):
     made = with_provenance(optics_study.run(request), request, 0.0)
     for name in optics_tables.TABLES:
         assert "|" in optics_tables.show_table(made, name).data
-    for name in read_toml("captions.toml")["cameras"]:
+    for name in figure_sets_display.read_captions("cameras"):
         assert "<svg" in figure_svg(figure_sets_display.draw_picture(made, name))
     assert cubes.summarise_errors(made)["quantity"].is_unique
 
@@ -489,7 +488,7 @@ def test_what_is_published_is_what_comes_out(cube):
 
 
 def test_the_same_cube_gives_the_same_pictures(cube):
-    for name in read_toml("captions.toml")["cameras"]:
+    for name in figure_sets_display.read_captions("cameras"):
         texts = {figure_svg(figure_sets_display.draw_picture(cube, name)) for _ in range(2)}
         assert len(texts) == 1
 

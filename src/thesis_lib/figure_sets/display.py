@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from thesis_lib.facts.setups import read_toml
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
@@ -68,13 +67,17 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
 
 
 def read_caption(figure_set: str, name: str, *which: int) -> Caption:
-    """Return the caption of a figure, from the facts or from its set's folder; empty if none."""
-    own = Path(str(figures_module(figure_set).__file__)).with_name("captions.toml")
-    captions = read_toml("captions.toml").get(figure_set, {})
-    if own.is_file():
-        captions = tomllib.loads(own.read_text(encoding="utf-8"))
-    words = captions.get(name, {})
+    """Return the caption of a figure; empty if ``captions.toml`` in its set's folder has none."""
+    words = read_captions(figure_set).get(name, {})
     return Caption(**{key: text.format(*which) for key, text in words.items()})
+
+
+def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
+    """Return what ``captions.toml`` in a figure set's folder says, by function that draws."""
+    file = Path(str(figures_module(figure_set).__file__)).with_name("captions.toml")
+    text = file.read_text(encoding="utf-8") if file.is_file() else ""
+    captions: dict[str, dict[str, str]] = tomllib.loads(text).get(figure_set, {})
+    return captions
 
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
