@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -31,9 +32,12 @@ MAX_EQUAL_DIFFERENCES = {
 MAX_LISTED_NAMES = 12  # names in a list
 
 
-def compare_summaries(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
+def compare_summaries(
+    new: pd.DataFrame, old: pd.DataFrame, how: Literal["inner", "left"] = "inner"
+) -> pd.DataFrame:
     """Return two summaries side by side, for the settings and modes that both have.
 
+    With `how` left for all that `new` has; what `old` lacks is NaN.
     Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
     and ``apart`` tells whether the 5–95 % bands do not meet.
     """
@@ -41,7 +45,7 @@ def compare_summaries(new: pd.DataFrame, old: pd.DataFrame) -> pd.DataFrame:
         if key in new:
             return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
     keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
-    table = new.merge(old, on=keys, suffixes=("", "_old"), validate="one_to_one")
+    table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
     table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
     return table
@@ -109,9 +113,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
     if "trial_0" not in table or "claim" in table or "quantity" in table:
         return []
     published = read_published(cube.attrs["figure_set"])
-    keys = [*ROW_KEYS, "error"]
-    old = table.iloc[:0] if published is None else published.astype({"value": float})
-    table = table.merge(old, on=keys, how="left", suffixes=("", "_old"), validate="one_to_one")
+    table = compare_summaries(table, table.iloc[:0] if published is None else published, "left")
     header = (
         f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {'trial 0':>7} | "
         f"{'median (5–95 %)':>20} | {'published':>20}"
@@ -121,7 +123,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
         f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
         f"{percent_text(row.trial_0):>7} | {band_text(row.median, row.low, row.high):>20} | "
         f"{band_text(row.median_old, row.low_old, row.high_old):>20}"
-        f"{' *' if row.low > row.high_old or row.high < row.low_old else ''}"
+        f"{' *' if row.apart else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
     legend = "errors in % of the largest reference value; trial 0 is the nominal run"
