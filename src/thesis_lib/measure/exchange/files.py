@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,12 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from thesis_lib.measure.exchange import cameras, history, uff, vtk
+from thesis_lib.measure.exchange import history, uff, vtk
+from thesis_lib.measure.exchange.cameras import (
+    in_structure_axes,
+    write_aniposelib,
+    write_opencv,
+)
 from thesis_lib.studies import storage
 from thesis_lib.vision.lens import Camera
 
@@ -31,6 +37,11 @@ class Measured:
     #: What :func:`~thesis_lib.measure.exchange.history.time_histories` returns, if there is one
     motion: xr.Dataset | None = None
     cameras: Sequence[Camera] = ()  #: In the frame of the calibration
+
+    @cached_property
+    def placed_cameras(self) -> list[Camera]:
+        """The cameras in the structure's axes."""
+        return in_structure_axes(self.cameras, self.data)
 
     @property
     def available_contents(self) -> set[Content]:
@@ -61,41 +72,23 @@ def _write_mode_grids(folder: Path, measured: Measured) -> None:
         vtk.write_vtk(part, measured.data.isel(mode=k))
 
 
-def _write_opencv(path: Path, measured: Measured) -> None:
-    cameras.write_opencv(path, cameras.in_structure_axes(measured.cameras, measured.data))
-
-
-def _write_aniposelib(path: Path, measured: Measured) -> None:
-    cameras.write_aniposelib(path, cameras.in_structure_axes(measured.cameras, measured.data))
-
-
-def _write_motion(path: Path, measured: Measured) -> None:
-    assert measured.motion is not None
-    if path.suffix == ".nc":
-        storage.write_netcdf(measured.motion, path)
-    elif path.suffix == ".csv":
-        history.write_csv(path, measured.motion)
-    else:
-        uff.write_motion(path, measured.data, measured.motion)
-
-
-def _write_matlab(path: Path, measured: Measured) -> None:
-    assert measured.motion is not None
-    write_matlab(path, measured.data, measured.motion)
+def _motion_of(measured: Measured) -> xr.Dataset:
+    assert measured.motion is not None  # as `available_contents` says
+    return measured.motion
 
 
 FORMATS: tuple[tuple[Content, str, Callable[[Path, Measured], None]], ...] = (
-    ("motion", "motion.nc", _write_motion),
-    ("motion", "motion.csv", _write_motion),
-    ("motion", "motion.uff", _write_motion),
-    ("shape", "shapes.uff", lambda path, measured: uff.write_uff(path, measured.data)),
-    ("shape", "measured.mat", _write_matlab),
+    ("motion", "motion.nc", lambda path, one: storage.write_netcdf(_motion_of(one), path)),
+    ("motion", "motion.csv", lambda path, one: history.write_csv(path, _motion_of(one))),
+    ("motion", "motion.uff", lambda path, one: uff.write_motion(path, one.data, _motion_of(one))),
+    ("shape", "shapes.uff", lambda path, one: uff.write_uff(path, one.data)),
+    ("shape", "measured.mat", lambda path, one: write_matlab(path, one.data, _motion_of(one))),
     ("shape", "vtk", _write_shape_grids),
-    ("modes", "modes.uff", lambda path, measured: uff.write_modes(path, measured.data)),
+    ("modes", "modes.uff", lambda path, one: uff.write_modes(path, one.data)),
     ("modes", "vtk", _write_mode_grids),
-    ("response", "response.uff", lambda path, measured: uff.write_response(path, measured.data)),
-    ("cameras", "cameras.yaml", _write_opencv),
-    ("cameras", "cameras.toml", _write_aniposelib),
+    ("response", "response.uff", lambda path, one: uff.write_response(path, one.data)),
+    ("cameras", "cameras.yaml", lambda path, one: write_opencv(path, one.placed_cameras)),
+    ("cameras", "cameras.toml", lambda path, one: write_aniposelib(path, one.placed_cameras)),
 )
 """Content that a format needs, name of its file or folder, and what writes it."""
 
