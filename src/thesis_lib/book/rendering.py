@@ -61,10 +61,10 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     """
     install_assets(root)
     source = run_sphinx(root, "html")
+    drop_old_images(source)
     html = root / "build" / "html"
     with staging(html.parent) as work:
         new = shutil.copytree(source, work / "html")
-        drop_old_images(new)
         finish_pages(new)
         write_edition(root, new)
         downloads.add_downloads(root, new, made)
