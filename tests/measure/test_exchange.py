@@ -97,8 +97,7 @@ def measured(tmp_path_factory):
     tracks = recordings(folder)
     data = fitted(tracks)
     moved = time_histories(data, tracks, REST)
-    own = [one.camera for one in tracks]
-    files.write_formats(folder, files.Measured("shape", data, moved, own))
+    files.write_formats(folder, files.Measured("shape", data, moved, tracks))
     return folder, data, moved
 
 

@@ -107,8 +107,7 @@ def measure_shape(
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
-        own = [recording.camera for recording in inputs.recordings]
-        files.write_formats(part, files.Measured("shape", data, moved, own))
+        files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
             radiation_files.write_sound(part, radiated)
@@ -194,8 +193,7 @@ def measure_modes(
         storage.write_netcdf(data, part / "modes.nc")
         write_csv(build.tabulate_modes(data), part / "modes.csv")
         write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
-        own = [recording.camera for recording in recordings]
-        files.write_formats(part, files.Measured("modes", data, moved, own))
+        files.write_formats(part, files.Measured("modes", data, moved, recordings))
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
         storage.write_netcdf(uncertainty.to_keep(calibration), part / OWN_FILE)

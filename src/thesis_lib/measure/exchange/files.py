@@ -21,6 +21,7 @@ from thesis_lib.measure.exchange.cameras import (
     write_aniposelib,
     write_opencv,
 )
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.vision.lens import Camera
 
@@ -36,12 +37,12 @@ class Measured:
     data: xr.Dataset
     #: What :func:`~thesis_lib.measure.exchange.history.time_histories` returns, if there is one
     motion: xr.Dataset | None = None
-    cameras: Sequence[Camera] = ()  #: In the frame of the calibration
+    recordings: Sequence[Recording] = ()  #: The cameras, in the frame of the calibration
 
     @cached_property
     def placed_cameras(self) -> list[Camera]:
         """The cameras in the structure's axes."""
-        return in_structure_axes(self.cameras, self.data)
+        return in_structure_axes([own.camera for own in self.recordings], self.data)
 
     @property
     def available_contents(self) -> set[Content]:
@@ -49,7 +50,7 @@ class Measured:
         return {
             self.result,
             *(("motion",) if self.motion is not None else ()),
-            *(("cameras",) if self.cameras else ()),
+            *(("cameras",) if self.recordings else ()),
         }
 
 
