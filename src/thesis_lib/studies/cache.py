@@ -48,7 +48,7 @@ def read_cache(path: Path) -> xr.Dataset | None:
 
 
 def trust_file(path: Path) -> None:
-    """Return from now on believe what has been written to a file."""
+    """Trust from now on what has been written to a file."""
     whole_text(_digest(path), f"{sha256(path)}\n")
 
 

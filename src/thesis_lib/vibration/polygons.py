@@ -151,7 +151,7 @@ def segments_meet(a: Array, b: Array, c: Array, d: Array) -> bool:
 
 
 def polygon_edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
-    """Return from each corner to the next, and from the last to the first."""
+    """Return pairs of corners: each and the next, and the last and the first."""
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 

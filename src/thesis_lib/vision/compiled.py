@@ -50,7 +50,7 @@ def _compile_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @_compile_kernel
 def solve_points(P: Array, middle: Array, pixels: Array, steps: int, points: Array) -> None:
-    """Return points (3, m) in m that fit their images best, written into `points`.
+    """Find the points (3, m) in m that fit their images best, and write them into `points`.
 
     From projection matrices `P` (cameras, 3, 4) for `pixels` (cameras, 2, m) counted from the
     principal points `middle` (2, cameras, 1), all contiguous, by so many Gauss–Newton steps.
