@@ -27,8 +27,8 @@ from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
+from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import View, find_view
-from thesis_lib.measure.tracking.tabulated import Follower
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from thesis_lib.acoustics import radiating
+from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import setups
@@ -19,7 +19,7 @@ PLATE = setups.thesis_plate()
 OMEGA = resonance_frequency(PLATE, 1)
 PLANE = Plane("XZ", 0.334, 0.0445, 0.443, (21, 14))
 FACTOR = full_factor(plane_operator(PLATE, PLANE, OMEGA))
-MODES = radiating.radiation_modes(FACTOR)
+MODES = radiation.radiation_modes(FACTOR)
 
 
 def covariance(seed=0):
@@ -60,17 +60,17 @@ def test_only_its_own_mode_hears_a_radiation_mode(conforms):
 def test_what_the_modes_add_is_the_whole(conforms):
     C = covariance()
     whole = np.trace(FACTOR @ C @ FACTOR.T)
-    conforms.closed_form(np.sum(radiating.mean_squares(MODES, C)), whole, rtol=1e-12)
-    assert np.all(radiating.mean_squares(MODES, C) >= 0)
+    conforms.closed_form(np.sum(radiation.mean_squares(MODES, C)), whole, rtol=1e-12)
+    assert np.all(radiation.mean_squares(MODES, C) >= 0)
 
 
 def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(conforms):
-    conforms.closed_form(radiating.coherence_ratio(FACTOR, 3.0 * np.eye(150)), 1, rtol=1e-13)
+    conforms.closed_form(radiation.coherence_ratio(FACTOR, 3.0 * np.eye(150)), 1, rtol=1e-13)
     most = np.sqrt(150 * np.sum(MODES[0] ** 2) / np.sum(MODES**2))
     loudest = np.outer(MODES[0], MODES[0])
-    conforms.closed_form(radiating.coherence_ratio(FACTOR, loudest), most, rtol=1e-12)
+    conforms.closed_form(radiation.coherence_ratio(FACTOR, loudest), most, rtol=1e-12)
     for seed in range(5):
-        conforms.closed_form(radiating.coherence_ratio(FACTOR, covariance(seed)), below=most)
+        conforms.closed_form(radiation.coherence_ratio(FACTOR, covariance(seed)), below=most)
 
 
 def drawn_errors(turn, draws=11):
@@ -99,7 +99,7 @@ def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms, turn):
     square = np.mean(np.abs(fields) ** 2)
     conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
     found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
-    law = radiating.mean_squares(MODES, C)
+    law = radiation.mean_squares(MODES, C)
     whole = np.mean(np.sum((errors @ FACTOR.T) ** 2, axis=1))
     conforms.sampled(np.sqrt(np.sum(law) / whole), 1, atol=0.05)
     conforms.sampled(found / whole, law[:3] / np.sum(law), atol=0.03)
@@ -116,6 +116,6 @@ def test_a_turn_by_2_degrees_takes_most_of_the_field_and_nothing_of_the_shape(co
 
 def test_symmetry_of_a_plane_is_that_of_its_modes(conforms):
     mirrored = replace(PLATE, grid=(4, 3))
-    modes = radiating.radiation_modes(full_factor(plane_operator(mirrored, PLANE, OMEGA)))
+    modes = radiation.radiation_modes(full_factor(plane_operator(mirrored, PLANE, OMEGA)))
     across = modes[:4].reshape(4, 3, 4)
     conforms.invariance(across, across[:, ::-1], atol=1e-12 * np.abs(across).max())

@@ -6,8 +6,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import j0
 
 from thesis_lib.acoustics.sources import AIR
-from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.acoustics.unbaffled import Screen, cell_kernel
+from thesis_lib.acoustics.surfaces import Screen, Surface, cell_kernel
 
 C = AIR.speed_of_sound
 TURN = 2 * np.pi * (np.arange(96) + 0.5) / 96

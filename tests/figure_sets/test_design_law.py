@@ -28,10 +28,10 @@ from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import comparison, cubes, storage
 from thesis_lib.studies.published import read_published
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.vision import cone_law, estimators, rounding
+from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
-from thesis_lib.vision.estimators import fit_exponent
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+from thesis_lib.vision.simulation import fit_exponent
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 SIZE = (320, 180)
@@ -738,11 +738,11 @@ def test_standard_error_of_an_rms_is_its_scatter(conforms, draw):
         "rounded": random.uniform(-0.5, 0.5, shape),
         "rare": random.standard_normal(shape) * (random.random(shape) < 0.2),
     }[draw]
-    rms, std = estimators.rms_with_std(drawn_)
+    rms, std = simulation.rms_with_std(drawn_)
     conforms.sampled(np.sqrt(np.mean(std**2)) / np.std(rms), 1, atol=0.08)
-    nothing = estimators.rms_with_std(np.zeros((3, 2)))
+    nothing = simulation.rms_with_std(np.zeros((3, 2)))
     np.testing.assert_array_equal(nothing, 0)
-    assert np.isnan(estimators.rms_with_std([[2.0]])[1])
+    assert np.isnan(simulation.rms_with_std([[2.0]])[1])
 
 
 def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
@@ -805,8 +805,8 @@ def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
     rules = ("least-squares", "analytic-centre")
     gains = []
     for one in (0.0, noise):
-        errors = estimators.deflection_errors((0.75,) * n, 6, 100, one, seed=0, rules=rules)
-        least, centre = estimators.over_layouts(errors)
+        errors = simulation.deflection_errors((0.75,) * n, 6, 100, one, seed=0, rules=rules)
+        least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
     conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)
 

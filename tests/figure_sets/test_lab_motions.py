@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from refused import assert_refused
 from scenes.motions import films
 
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
@@ -35,7 +35,7 @@ from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.vibration import torsion
+from thesis_lib.vibration import beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
@@ -229,12 +229,12 @@ def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_
 
 
 def test_static_torsion_is_saint_venant_s(conforms):
-    summed = torsion.tip_twist(BEAM, 0.01, 1e-6, modes=4000)
-    angle = 0.01 * BEAM.force_position / torsion.torsional_rigidity(BEAM)
+    summed = beam.tip_twist(BEAM, 0.01, 1e-6, modes=4000)
+    angle = 0.01 * BEAM.force_position / beam.torsional_rigidity(BEAM)
     conforms.closed_form(summed, angle * BEAM.width / 2, rtol=1e-3)
-    first, second = (torsion.torsional_frequency(BEAM, n) for n in (1, 2))
+    first, second = (beam.torsional_frequency(BEAM, n) for n in (1, 2))
     conforms.invariance(second, 3 * first, rtol=1e-6)
-    assert torsion.tip_twist(BEAM, 0.01, first) > 10 * torsion.tip_twist(BEAM, 0.01, 0.5 * first)
+    assert beam.tip_twist(BEAM, 0.01, first) > 10 * beam.tip_twist(BEAM, 0.01, 0.5 * first)
 
 
 # The plate and its sound.

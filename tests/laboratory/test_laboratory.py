@@ -22,8 +22,7 @@ from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of, write_recording
 from thesis_lib.laboratory.rig import MAX_START_S, REST_S, default_rig
 from thesis_lib.measure.calibration import rig as calibration_rig
-from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.grids import BoardNotFound
+from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection

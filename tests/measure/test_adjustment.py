@@ -10,7 +10,7 @@ from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration import reprojection
+from thesis_lib.measure.calibration import bundle_adjustment
 from thesis_lib.measure.calibration.bundle_adjustment import (
     adjust_bundle,
     align_cameras,
@@ -18,7 +18,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
     fit_alignment,
     transform_adjustment,
 )
-from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.rig import unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
 from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera
 from thesis_lib.vision import lens
@@ -47,9 +47,9 @@ def without(uv, views):
 
 def test_derivatives_agree_with_differences(conforms):
     R, t = default_poses()
-    network = reprojection.Network(tuple(rig()), R, t)
+    network = bundle_adjustment.Network(tuple(rig()), R, t)
     for c in range(4):
-        _, J = reprojection.board_images(network, network.cameras[c], POINTS)
+        _, J = bundle_adjustment.board_images(network, network.cameras[c], POINTS)
         for k, h in enumerate([1e-5] * 12 + [1e-2] * 4 + [1e-4] * 4):
             step = np.zeros(network.unknowns)
             if k < 6:
@@ -58,21 +58,23 @@ def test_derivatives_agree_with_differences(conforms):
                 step[6 * 4 + k - 6 : 6 * 16 : 6] = h  # the same unknown of every board
             else:
                 step[6 * 16 + 8 * c + k - 12] = h
-            sides = [reprojection.step_network(network, s * step) for s in (1, -1)]
-            plus, minus = (reprojection.board_images(n, n.cameras[c], POINTS)[0] for n in sides)
+            sides = [bundle_adjustment.step_network(network, s * step) for s in (1, -1)]
+            plus, minus = (
+                bundle_adjustment.board_images(n, n.cameras[c], POINTS)[0] for n in sides
+            )
             difference = (plus - minus) / (2 * h)
             conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
 
 
 def test_gauge_directions_leave_all_images_alone(conforms):
     R, t = default_poses()
-    network = reprojection.Network(tuple(rig()), R, t)
+    network = bundle_adjustment.Network(tuple(rig()), R, t)
     uv = observations()
-    normal, _, residuals = reprojection.normal_equations(
+    normal, _, residuals = bundle_adjustment.normal_equations(
         uv, np.ones((4, 12), bool), POINTS, network
     )
     scale = np.sqrt(np.diag(normal))
-    G = reprojection.gauge_directions(network)
+    G = bundle_adjustment.gauge_directions(network)
     relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
     conforms.invariance(relative.max(), below=1e-12)
     conforms.invariance(np.abs(residuals).max(), below=1e-10)
@@ -94,7 +96,7 @@ def test_the_world_is_the_first_shots_board(conforms):
     result = adjust_bundle(observations(SIGMA), POINTS, rig())
     conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
     conforms.closed_form(result.translations[0], 0, atol=1e-12)
-    other = transform_adjustment(result, *reprojection.to_board(result, 3))
+    other = transform_adjustment(result, *bundle_adjustment.to_board(result, 3))
     conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
     conforms.closed_form(other.translations[3], 0, atol=1e-12)
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
@@ -171,8 +173,8 @@ def test_deviations_predict_the_scatter(conforms, free):
 
 def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(conforms):
     R, t = default_poses()
-    truth = reprojection.transform_network(
-        reprojection.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]
+    truth = bundle_adjustment.transform_network(
+        bundle_adjustment.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]
     ).cameras
     ratios, sizes = [], []
     for seed in range(24):
@@ -331,8 +333,8 @@ def facing(camera):
 
 def test_alignment_undoes_any_rigid_motion(conforms):
     R, t = Rotation.from_rotvec([0.2, 2.0, -0.7]).as_matrix(), np.array([1.0, -3.0, 0.2])
-    away = reprojection.transform_network(
-        reprojection.Network(tuple(rig()), *default_poses()), R, t
+    away = bundle_adjustment.transform_network(
+        bundle_adjustment.Network(tuple(rig()), *default_poses()), R, t
     ).cameras
     for count in (1, 2, 4):  # the axes alone fix what few centres leave open
         cameras, centres, rotations = align_cameras(away[:count], rig()[:count])

@@ -9,8 +9,8 @@ from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.calibration.grids import BoardNotFound
-from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.corners import BoardNotFound
+from thesis_lib.measure.calibration.rig import unify_corners
 from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera, central_corners
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest

@@ -9,8 +9,7 @@ import pytest
 from scenes.calibration import BOARD, exact_images, nearest_order, photograph, picture, rig
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.grids import BoardNotFound
+from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.lens import resize_camera
 

@@ -11,7 +11,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.sources import AIR
-from thesis_lib.measure.calibration.reprojection import Network, step_network
+from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import (

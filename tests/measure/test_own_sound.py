@@ -11,8 +11,7 @@ from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.sources import Pistons
-from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.acoustics.unbaffled import Screen
+from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.facts import setups
 from thesis_lib.measure.radiation import (
     between,

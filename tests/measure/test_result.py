@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.calibration.reprojection import Network, step_network
+from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
 from thesis_lib.measure.fitting.frequency import FrequencyError
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings.board import on_surface

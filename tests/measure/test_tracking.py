@@ -14,9 +14,9 @@ from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
-from thesis_lib.measure.tracking import tabulated
 from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.centres import refine_centres
+from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
@@ -25,7 +25,6 @@ from thesis_lib.measure.tracking.homography import (
     fit_homography,
     view_of,
 )
-from thesis_lib.measure.tracking.tabulated import Follower
 from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
@@ -279,7 +278,7 @@ def test_tables_and_searching_agree_at_a_low_camera(conforms):
 def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
     at, image, view, _ = rest
     frames = [image, *filmed(at, np.arange(3) / 60)]
-    monkeypatch.setattr(tabulated, "MAX_TABLE_BYTES", 0)
+    monkeypatch.setattr(following, "MAX_TABLE_BYTES", 0)
     found = [Follower(Tracker(view), image)] * 4
     by_search = [Tracker(view)] * 4
     for frame, one, other in zip(frames, found, by_search, strict=True):

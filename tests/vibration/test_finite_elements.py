@@ -14,10 +14,16 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.finite_elements import facets_along, locate_points, plate_modes
-from thesis_lib.vibration.meshing import divide_hole, mesh_outline
 from thesis_lib.vibration.morley import Morley
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.polygons import Circle, is_simple, polygon_area, polygon_contains
+from thesis_lib.vibration.polygons import (
+    Circle,
+    divide_hole,
+    is_simple,
+    mesh_outline,
+    polygon_area,
+    polygon_contains,
+)
 from thesis_lib.vibration.structure import deflection_shape, modal_coordinates, peak_deflection
 
 PLATE = setups.thesis_plate()

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from thesis_lib.vision.estimators import (
+from thesis_lib.vision.pinhole import hemisphere_cameras, project
+from thesis_lib.vision.simulation import (
     CHECK_SIZE_PX,
     ESTIMATORS,
     deflection_errors,
@@ -11,7 +12,6 @@ from thesis_lib.vision.estimators import (
     over_layouts,
     random_hemisphere,
 )
-from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 LINEAR, REFINED = (ESTIMATORS.index(name) for name in ("linear", "least-squares"))

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull, Delaunay, HalfspaceIntersection
 from scipy.special import log_ndtr, ndtr
 from scipy.stats import truncnorm
 
-from thesis_lib.vision import estimators, interval, pixel_noise
+from thesis_lib.vision import interval, simulation
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.interval import joint_interval, pixel_mass
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
@@ -183,15 +183,15 @@ def drawn(n, sigma, rules, layouts=12, markers=150):
         azimuth = 2 * np.pi * np.arange(n) / n + rng.uniform(0, 1.5, n)
         elevation = rng.uniform(0.3, 1.2, n)
         cameras = hemisphere_cameras(
-            0.75, azimuth, elevation, estimators.CHECK_FOCAL_PX, estimators.CHECK_SIZE_PX
+            0.75, azimuth, elevation, simulation.CHECK_FOCAL_PX, simulation.CHECK_SIZE_PX
         )
-        points = estimators.move_markers(rng, markers)
+        points = simulation.move_markers(rng, markers)
         uv = project(cameras.P, points)
         uv = np.rint(uv + sigma * rng.standard_normal(uv.shape))
-        z = estimators.estimate_points(cameras.P, uv, rules, sigma)[:, 2]
+        z = simulation.estimate_points(cameras.P, uv, rules, sigma)[:, 2]
         squares.append((z[:, 1] - z[:, 0] - points[2, 1] + points[2, 0]) ** 2)
         if sigma:
-            cov = pixel_noise.least_covariance(cameras.P, points, sigma)
+            cov = interval.least_covariance(cameras.P, points, sigma)
             least.append(cov[2, 2].sum(axis=0))
     return np.stack(squares, axis=1), np.array(least)
 

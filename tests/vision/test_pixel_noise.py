@@ -5,7 +5,7 @@ import pytest
 from scenes.slabs import box, rig, rounded
 from scipy.special import ndtr
 
-from thesis_lib.vision.pixel_noise import estimate_noise, least_covariance, pixel_information
+from thesis_lib.vision.interval import estimate_noise, least_covariance, pixel_information
 from thesis_lib.vision.triangulation import point_covariance
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import linprog, minimize
 from benchmarks import own
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.vision import estimators
+from thesis_lib.vision import simulation
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
@@ -274,15 +274,15 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
     numbers = [4, 8, 16, 32, 64]
     errors = np.array(
         [
-            estimators.over_layouts(estimators.deflection_errors([0.75] * n, 480 // n, 100))
+            simulation.over_layouts(simulation.deflection_errors([0.75] * n, 480 // n, 100))
             for n in numbers
         ]
     )
-    _, least_squares, centre, joint = estimators.fit_exponent(numbers, errors)
+    _, least_squares, centre, joint = simulation.fit_exponent(numbers, errors)
     conforms.order(least_squares, -0.5, atol=0.05)
     conforms.order(centre, above=-1.0, below=-0.8)
     conforms.order(joint, above=-1.0, below=-0.8)
-    last = estimators.fit_exponent(numbers[2:], errors[2:])
+    last = simulation.fit_exponent(numbers[2:], errors[2:])
     conforms.order(last[2], below=-0.85)  # and steeper the more there are
 
 
@@ -295,8 +295,8 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
      (64, 227, 87, 0.07)],
 )  # fmt: skip
 def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares, centre, within):
-    drawn = estimators.deflection_errors([0.75] * n, layouts=max(20, 480 // n))
-    found = 1e6 * estimators.over_layouts(drawn)
+    drawn = simulation.deflection_errors([0.75] * n, layouts=max(20, 480 // n))
+    found = 1e6 * simulation.over_layouts(drawn)
     conforms.independent(found[1], least_squares, rtol=within)
     conforms.independent(found[2], centre, rtol=within)
     conforms.independent(found[2] / found[1], centre / least_squares, atol=0.025)
@@ -328,8 +328,8 @@ def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_th
 def test_pixel_noise_takes_the_gain_away(conforms):
     gain = []
     for noise in (0.0, 0.05, 0.1, 0.2, 0.3):
-        errors = estimators.deflection_errors([0.75] * 12, 40, noise_px=noise)
-        _, least_squares, centre, _ = estimators.over_layouts(errors)
+        errors = simulation.deflection_errors([0.75] * 12, 40, noise_px=noise)
+        _, least_squares, centre, _ = simulation.over_layouts(errors)
         gain.append(1 - centre / least_squares)
     conforms.sampled(gain[0], above=0.22)
     assert gain[0] > gain[1] > gain[2] > gain[3]

@@ -6,8 +6,7 @@ what errors of the deflection do to both (:class:`.PlateSound`), and which error
 (:func:`.radiation_modes`).
 """
 
-from thesis_lib.acoustics.planes import Plane, plane_operator, plate_pistons
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import Plane, PlateSound, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import (
     power_level,
     pressure_level,

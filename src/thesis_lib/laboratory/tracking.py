@@ -23,9 +23,8 @@ from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import Rig, Station
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.grids import BoardNotFound
-from thesis_lib.measure.calibration.symmetry import unify_corners
+from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
+from thesis_lib.measure.calibration.rig import unify_corners
 from thesis_lib.measure.calibration.zhang import calibrate_camera
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -39,9 +38,8 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.parallel import map_in_pairs
-from thesis_lib.vibration.meshing import divide_hole
 from thesis_lib.vibration.motion import Motion
-from thesis_lib.vibration.polygons import Point
+from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import project

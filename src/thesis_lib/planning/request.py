@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.positions import Body, Rules, Scene, body_of

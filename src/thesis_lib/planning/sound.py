@@ -1,6 +1,6 @@
 """Cameras for the plate's sound: for its field on planes, its pressure at a point, or its power.
 
-The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiating`), so what counts beside the
+The field's error is ω²tr(QΣ) (:mod:`thesis_lib.acoustics.radiation`), so what counts beside the
 markers' variances is what they share: a camera that stands square to the plate rounds a row of
 markers alike, and that radiates. So it is with the power, whose error is twice what the deflection
 errs by along its own sound. The best layout for the shape is begun with, and its cameras are moved
@@ -15,8 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.acoustics.planes import plate_pistons
-from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO, PlateSound
+from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, plate_pistons
 from thesis_lib.acoustics.radiation import radiation_matrix
 from thesis_lib.acoustics.sources import Medium, Pistons, transfer_pressure
 from thesis_lib.arrays import Array

@@ -26,7 +26,6 @@ from thesis_lib.vibration.finite_elements import (
     facets_along,
     plate_modes,
 )
-from thesis_lib.vibration.meshing import divide_hole, mesh_outline, triangulate_polygon
 from thesis_lib.vibration.plate import Sheet
 from thesis_lib.vibration.polygons import (
     Circle,
@@ -34,13 +33,16 @@ from thesis_lib.vibration.polygons import (
     Point,
     ShapeError,
     are_apart,
+    divide_hole,
     edge_distances,
     in_hole,
     is_simple,
     is_within,
+    mesh_outline,
     polygon_area,
     polygon_contains,
     polygon_edges,
+    triangulate_polygon,
 )
 
 MODES_PER_BATCH = 10  # modes found at a time

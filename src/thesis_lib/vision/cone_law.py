@@ -26,13 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import Array
-from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
-from thesis_lib.vision.rounding import difference_variance
+from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
 
 MOTION_PX = np.sqrt(1 / 6)  # rms rounding error of a motion, averaged over amplitudes
-ISOTROPIC_ANGLE_RAD = np.arcsin(
-    np.sqrt(2 / 3)
-)  # angle of the cone on which all directions are alike, rad
+# Angle of the cone on which all directions are alike
+ISOTROPIC_ANGLE_RAD = np.arcsin(np.sqrt(2 / 3))
 # Largest motion that the closed forms accept, as a fraction of the distance: up to it they are
 # within 1 % of the law with the gains of the moved point, for pairs 5° to 85° high and 8° to 180°
 # wide.
@@ -227,47 +225,6 @@ def pair_noise_error(
     return pair_deflection_error(
         distance, focal_px, aperture, elevation, sigma_px, sigma_px, motion
     )
-
-
-def pair_motion_error(
-    distance: float, focal_px: float, aperture: float, elevation: float, motion: ArrayLike
-) -> Array:
-    """Return the error of a pair for one rounded motion of the centre in any direction, in m.
-
-    R / 2f · √(Σ V / cos²φ + Σ U tan²φ / tan²(α/2)), summed over both cameras, with the f(1 − f) of
-    what each coordinate moves by.
-
-    Parameters
-    ----------
-    distance, focal_px, aperture, elevation : float
-        As above; the azimuths are ± α/2 from +Y.
-    motion : array_like, shape (3, ...)
-        Motion in m, at most 1 % of the distance long.
-
-    Returns
-    -------
-    ndarray, shape (...)
-
-    Raises
-    ------
-    ValueError
-        If a motion is above 1 % of the distance.
-    """
-    check_motion(np.linalg.norm(motion, axis=0), distance)
-    azimuth = np.array([aperture, -aperture]) / 2
-    variance = _rounding_variances(distance, focal_px, azimuth, np.full(2, elevation), motion)
-    u, v = np.sqrt(variance.mean(axis=0))
-    return pair_deflection_error(distance, focal_px, aperture, elevation, v, u)
-
-
-def _rounding_variances(
-    distance: float, focal_px: float, azimuth: Array, elevation: Array, motion: ArrayLike
-) -> Array:
-    """Return the variances f(1 − f) in px² (cameras, 2, ...) of images of the centre that moves."""
-    rig = hemisphere_cameras(distance, azimuth, elevation, focal_px, (2, 2))
-    moved = np.asarray(motion, float)
-    images = project(rig.P, np.stack([np.zeros_like(moved), moved], axis=1))
-    return difference_variance(images[:, :, 1] - images[:, :, 0])
 
 
 def fitted_amplitude_error(amplitude_px: ArrayLike) -> Array:

@@ -15,9 +15,7 @@ from thesis_lib.vision.pinhole import CameraArray, pixelate
 
 FULL_FRAME = (36.0, 24.0)  # mm, what crop factors refer to
 _RED_OR_BLUE = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]]) / 4
-_GREEN_WEIGHTS = (
-    np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4
-)  # every other pixel
+_GREEN_WEIGHTS = np.array([[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]) / 4
 
 
 # Formats and angles (2.2.3, 2.4).

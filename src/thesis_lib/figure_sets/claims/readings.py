@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.facts.claims import claims_of, read_claims
 from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading

@@ -34,7 +34,7 @@ from thesis_lib.figure_sets.design_law.sweeps import (
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.structure import world_points
-from thesis_lib.vision import cone_law, estimators, rounding
+from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import pixelate, project
 from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
@@ -221,7 +221,7 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "count": study.counts,
         "rate": study.frame_rates_hz,
         "estimator": list(ESTIMATORS),
-        "rule": list(estimators.ESTIMATORS),
+        "rule": list(simulation.ESTIMATORS),
         "equidistant_rig": list(dither.EQUIDISTANT_COUNTS),
         "noise": list(dither.NOISES_PX),
         "image_noise": NOISES_PX,
@@ -245,7 +245,7 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
     error = pixelate(place + MOTIONS_PX) - pixelate(place) - MOTIONS_PX
-    drawn, std = estimators.rms_with_std(error)
+    drawn, std = simulation.rms_with_std(error)
     return {
         "motion_error": np.sqrt(rounding.difference_variance(MOTIONS_PX)),
         "drawn_motion_error": drawn,
@@ -299,7 +299,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
         exact.append(point_covariance(P, np.zeros(3), MOTION_PX))
         found = triangulate(P, pixelate(project(P, points) + shift) - shift)
-        drawn.append(estimators.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
+        drawn.append(simulation.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
     variances = np.diagonal(closed, axis1=1, axis2=2)
     scale = np.sqrt(variances[:, :, None] * variances[:, None])
     return {
@@ -366,9 +366,9 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
                 add_quantity(
                     f"error of the fit, {name}, {here}", drawn["drawn_fit_error"], "percent"
                 )
-    for name in estimators.ESTIMATORS:
+    for name in simulation.ESTIMATORS:
         part = cube.sel(rule=name)
-        power = estimators.fit_exponent(
+        power = simulation.fit_exponent(
             cube["equidistant_rig"].values, part["equidistant_rig_error"].values
         )
         add_quantity(f"exponent of number, random layouts, {name}", power)

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.vision import dither, estimators
-from thesis_lib.vision.estimators import rms_with_std
+from thesis_lib.vision import dither, simulation
 from thesis_lib.vision.pinhole import pixelate
+from thesis_lib.vision.simulation import rms_with_std
 
 EQUIDISTANT_COUNTS = (4, 8, 12, 16, 32, 64)  # cameras at DISTANCE
 CROWD_DISTANCE_M = 0.75  # m
@@ -37,10 +37,10 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
 
     def crowded(n_cameras: int, noise_px: float) -> Array:
         stand = (CROWD_DISTANCE_M,) * n_cameras
-        return estimators.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
+        return simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
 
     def sharp_errors(stand: tuple[float, ...]) -> Array:
-        errors = estimators.deflection_errors(
+        errors = simulation.deflection_errors(
             stand, layouts, MAX_MARKERS, 0.0, SHARP_FOCAL_PX, SHARP_SIZE_PX, study.seed
         )
         return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
@@ -50,7 +50,7 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
     noisy = [
         crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in NOISES_PX
     ]
-    compared = [estimators.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
+    compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
         "tolerated_noise": [
             noise_tolerance(
@@ -85,7 +85,7 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None
     for noise in WITH_NOISE:
         errors = clean
         if noise or errors is None:
-            errors = estimators.deflection_errors(
+            errors = simulation.deflection_errors(
                 (CROWD_DISTANCE_M,) * n_cameras,
                 layouts,
                 MAX_MARKERS,
@@ -93,7 +93,7 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None
                 seed=seed,
                 rules=COMPARED_ESTIMATORS,
             )
-        least, centre = estimators.over_layouts(errors)
+        least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:
             return float(

@@ -18,12 +18,11 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes
-from thesis_lib.vision import cone_law, estimators, rounding
+from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.analytic_centre import analytic_centre
-from thesis_lib.vision.estimators import rms_with_std
-from thesis_lib.vision.interval import interval_estimate
+from thesis_lib.vision.interval import interval_estimate, least_covariance
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
-from thesis_lib.vision.pixel_noise import least_covariance
+from thesis_lib.vision.simulation import rms_with_std
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 Estimator = Callable[[Array, Array], Array]
@@ -211,18 +210,18 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])
-        points = estimators.move_markers(random, min(DRAWS_PER_TRIAL * study.trials, MAX_DRAWS))
+        points = simulation.move_markers(random, min(DRAWS_PER_TRIAL * study.trials, MAX_DRAWS))
         shifts = rounding.grid_shifts(study.seed, points.shape[2], len(rig))[1:]
         shift = np.moveaxis(shifts, 0, 2)[:, :, None]
         images = project(rig.P, points) + shift
         noise = random.standard_normal(images.shape)
         for k, sigma in enumerate(NOISES_PX):
             pixels = np.rint(images + sigma * noise) - shift
-            z = estimators.estimate_points(
+            z = simulation.estimate_points(
                 rig.P, pixels, list(TRACKING_APPROACHES.values()), sigma
             )[:, 2]
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
-            drawn[i, k], drawn_std[i, k] = estimators.rms_with_std(wrong.T)
+            drawn[i, k], drawn_std[i, k] = simulation.rms_with_std(wrong.T)
             if sigma:
                 variance = least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
                 least[i, k] = np.sqrt(np.mean(variance))
@@ -236,7 +235,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
             centre = analytic_centre(rig.P, pixels).points
             z = np.stack([triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
-            mistaken[i, k], mistaken_std[i, k] = estimators.rms_with_std(wrong.T)
+            mistaken[i, k], mistaken_std[i, k] = simulation.rms_with_std(wrong.T)
             agreeing[i, k] = np.mean(found.feasible)
     gains = 1 - drawn / drawn[..., :1]
     return {

@@ -17,8 +17,8 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
 from thesis_lib.vision import cone_law, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
-from thesis_lib.vision.estimators import fit_exponent, rms_with_std
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
+from thesis_lib.vision.simulation import fit_exponent, rms_with_std
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 SWEPT_MODES = (1, 2, 3)

@@ -24,7 +24,7 @@ from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDE_RANGE, CONE_MOTIO
 from thesis_lib.templates import render
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
-from thesis_lib.vision.estimators import fit_exponent
+from thesis_lib.vision.simulation import fit_exponent
 
 SHOWN_NOISES_PX = (0.0, 0.05, 0.1, 0.3)
 

@@ -15,10 +15,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.acoustics import radiating, radiation
-from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
-from thesis_lib.acoustics.plate_sound import MAX_NODAL_PRESSURE_RATIO
-from thesis_lib.acoustics.quadrature import enough_nodes, integrate_pressure
+from thesis_lib.acoustics import radiation
+from thesis_lib.acoustics.planes import (
+    MAX_NODAL_PRESSURE_RATIO,
+    Plane,
+    full_factor,
+    plane_operator,
+    plate_pistons,
+)
+from thesis_lib.acoustics.radiation import enough_nodes, integrate_pressure
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
@@ -118,10 +123,10 @@ class _Sound:
             C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
             squares = [np.sum((F @ C) * F) for F in factors]
             found["predicted"].append([omega * np.sqrt(square) for square in squares])
-            found["coherence"].append([radiating.coherence_ratio(F, C) for F in factors])
+            found["coherence"].append([radiation.coherence_ratio(F, C) for F in factors])
             found["share"].append(
                 [
-                    radiating.mean_squares(ways, C) / square
+                    radiation.mean_squares(ways, C) / square
                     for ways, square in zip(modes, squares, strict=True)
                 ]
             )
@@ -156,7 +161,7 @@ def run(study: CameraStudy, plate_cube: xr.Dataset, scheduler: str = "") -> xr.D
     ]
     factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
     told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
-    modes = [[radiating.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
+    modes = [[radiation.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
     for m, omega in enumerate(omegas):
         for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
             fields[m, p] = op.field(1j * omega * reference[m])

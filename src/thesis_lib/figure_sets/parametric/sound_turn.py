@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
-from thesis_lib.acoustics.plate_sound import PlateSound
+from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric import sound

@@ -21,7 +21,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.studies import schema
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
-from thesis_lib.vibration.meshing import mesh_outline
+from thesis_lib.vibration.polygons import mesh_outline
 
 PLATE_SET = "plate-arrays"
 SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}

@@ -32,13 +32,15 @@ from scipy.stats import norm, t
 
 from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.calibration import reprojection
+from thesis_lib.measure.calibration import bundle_adjustment
 from thesis_lib.measure.calibration.bundle_adjustment import (
+    LENS_UNKNOWNS,
+    POSE_UNKNOWNS,
     Adjustment,
+    Network,
     adjust_bundle,
     camera_deviations,
 )
-from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS, POSE_UNKNOWNS, Network
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.cache import key_of, load_or_compute
@@ -87,7 +89,7 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     matrices, sides = _contributions(observations, points, adjustment)
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
-    gauge, _ = np.linalg.qr(reprojection.gauge_directions(alone)[free] / units[:, None])
+    gauge, _ = np.linalg.qr(bundle_adjustment.gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
     changes = _changes(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
     if changes is None:
@@ -142,7 +144,7 @@ def with_lenses(
     N = _contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
     bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    Q, _ = np.linalg.qr(reprojection.gauge_directions(bare)[:cut] / units[:, None])
+    Q, _ = np.linalg.qr(bundle_adjustment.gauge_directions(bare)[:cut] / units[:, None])
     moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
     T = np.concatenate([moved, np.eye(len(held))])
     return np.asarray(poses + T @ held @ T.T)
@@ -159,8 +161,8 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
         cameras = tuple(network.cameras[c] for c in views)
         one = Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
-        own = reprojection.of_pictures(points, np.ix_(views, np.array([s])))
-        N, g, _ = reprojection.normal_equations(uv, seen[views][:, [s]], own, one)
+        own = bundle_adjustment.of_pictures(points, np.ix_(views, np.array([s])))
+        N, g, _ = bundle_adjustment.normal_equations(uv, seen[views][:, [s]], own, one)
         board = POSE_UNKNOWNS * len(views) + np.arange(POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])

@@ -2,7 +2,7 @@
 
 Zhang's method (Zhang 2000) finds a camera's intrinsics, its distortion and the board's pose in
 every shot. Which of the corners that look alike is the first is each picture's own idea; module
-:mod:`~thesis_lib.measure.calibration.symmetry` brings the images of several cameras together.
+:mod:`~thesis_lib.measure.calibration.rig` brings the images of several cameras together.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.calibration import reprojection
-from thesis_lib.measure.calibration.reprojection import Network
+from thesis_lib.measure.calibration import bundle_adjustment
+from thesis_lib.measure.calibration.bundle_adjustment import Network
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,
@@ -94,7 +94,7 @@ def _fewer(rows: ComplexArray) -> ComplexArray:
 def _refit(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    cameras = reprojection.step_network(network, step).cameras
+    cameras = bundle_adjustment.step_network(network, step).cameras
     pairs = list(zip(fit.cameras, cameras, strict=True))
     harmonics = [
         _undistort_again(old, new, own)

@@ -12,22 +12,26 @@ from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.aliasing import list_aliases as aliases_of
 from thesis_lib.measure.fitting.calibration_error import common_errors
-from thesis_lib.measure.fitting.clocks import (
+from thesis_lib.measure.fitting.frequency import (
     apply_paces,
     estimate_paces,
     lags_of,
+    look_for,
+    phase_advance,
     phase_lags,
+    refine_frequency,
     shift_starts,
 )
-from thesis_lib.measure.fitting.frequency import look_for, phase_advance, refine_frequency
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     amplitude_std,
+    at_rest,
     common_phase,
     deflection_amplitude,
+    fit_tracks,
+    noise_near,
 )
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
-from thesis_lib.measure.fitting.of_tracks import at_rest, fit_tracks, noise_near
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
 from thesis_lib.measure.fitting.residuals import (
     check_explained,

@@ -10,9 +10,8 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.calibration_error import common_errors
-from thesis_lib.measure.fitting.harmonics import common_phase
+from thesis_lib.measure.fitting.harmonics import at_rest, common_phase
 from thesis_lib.measure.fitting.models import candidate_modes, scale_model
-from thesis_lib.measure.fitting.of_tracks import at_rest
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.modes.identify import Asked, identify_modes, modal_assurance

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
+from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,

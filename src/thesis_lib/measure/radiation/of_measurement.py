@@ -9,8 +9,7 @@ import xarray as xr
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.acoustics.unbaffled import Screen
+from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off

@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.radiating import radiation_modes
-from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE
+from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE, radiation_modes
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray

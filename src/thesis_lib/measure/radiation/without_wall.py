@@ -9,8 +9,7 @@ import xarray as xr
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.acoustics.surfaces import Surface
-from thesis_lib.acoustics.unbaffled import Screen
+from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array
 from thesis_lib.studies.schema import label_values, parse_variables
 

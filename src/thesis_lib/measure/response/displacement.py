@@ -24,7 +24,7 @@ from scipy.signal import welch
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
-from thesis_lib.measure.fitting.clocks import LEAST_TURN, MIN_CLOCK_SIGMAS
+from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest
 from thesis_lib.measure.tracking.tracks import Recording

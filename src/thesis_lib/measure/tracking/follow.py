@@ -3,6 +3,13 @@
 A marker detector is a function from a camera's view, the vibration's angle from frame to frame and
 the first frame to a :class:`Detector`, and a line in :data:`DETECTORS`, by the name that
 ``structure.markers.detector`` of a manifest gives.
+
+Discs are followed by the fit of :mod:`~thesis_lib.measure.tracking.centres`, made linear. For each
+marker and for 8 × 8 places of its centre in a pixel, the grey levels around it are a sum of
+columns: ground, structure, dark disc, the disc's two derivatives, the structure's edge moved
+outward. A frame then gives the centre by a product with what is kept of these, once more where the
+centre turns out to lie in another cell. A frame in which a marker does not fit that did in the one
+before goes to the tracker that searches for all of them.
 """
 
 from __future__ import annotations
@@ -13,19 +20,202 @@ from typing import Protocol
 
 import cv2
 import numpy as np
+from scipy.spatial import KDTree
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.tracking.evening import even_light
+from thesis_lib.measure.tracking.centres import (
+    EDGE_STD_PX,
+    MAX_POOR_SHARE,
+    NOISE_GREY,
+    Patch,
+    blur_ellipses,
+)
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
+    even_light,
     find_view,
     view_of,
 )
-from thesis_lib.measure.tracking.tabulated import Follower
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
-from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
+from thesis_lib.measure.tracking.tracker import Tracker, fill_missing, sharpen_view
+from thesis_lib.vision.lens import HALF_PIXEL, Camera, resize_camera, undistort_pixels
+
+CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
+MAX_FIT_ROUNDS = 6  # of the fit, at most
+MIDDLE_GREY = 128  # grey level from which all are counted, for the sake of single precision
+# Grey levels between structure and ground, with which the edge's place is weighed
+CONTRAST_GREY = 100.0
+MAX_GROUND_GREY = 10.0  # grey levels by which the ground may differ from the first frame's
+MOST_LOST = 0.5  # share of the markers, above which a frame does not tell how they moved
+MAX_TABLE_BYTES = 4e8  # bytes of a table
+PRIOR_WEIGHTS = (
+    np.array([NOISE_GREY / MAX_GROUND_GREY, 0, 0, 0, 0, NOISE_GREY / (EDGE_STD_PX * CONTRAST_GREY)])
+    ** 2
+)
+
+
+class Table:
+    """Linear models of the grey levels around markers and hole.
+
+    Parameters
+    ----------
+    view : View
+        How the camera sees the structure's plane.
+    image : ndarray of uint8, shape (height, width)
+        A frame of it at rest.
+
+    Raises
+    ------
+    MemoryError
+        If the table would be larger than :data:`MAX_TABLE_BYTES`.
+    ValueError
+        If the lens shows a marker nowhere.
+    """
+
+    def __init__(self, view: View, image: Image) -> None:
+        markers, plane = view.markers, view.markers.positions
+        n, start = plane.shape[1], view.to_image(plane)
+        ellipses = markers.diameter / 2 * np.moveaxis(view.stretch(plane), 2, 0)
+        self.radii = np.linalg.inv(ellipses)  # from px, shape (n, 2, 2)
+        reach = np.linalg.norm(ellipses, axis=2).max(axis=0)
+        half = np.ceil(reach + 3 * view.blur + 1).astype(int)
+        along, down = (np.arange(-k, k + 1) for k in half)
+        self.half = half[:, None]
+        self.u, self.v = (part.ravel() for part in np.meshgrid(along, down))
+        shape, size = (n, CELLS_PER_PIXEL, CELLS_PER_PIXEL), len(self.u)
+        if not np.isfinite(start).all():
+            raise ValueError("a marker is where the lens shows nothing")
+        if 4 * np.prod(shape) * 6 * size > MAX_TABLE_BYTES:
+            raise MemoryError(f"a table of {n} markers with {size} pixels each is too large")
+        patch = Patch(view, np.arange(n), plane, ellipses)
+        # Ground, structure, disc, its derivatives in u and v, edge, for each marker and cell
+        self.columns = np.empty((*shape, 6, size), np.float32)
+        self.inverse = np.empty((*shape, 6, 6))
+        for row, column in np.ndindex(CELLS_PER_PIXEL, CELLS_PER_PIXEL):
+            du = np.tile(along + HALF_PIXEL - (column + 0.5) / CELLS_PER_PIXEL, (n, 1))
+            dv = np.tile(down + HALF_PIXEL - (row + 0.5) / CELLS_PER_PIXEL, (n, 1))
+            white, outward = patch.beam(du, dv, np.zeros(n))
+            usable = patch.usable(du, dv)
+            parts = [1 - white, white, *blur_ellipses(du, dv, ellipses, view.blur), outward]
+            model = (np.stack(parts, axis=1) * usable[:, None]).reshape(n, 6, size)
+            gram = model @ model.swapaxes(1, 2) + np.diag(PRIOR_WEIGHTS + 1e-6)
+            self.columns[:, row, column] = model
+            self.inverse[:, row, column] = np.linalg.inv(gram)
+        whole = np.floor(start).astype(int)
+        u, v = (part[:, None] for part in whole)
+        height, width = image.shape
+        grey = image[np.clip(v + self.v, 0, height - 1), np.clip(u + self.u, 0, width - 1)]
+        du = along + HALF_PIXEL + (whole - start)[0][:, None]
+        dv = down + HALF_PIXEL + (whole - start)[1][:, None]
+        self.ground = patch.background(grey.reshape(n, len(down), len(along)), du, dv) - MIDDLE_GREY
+        self.contrast = 0.0  # median between structure and markers, in the frame
+        self.contrast = self.fit(image, start)[3]
+
+    def fit(self, image: Image, start: Array) -> tuple[Array, Mask, Mask, float]:
+        """Fit centres in px near a start, both (2, n); return them, two masks and contrast."""
+        n, (height, width) = start.shape[1], image.shape
+        centre, inside = start.copy(), np.isfinite(start[0])
+        contrast, squares, used = np.zeros(n), np.full(n, np.inf), np.ones(n)
+        offsets, pixels = self.v * width + self.u, image.reshape(-1)
+        size = np.array([[width], [height]])
+        told = PRIOR_WEIGHTS * [self.ground, 0, 0, 0, 0, 0]
+        left = np.flatnonzero(inside)
+        for _ in range(MAX_FIT_ROUNDS):
+            whole = np.floor(centre[:, left])
+            within = np.all((whole >= self.half) & (whole < size - self.half), axis=0)
+            inside[left[~within]] = False
+            left, whole = left[within], whole[:, within].astype(int)
+            column, row = np.floor(CELLS_PER_PIXEL * (centre[:, left] - whole)).astype(int)
+            corner, at = whole[1] * width + whole[0], (left, row, column)
+            grey = pixels[corner[:, None] + offsets].astype(np.float32) - MIDDLE_GREY
+            columns = self.columns[at]
+            right = (columns @ grey[:, :, None])[:, :, 0].astype(float)
+            x = (self.inverse[at] @ (right + told)[:, :, None])[:, :, 0]
+            usable = columns[:, 0] + columns[:, 1]  # ground and structure: all there is
+            fitted = np.sum(x * (right - told + PRIOR_WEIGHTS * x), axis=1)
+            squares[left] = np.einsum("np,np,np->n", usable, grey, grey) - fitted
+            contrast[left] = np.maximum(-x[:, 2], 1)
+            step = -x[:, 3:5].T / contrast[left]
+            middle = whole + (np.stack([column, row]) + 0.5) / CELLS_PER_PIXEL
+            centre[:, left] = middle + np.clip(step, -1, 1)
+            used[left] = usable.sum(axis=1)
+            left = left[np.abs(step).max(axis=0) > 1 / CELLS_PER_PIXEL]
+            if len(left) == 0:
+                break
+        rms = np.sqrt(np.maximum(squares, 0) / np.maximum(used - 4, 1))
+        strayed = (self.radii @ (centre - start).T[:, :, None])[:, :, 0]
+        holds = inside & (rms < MAX_POOR_SHARE * contrast) & (np.linalg.norm(strayed, axis=1) < 1)
+        holds[left] = False
+        median = float(np.median(contrast[inside])) if inside.any() else 0.0
+        holds &= contrast > 0.4 * max(median, self.contrast)  # without light nothing holds
+        return centre, holds, inside, median
+
+
+class Follower:
+    """Follows the markers of one camera, frame after frame; see :class:`Tracker`.
+
+    Attributes
+    ----------
+    moved, before : ndarray, shape (2, markers and hole)
+        Displacements in px in the last frame, NaN where missing, and in the one before it.
+    """
+
+    def __init__(self, tracker: Tracker, image: Image) -> None:
+        self.tracker, self.view = tracker, tracker.view
+        self.table: Table | None
+        try:
+            self.table = Table(self.view, image)
+        except (MemoryError, ValueError):  # each frame is searched then, more slowly
+            self.table = None
+        self.rest = self.view.to_image(tracker.grid)
+        # Where the frequency is not known, a prediction from the two frames before is off by up to
+        # four times what moved, as of a motion at half the frame rate: less than to a neighbour.
+        radius = self.view.markers.diameter / 2 * self.view.stretch(tracker.grid)
+        distance, _ = KDTree(self.rest.T).query(self.rest.T, k=2)
+        self.safe = (distance[:, 1] - np.linalg.norm(radius, axis=(0, 1))) / 4
+        self.moved = np.zeros_like(self.rest)
+        self.before = np.zeros_like(self.rest)
+
+    def centres(self, image: Image) -> Array:
+        """Return the markers' centres in px, (2, markers), without the hole; NaN where missing.
+
+        Frames are to be given in their order: what moved before tells where to look.
+        """
+        lost = np.isnan(self.moved[0])
+        moved = (
+            fill_missing(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
+        )
+        ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
+        found = None
+        far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
+        if self.tracker.turn or np.all(far < self.safe):
+            found = self._fitted(image, self.rest + ahead, lost)
+        uv = self._searched(image, moved) if found is None else found
+        self.before, self.moved = moved, uv - self.rest
+        if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
+            self.moved = ahead if self.tracker.turn else moved
+        return uv[:, : self.view.markers.count]
+
+    def _fitted(self, image: Image, start: Array, lost: Mask) -> Array | None:
+        """Fit centres by the table; None if one that was not lost, or half of all, do not hold."""
+        if self.table is None:
+            return None
+        uv, holds, inside, _ = self.table.fit(image, start)
+        count = self.view.markers.count
+        if np.any((inside & ~holds & ~lost)[:count]) or np.mean(~holds) > MOST_LOST:
+            return None
+        return np.where(holds, uv, np.nan)
+
+    def _searched(self, image: Image, moved: Array) -> Array:
+        """Return centres (2, markers and hole) by the tracker that looks for them far around."""
+        tracker, view = self.tracker, self.view
+        tracker.moved, tracker.before = (
+            view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)
+        )
+        uv = tracker.centres(image)
+        hole = view.to_image(tracker.grid + tracker.moved)[:, uv.shape[1] :]
+        return np.concatenate([uv, hole], axis=1)
 
 
 class Detector(Protocol):
