@@ -25,7 +25,7 @@ from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_motion
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.audio import read_audio
@@ -296,7 +296,7 @@ def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics
     uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in fits])
     height = frame.to_beam(rc.triangulate_seen(P, uv)[0])[2]
     conforms.independent(
-        harmonic_deflection(P, frame, omega, fits),
+        harmonic_motion(P, frame, omega, fits)[2],
         2 / 16 * np.exp(-1j * omega * times) @ height,
         atol=1e-12,
     )
@@ -320,7 +320,7 @@ def test_the_exposure_has_been_made_good(conforms, tracked, harmonics, rig):
     omega, fits = harmonics
     true = steady_amplitudes(rig.motion, rig.markers.positions[:, :75], 4.25)
     clock = np.exp(1j * omega * rig.stations[0].start)
-    found = harmonic_deflection(P, frame, omega, fits)
+    found = harmonic_motion(P, frame, omega, fits)[2]
     ratio = np.vdot(true * clock, found) / np.vdot(true, true)
     conforms.closed_form(abs(ratio), 1, atol=4e-4)
     conforms.closed_form(abs(np.angle(ratio)), below=2 * np.pi * 4.25 * 0.02 / 60)

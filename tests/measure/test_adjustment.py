@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
+from scenes.jackknife import transform_adjustment
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
@@ -16,7 +17,6 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
     align_cameras,
     camera_deviations,
     fit_alignment,
-    transform_adjustment,
 )
 from thesis_lib.measure.calibration.rig import unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
@@ -70,9 +70,7 @@ def test_gauge_directions_leave_all_images_alone(conforms):
     R, t = default_poses()
     network = bundle_adjustment.Network(tuple(rig()), R, t)
     uv = observations()
-    normal, _, residuals = bundle_adjustment.normal_equations(
-        uv, np.ones((4, 12), bool), POINTS, network
-    )
+    normal, _, residuals = bundle_adjustment.normal_equations(uv, POINTS, network)
     scale = np.sqrt(np.diag(normal))
     G = bundle_adjustment.gauge_directions(network)
     relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
@@ -96,7 +94,8 @@ def test_the_world_is_the_first_shots_board(conforms):
     result = adjust_bundle(observations(SIGMA), POINTS, rig())
     conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
     conforms.closed_form(result.translations[0], 0, atol=1e-12)
-    other = transform_adjustment(result, *bundle_adjustment.to_board(result, 3))
+    R, t = result.rotations[3], result.translations[3]
+    other = transform_adjustment(result, R.T, -R.T @ t)
     conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
     conforms.closed_form(other.translations[3], 0, atol=1e-12)
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
@@ -295,23 +294,17 @@ def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
     assert min(times) < 0.2
 
 
-def test_a_camera_without_shots_is_named():
-    uv = without(observations(), [(2, s) for s in range(12)])
-    with pytest.raises(CalibrationError, match=r"^C: no image shows the board$"):
-        adjust_bundle(uv, POINTS, rig())
-
-
-def test_a_shot_without_cameras_is_named():
-    uv = without(observations(), [(c, 7) for c in range(4)])
-    with pytest.raises(CalibrationError, match=r"^board image 7: no camera sees the board$"):
-        adjust_bundle(uv, POINTS, rig())
-
-
-def test_a_camera_apart_from_the_others_is_named():
-    uv = without(observations(), [(3, s) for s in range(8)])
-    uv[:3, 8:] = np.nan
-    with pytest.raises(CalibrationError, match=r"^D: shares no board images, directly"):
-        adjust_bundle(uv, POINTS, rig())
+@pytest.mark.parametrize(
+    ("absent", "words"),
+    [([(2, s) for s in range(12)], "C: no image shows the board$"),
+     ([(c, 7) for c in range(4)], "board image 7: no camera sees the board$"),
+     ([(c, s) for c in range(4) for s in range(12) if (c == 3) == (s < 8)],
+      "D: shares no board images, directly")],
+    ids=["camera", "shot", "apart"],
+)  # fmt: skip
+def test_cameras_and_shots_that_nothing_ties_to_the_others_are_named(absent, words):
+    with pytest.raises(CalibrationError, match=f"^{words}"):
+        adjust_bundle(without(observations(), absent), POINTS, rig())
 
 
 def test_shapes_that_do_not_match_are_refused():

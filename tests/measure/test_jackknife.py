@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, observations, rig
-from scenes.jackknife import deviations_of, differences, of_covariance, refitted
+from scenes.jackknife import (
+    deviations_of,
+    differences,
+    of_covariance,
+    refitted,
+    transform_adjustment,
+)
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle, transform_adjustment
+from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife_cameras
+from thesis_lib.measure.fitting import calibration_error
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself
@@ -133,3 +140,27 @@ def test_exact_corners_leave_nothing(conforms):
     uv = observations()
     stated = jackknife_cameras(uv, POINTS, adjust_bundle(uv, POINTS, rig()))
     conforms.closed_form(np.abs(stated.deviations).max(), below=1e-6)
+
+
+# What errors of the calibration do to all markers alike.
+
+
+def test_fewer_rows_keep_what_sizes_and_phases_do_together():
+    """An error of all sizes alike stays one of sizes, with no share that turns phases.
+
+    Real and imaginary parts of what the rows draw have the covariance that draws of the rows have.
+    """
+    rng = np.random.default_rng(3)
+    shape = rng.standard_normal(20) * np.exp(0.1j * rng.standard_normal(20))
+    scale = np.outer(rng.standard_normal(12), shape)  # each turns nothing
+    turn = 1e-3j * np.outer(rng.standard_normal(12), np.ones(20))
+    rows = np.concatenate([scale, turn])
+    fewer = calibration_error._fewer(rows)
+    assert len(fewer) <= calibration_error.MAX_DIRECTIONS
+    drawn = [rng.standard_normal((200_000, len(each))) @ each for each in (rows, fewer)]
+    parts = [np.concatenate([each.real, each.imag], axis=1) for each in drawn]
+    before, after = (np.cov(each.T) for each in parts)
+    spread = np.sqrt(np.outer(np.diag(before), np.diag(before)))
+    assert np.abs(after - before).max() < 0.02 * spread.max()
+    turned = [np.std((each / shape).imag, axis=0) for each in drawn]
+    np.testing.assert_allclose(turned[1], turned[0], rtol=0.02)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_deflection
+from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_motion
 from thesis_lib.measure.recordings.board import on_surface, rows_on
 from thesis_lib.vibration.motion import Motion, steady_amplitudes
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
@@ -246,13 +246,13 @@ AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
 
 @pytest.mark.parametrize("clocks", [CLOCKS, [0.0, 0.0, 0.0, 0.0]])
 def test_a_vibration_is_recovered_from_cameras_on_their_own_clocks(conforms, clocks):
-    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))
+    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))[2]
     conforms.closed_form(found, steady_amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
 
 
 def test_two_harmonics_of_the_images_are_enough_for_a_millionth(conforms):
     # Perspective makes harmonics of the images; each is about a hundredth of the one before.
-    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, fitted(order=2))
+    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=2))[2]
     error = np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max()
     conforms.closed_form(error, above=1e-12, below=4e-3 * 1e-5)
 
@@ -263,7 +263,7 @@ def test_a_clock_that_is_wrong_is_not_recovered():
     wrong[1] += 1 / 60
     cameras = [fit_harmonics(OMEGA, t, uv, 4)
                for t, uv in zip(wrong, vibrating(times), strict=True)]  # fmt: skip
-    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
+    found = harmonic_motion(P, AT_ORIGIN, OMEGA, cameras)[2]
     assert np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max() > 1e-4
 
 
@@ -272,7 +272,7 @@ def test_markers_that_one_camera_sees_have_no_deflection():
     for own in cameras[1:]:
         own.coefficients[:, :, 7] = np.nan
     cameras[0].coefficients[:, :, 9] = np.nan
-    found = harmonic_deflection(P, AT_ORIGIN, OMEGA, cameras)
+    found = harmonic_motion(P, AT_ORIGIN, OMEGA, cameras)[2]
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 

@@ -350,12 +350,21 @@ def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
 # Finding the beam.
 
 
-def corners(at):
-    """Undistorted images of the beam's corners, in the order of its frame."""
+def seen_corners(at):
+    """Images of the beam's corners, in the order of its frame."""
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
-    seen = lens.project_points(at, world * np.array([[length], [width], [1]]))
-    return lens.undistort_pixels(at, seen)
+    return lens.project_points(at, world * np.array([[length], [width], [1]]))
+
+
+def corners(at):
+    """The same without distortion."""
+    return lens.undistort_pixels(at, seen_corners(at))
+
+
+def corner_error(view, at):
+    """Largest distance in px of a view's corners from the true ones."""
+    return off(apply_homography(view.H_image_plane, MARKERS.corners), corners(at)).max()
 
 
 @pytest.mark.few(3)
@@ -367,11 +376,7 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
         at = replace(at, R_camera_world=np.diag([-1.0, -1, 1]) @ at.R_camera_world)
     (image,) = filmed(at, [-1.0], seed=2)
     view = find_view(image, at, MARKERS)
-    length, width = BEAM.extent
-    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
-    conforms.closed_form(
-        off(apply_homography(view.H_image_plane, plane), corners(at)).max(), below=2
-    )
+    conforms.closed_form(corner_error(view, at), below=2)
     exact = truth(at, [-1.0])[0]
     conforms.closed_form(
         off(Tracker(sharpen_view(image, view)).centres(image), exact).max(), below=0.12
@@ -388,29 +393,21 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
 def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
     conforms, azimuth, elevation, k1, width
 ):
-    length, width_m = BEAM.extent
-    plane = np.array([[0, length, length, 0], [0, 0, width_m, width_m]])
     for one in (azimuth, 180 - azimuth):
         at = camera(one, elevation, k1=k1)
         assert np.isfinite(corners(at)).all()
         (image,) = filmed(at, [-1.0])
         small = lens.resize_camera(at, (width, width * 9 // 16))
         view = find_view(following.reduce_frame(image, width), small, MARKERS)
-        conforms.closed_form(
-            off(apply_homography(view.H_image_plane, plane), corners(small)).max(), below=2
-        )
+        conforms.closed_form(corner_error(view, small), below=2)
 
 
 def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     at = camera(-5.0, 15.0, k1=0.0)
     (image,) = filmed(at, [-1.0])
     small = lens.resize_camera(at, (640, 360))
-    length, width = BEAM.extent
-    plane = np.array([[0, length, length, 0], [0, 0, width, width]])
     view = find_view(following.reduce_frame(image, 640), small, MARKERS)
-    conforms.closed_form(
-        off(apply_homography(view.H_image_plane, plane), corners(small)).max(), below=2
-    )
+    conforms.closed_form(corner_error(view, small), below=2)
 
 
 def test_a_turned_picture_gives_turned_centres(conforms, rest):
@@ -563,9 +560,7 @@ def video(tmp_path_factory):
 
 def test_given_corners_are_those_in_the_picture(conforms, video):
     path, at, times = video
-    length, width = BEAM.extent
-    world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
-    px = lens.project_points(at, world * np.array([[length], [width], [1]]))
+    px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
@@ -599,6 +594,7 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
 def test_reduced_frames_show_the_same_places(conforms, rest, width):
     at, image, _, exact = rest
     small = following.reduce_frame(image, width)
+    assert following.reduce_frame(image, 1920 + width) is image  # never larger
     assert small.shape == (width * 9 // 16, width)
     own = lens.resize_camera(at, (width, width * 9 // 16))
     view = sharpen_view(small, find_view(small, own, MARKERS))
@@ -606,12 +602,6 @@ def test_reduced_frames_show_the_same_places(conforms, rest, width):
     assert np.mean(np.isnan(error)) < 0.25
     conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
     conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
-
-
-def test_reduced_frames_are_no_larger(rest):
-    _, image, _, _ = rest
-    assert following.reduce_frame(image, 1920) is image
-    assert following.reduce_frame(image, 4000) is image
 
 
 # The beam resampled on its plane.
@@ -643,19 +633,10 @@ def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
     markers = rows_on(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
     H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
     tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
-    conforms.closed_form(tracker.scale, 2000 / factor, rtol=1e-6)
-    conforms.closed_form(tracker.reach, 0.025 * factor, rtol=1e-6)
+    conforms.closed_form(tracker.scale, tracking.THESIS_SCALE_PX_PER_M / factor, rtol=1e-6)
+    conforms.closed_form(tracker.reach, tracking.THESIS_REACH_M * factor, rtol=1e-6)
     assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
     conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
-
-
-def test_constants_are_those_of_the_thesis_s_markers(rest):
-    _, _, view, _ = rest
-    tracker = Tracker(view)
-    assert (tracker.scale, tracker.reach) == (
-        tracking.THESIS_SCALE_PX_PER_M,
-        tracking.THESIS_REACH_M,
-    )
 
 
 def test_a_beam_too_large_for_its_markers_is_refused(rest):

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from benchmarks.reference import svd_triangulate
 from thesis_lib.vision import triangulation
 from thesis_lib.vision.pinhole import (
     CameraArray,
@@ -62,13 +61,6 @@ def test_both_ways_give_the_same(conforms, fast, n, steps):
     P = rig(n)
     uv = images(P, 3000)
     conforms.independent(fast(P, uv, steps), triangulate(P, uv, steps), atol=CLOSE)
-
-
-@pytest.mark.parametrize("n", [2, 12])
-def test_it_gives_what_svd_and_gauss_newton_give(conforms, fast, n):
-    P = rig(n)
-    uv = images(P, 500)
-    conforms.independent(fast(P, uv), svd_triangulate(P, uv), atol=1e-9)
 
 
 @pytest.mark.parametrize("part", [(0, 0), (0, 1), (-1, 0), (1, 0), (1, 1), (3, 17)])

@@ -275,16 +275,6 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
     conforms.closed_form(C - np.diag(np.diag(C)), 0, atol=1e-12 * np.max(C))
 
 
-@pytest.mark.parametrize("copies", [2, 5])
-def test_copies_of_a_pair_divide_the_covariance(conforms, copies):
-    P = pair().P
-    conforms.invariance(
-        point_covariance(np.concatenate([P] * copies), box()),
-        point_covariance(P, box()) / copies,
-        rtol=1e-10,
-    )
-
-
 @pytest.mark.parametrize("rig", [pair(), ring(4), unequal_ring(12)])
 def test_covariance_is_that_of_sampled_noise(conforms, rig):
     point, sigma, draws = np.array([0.2, -0.01, 0.005]), 0.02, 100_000

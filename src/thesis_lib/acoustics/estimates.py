@@ -89,7 +89,7 @@ def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:
     A = np.kron(np.eye(2), np.asarray(form, float))
     AS, x = A @ of.covariance, of.stacked
     value = float(x @ A @ x - np.trace(AS))
-    return Estimate(np.array(value), np.sqrt(_covariance(A, A, of)))
+    return Estimate(np.array(value), np.sqrt(_variance(A, of)))
 
 
 def estimate_squares(rows: ArrayLike, of: Amplitudes) -> Estimate:
@@ -116,7 +116,7 @@ def estimate_ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estima
     a, b = (float(estimate_quadratic_form(form, of).value) for form in (above, below))
     value = a / b
     D = A - value * B  # the quotient errs as this form does over b
-    return Estimate(np.array(value), np.sqrt(_covariance(D, D, of)) / abs(b))
+    return Estimate(np.array(value), np.sqrt(_variance(D, of)) / abs(b))
 
 
 def widen_error(of: Estimate, relative: float) -> Estimate:
@@ -140,9 +140,9 @@ def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
     return parts @ of.stacked, np.einsum("akn,bkn->kab", spread, parts, optimize=True)
 
 
-def _covariance(A: Array, B: Array, of: Amplitudes) -> Array:
-    """Estimate two forms' covariance; of one with itself at least what errors alone have."""
-    AS, BS, x = A @ of.covariance, B @ of.covariance, of.stacked
-    own = float(np.sum(AS * BS.T))
-    slopes = float(x @ AS @ B @ x)
+def _variance(A: Array, of: Amplitudes) -> Array:
+    """Estimate a form's variance, at least what errors alone have."""
+    AS, x = A @ of.covariance, of.stacked
+    own = float(np.sum(AS * AS.T))
+    slopes = float(x @ AS @ A @ x)
     return np.array(max(4 * slopes - 2 * own, 2 * own))

@@ -110,37 +110,6 @@ class PlaneOperator:
         right, left = both[..., 0], both[..., 1]
         return np.concatenate([left[columns % 2 :][::-1], right])
 
-    def rms_factor(self) -> Array:
-        """Return triangular factor F with ‖F v‖ the rms of |p| over the plane for folded, real v.
-
-        ‖F v‖² = vᵀ Re(GᴴG) v / N, without the loss of digits of that quadratic form. Rows of G
-        for u > 0 and u < 0 share the kernel: the mirrored half is the kernel with its columns
-        mirrored.
-        """
-        columns, rows = self.plane.shape
-        nx, ny = self.grid
-        along = nx if self.plane.name == "XZ" else ny
-        right = self.kernel
-        left = right.reshape(len(right), -1, along)[:, :, ::-1].reshape(right.shape)
-        left = left[rows:] if columns % 2 else left
-        factor = np.linalg.qr(_stack_real(right), mode="r")
-        factor = np.linalg.qr(np.concatenate([factor, _stack_real(left)]), mode="r")
-        return factor / np.sqrt(columns * rows)
-
-    def rms(self, velocity: ArrayLike, factor: Array | None = None) -> Array:
-        """Return root mean square of |p| over the plane in Pa, for real velocities (..., pistons).
-
-        Parameters
-        ----------
-        velocity : array_like, shape (..., pistons)
-            Real velocities in m/s.
-        factor : ndarray, optional
-            What :meth:`rms_factor` gives, to use it for many calls.
-        """
-        F = self.rms_factor() if factor is None else factor
-        folded, _ = self.fold(velocity)
-        return np.linalg.norm(folded @ F.T, axis=-1)
-
 
 def _stack_real(matrix: ComplexArray) -> Array:
     return np.concatenate([matrix.real, matrix.imag])
@@ -185,10 +154,21 @@ def plane_operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AI
 
 
 def full_factor(op: PlaneOperator) -> Array:
-    """Return factor F of a plane for unfolded velocities: ‖F v‖ is the rms of |p|, for real v."""
-    n = op.grid[0] * op.grid[1]
-    folded, _ = op.fold(np.eye(n))
-    return op.rms_factor() @ np.real(folded).T
+    """Return factor F of a plane: ‖F v‖ is the rms of |p| over it in Pa for real velocities v.
+
+    ‖F v‖² = vᵀ Re(GᴴG) v / N, without the loss of digits of that quadratic form. Rows of G for
+    u > 0 and u < 0 share the kernel: the mirrored half is the kernel with its columns mirrored.
+    """
+    columns, rows = op.plane.shape
+    nx, ny = op.grid
+    along = nx if op.plane.name == "XZ" else ny
+    right = op.kernel
+    left = right.reshape(len(right), -1, along)[:, :, ::-1].reshape(right.shape)
+    left = left[rows:] if columns % 2 else left
+    factor = np.linalg.qr(_stack_real(right), mode="r")
+    factor = np.linalg.qr(np.concatenate([factor, _stack_real(left)]), mode="r")
+    folded, _ = op.fold(np.eye(nx * ny))
+    return factor / np.sqrt(columns * rows) @ np.real(folded).T
 
 
 # A plane whose reference is below this share of the other's, or of the pressure of pistons that

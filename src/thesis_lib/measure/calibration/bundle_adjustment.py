@@ -57,9 +57,7 @@ class Network:
         )
 
 
-def start_network(
-    observations: Array, seen: Mask, points: Array, cameras: Sequence[Camera]
-) -> Network:
+def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
     """Return the poses chained from image to image, the world being the first shot's board.
 
     Raises
@@ -67,6 +65,7 @@ def start_network(
     CalibrationError
         If a camera has no shot, a shot no camera, or they are not all connected.
     """
+    seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     for camera, views in zip(cameras, seen, strict=True):
         if not views.any():
             raise CalibrationError(f"{camera.name}: no image shows the board")
@@ -178,7 +177,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def normal_equations(
-    observations: Array, seen: Mask, points: Array, network: Network
+    observations: Array, points: Array, network: Network
 ) -> tuple[Array, Array, Array]:
     """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 
@@ -193,6 +192,7 @@ def normal_equations(
     residuals : ndarray, shape (cameras, shots, 2, points)
         In px; NaN where absent.
     """
+    seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, m = seen.shape
     normal = np.zeros((network.unknowns, network.unknowns))
     right = np.zeros(network.unknowns)
@@ -268,12 +268,6 @@ def transform_network(network: Network, rotation: Array, translation: Array) -> 
     return Network(cameras, rotation @ network.rotations, places)
 
 
-def to_board(network: Network, shot: int) -> tuple[Array, Array]:
-    """Return the rotation and translation from the world to the frame of a shot's board."""
-    R, t = network.rotations[shot], network.translations[shot]
-    return R.T, -R.T @ t
-
-
 _MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
@@ -344,31 +338,40 @@ def adjust_bundle(
             f"observations: given shape {given}, "
             f"needs ({expected[0]}, board images, 2, {expected[2]})"
         )
-    seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
-    network = start_network(observations, seen, points, cameras)
-    free = _free(network, intrinsics, distortion)
-    network, iterations = _minimise(observations, seen, points, network, free, steps)
-    network = transform_network(network, *to_board(network, 0))
-    return _result(observations, seen, points, network, free, iterations)
-
-
-def _free(network: Network, intrinsics: bool, distortion: bool) -> Mask:
-    """Return which unknowns are adjusted."""
-    poses = POSE_UNKNOWNS * (len(network.cameras) + len(network.rotations))
-    lens = [intrinsics] * 4 + [distortion] * 4
-    return np.array([True] * poses + lens * len(network.cameras))
+    network = start_network(observations, points, cameras)
+    poses = POSE_UNKNOWNS * (len(cameras) + len(network.rotations))
+    lenses = [intrinsics] * 4 + [distortion] * 4
+    free = np.array([True] * poses + lenses * len(cameras))
+    network, iterations = _minimise(observations, points, network, free, steps)
+    R, t = network.rotations[0], network.translations[0]
+    network = transform_network(network, R.T, -R.T @ t)
+    normal, _, residuals = normal_equations(observations, points, network)
+    inverse, least = _inverse(normal, network, free)
+    if least < _MIN_EIGENVALUE:
+        raise CalibrationError("adjustment: the board images do not determine all unknowns")
+    squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
+    freedom = count - (int(free.sum()) - POSE_UNKNOWNS)
+    sigma = float(np.sqrt(squares / freedom))
+    covariance = sigma**2 * inverse
+    variances = np.diag(covariance)[-LENS_UNKNOWNS * len(cameras) :]
+    return Adjustment(
+        network.cameras,
+        network.rotations,
+        network.translations,
+        residuals,
+        float(np.sqrt(squares / count)),
+        sigma,
+        np.sqrt(variances).reshape(-1, LENS_UNKNOWNS),
+        covariance,
+        iterations,
+    )
 
 
 def _minimise(
-    observations: Array,
-    seen: Mask,
-    points: Array,
-    network: Network,
-    free: Mask,
-    steps: int,
+    observations: Array, points: Array, network: Network, free: Mask, steps: int
 ) -> tuple[Network, int]:
     """Minimise by Levenberg–Marquardt; return the network and the number of steps."""
-    normal, right, residuals = normal_equations(observations, seen, points, network)
+    normal, right, residuals = normal_equations(observations, points, network)
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
     for step in range(1, steps + 1):
@@ -378,7 +381,7 @@ def _minimise(
         if hoped <= 1e-12 * cost or hoped < 1e-18:
             return step_network(network, change), step
         trial = step_network(network, change)
-        new = normal_equations(observations, seen, points, trial)
+        new = normal_equations(observations, points, trial)
         new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
         if new_cost < cost:
             network, (normal, right, _), cost = trial, new, new_cost
@@ -404,55 +407,6 @@ def _inverse(
     inverse = np.zeros_like(normal)
     inverse[np.ix_(free, free)] = part * scale[:, None] * scale
     return inverse, float(values[0])
-
-
-def _result(
-    observations: Array,
-    seen: Mask,
-    points: Array,
-    network: Network,
-    free: Mask,
-    iterations: int,
-) -> Adjustment:
-    normal, _, residuals = normal_equations(observations, seen, points, network)
-    inverse, least = _inverse(normal, network, free)
-    if least < _MIN_EIGENVALUE:
-        raise CalibrationError("adjustment: the board images do not determine all unknowns")
-    squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
-    freedom = count - (int(free.sum()) - POSE_UNKNOWNS)
-    sigma = float(np.sqrt(squares / freedom))
-    covariance = sigma**2 * inverse
-    lenses = np.diag(covariance)[-LENS_UNKNOWNS * len(network.cameras) :]
-    return Adjustment(
-        network.cameras,
-        network.rotations,
-        network.translations,
-        residuals,
-        float(np.sqrt(squares / count)),
-        sigma,
-        np.sqrt(lenses).reshape(-1, LENS_UNKNOWNS),
-        covariance,
-        iterations,
-    )
-
-
-def transform_adjustment(adjustment: Adjustment, rotation: Array, translation: Array) -> Adjustment:
-    """Transform the adjustment and its covariance to X' = rotation X + translation."""
-    network = transform_network(adjustment, rotation, translation)
-    T = np.eye(len(adjustment.covariance))
-    n = len(network.cameras)
-    for k in range(n + len(network.rotations)):
-        a, b, c = k * POSE_UNKNOWNS, k * POSE_UNKNOWNS + 3, (k + 1) * POSE_UNKNOWNS
-        T[b:c, b:c] = rotation
-        if k >= n:  # a board turns about the world's axes, a camera about its own
-            T[a:b, a:b] = rotation
-    return replace(
-        adjustment,
-        cameras=network.cameras,
-        rotations=network.rotations,
-        translations=network.translations,
-        covariance=T @ adjustment.covariance @ T.T,
-    )
 
 
 def fit_alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[Array, Array]:

@@ -112,10 +112,8 @@ def of_cameras(adjustment: Adjustment) -> Array:
     It takes every corner for an independent witness.
     """
     n = len(adjustment.cameras)
-    which = np.r_[
-        : POSE_UNKNOWNS * n,
-        len(adjustment.covariance) - LENS_UNKNOWNS * n : len(adjustment.covariance),
-    ]
+    count = len(adjustment.covariance)
+    which = np.r_[: POSE_UNKNOWNS * n, count - LENS_UNKNOWNS * n : count]
     return adjustment.covariance[np.ix_(which, which)]
 
 
@@ -162,7 +160,7 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
         one = Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
         own = bundle_adjustment.of_pictures(points, np.ix_(views, np.array([s])))
-        N, g, _ = bundle_adjustment.normal_equations(uv, seen[views][:, [s]], own, one)
+        N, g, _ = bundle_adjustment.normal_equations(uv, own, one)
         board = POSE_UNKNOWNS * len(views) + np.arange(POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])
@@ -254,7 +252,9 @@ def jackknife_calibration(
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
         points, lenses = board.shown(corners), held
-        if lenses is None and cameras_contradict(calibration):
+        together, single = calibration["reprojection_rms"], calibration["single_rms"].values
+        apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
+        if lenses is None and apart:  # lenses are then of each camera alone
             lenses = _alone(corners, points, cameras_in(calibration))
         free = lenses is None
         full = adjust_bundle(corners, points, cameras_in(calibration), free, free)
@@ -280,12 +280,6 @@ def jackknife_calibration(
         compute,
         key_of([calibration.attrs["key"], held is not None and held.tolist()]),
     )
-
-
-def cameras_contradict(calibration: xr.Dataset) -> bool:
-    """Return whether cameras contradict each other, so that lenses are of each camera alone."""
-    together, alone = calibration["reprojection_rms"], calibration["single_rms"].values
-    return contradiction_ratio(float(together), alone) > MAX_CONTRADICTION
 
 
 def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
@@ -253,9 +253,9 @@ def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Arra
     the normal, whatever else is true of it. So with w as the first camera sees it, the phase of
     Σ (J w)* A is that of the camera's clock.
     """
-    images = _amplitudes(fit, omega, exposures)
-    normal = np.einsum("cikn,k->cin", image_jacobian(fit.P, fit.points), fit.frame.R[2])
     own_fits = correct_exposure(fit, omega, exposures)
+    images = np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in own_fits])
+    normal = np.einsum("cikn,k->cin", image_jacobian(fit.P, fit.points), fit.frame.R[2])
     noise = fit.sigma * [np.sqrt(0.5 * (h.covariance[1, 1] + h.covariance[2, 2])) for h in own_fits]
     weight = np.sum(normal[0] ** 2, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -274,12 +274,6 @@ def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
     turn, errors = phase_lags(fit, omega, exposures)
     certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
     return np.where(certain, turn, 0.0) / omega, errors / omega
-
-
-def _amplitudes(fit: Fitted, omega: float, exposures: Array) -> ComplexArray:
-    """Return the complex image amplitudes (cameras, 2, markers), px."""
-    own = correct_exposure(fit, omega, exposures)
-    return np.array([h.coefficients[1] - 1j * h.coefficients[2] for h in own])
 
 
 def shift_starts(fit: Fitted, omega: float, seconds: Array) -> Fitted:

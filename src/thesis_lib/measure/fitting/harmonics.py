@@ -185,13 +185,6 @@ def harmonic_motion(
     return np.asarray([turns @ along for along in frame.to_beam(points)], complex)
 
 
-def harmonic_deflection(
-    P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
-) -> ComplexArray:
-    """Return the part of :func:`harmonic_motion` along the beam's normal, shape (markers,), m."""
-    return np.asarray(harmonic_motion(P, frame, omega, cameras, instants)[2], complex)
-
-
 def mean_of(values: Array) -> Array:
     """Return the mean over the first axis of what is known; NaN where less than half is."""
     known = np.isfinite(values)

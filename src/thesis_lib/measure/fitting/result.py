@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.fitting.aliasing import fold_frequency
-from thesis_lib.measure.fitting.aliasing import list_aliases as aliases_of
+from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.frequency import (
     apply_paces,
@@ -45,7 +44,6 @@ from thesis_lib.measure.fitting.residuals import (
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
-from thesis_lib.measure.tracking import tracks
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, parse_variables
 
@@ -132,7 +130,7 @@ SHARED_VARIABLES = parse_variables("""
 def shape_result(
     manifest: Manifest,
     sound: xr.Dataset,
-    recordings: Sequence[tracks.Recording],
+    recordings: Sequence[Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
     """Return the deflection shape, its standard errors, and what they rest on.
@@ -145,7 +143,7 @@ def shape_result(
         What the sound tells: ``frequency`` in Hz, given or found, or NaN; ``of_sound`` and
         ``of_sound_deviation``, what the force's signal has, or NaN; ``force``, 0 if unknown;
         ``steady``.
-    recordings : sequence of tracks.Recording
+    recordings : sequence of Recording
         Cameras, clocks and tracks.
     covariance : ndarray, optional
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
@@ -295,7 +293,7 @@ def _aliases(
     rates = np.array([own.rate for own in recordings])
     shown, near = fold_frequency(frequency, rates[0]), 1 / (end - begin)
     end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
-    every = aliases_of(float(shown), float(rates[0]), MAX_ALIAS_RATIO * float(rates.max()))
+    every = list_aliases(float(shown), float(rates[0]), MAX_ALIAS_RATIO * float(rates.max()))
     alike = [
         other
         for other in every

@@ -183,9 +183,7 @@ class Follower:
         Frames are to be given in their order: what moved before tells where to look.
         """
         lost = np.isnan(self.moved[0])
-        moved = (
-            fill_missing(self.moved, self.tracker.grid, self.before) if lost.any() else self.moved
-        )
+        moved = fill_missing(self.moved, self.tracker.grid, self.before)
         ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
         found = None
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
@@ -319,19 +317,16 @@ def first_view(
 ) -> View:
     """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
+    Corners that are not given are looked for in the frame as it is, then with even light.
+
     Raises
     ------
     TrackingError
         If either are not found.
     """
-    if corners_px is None:
-        return _find_view(image, camera, markers)
-    corners = undistort_pixels(camera, np.array(corners_px, float).T)
-    return sharpen_view(image, view_of(camera, markers, corners))
-
-
-def _find_view(image: Image, camera: Camera, markers: Markers) -> View:
-    """Return the view by corners found in the frame, as it is or with even light."""
+    if corners_px is not None:
+        corners = undistort_pixels(camera, np.array(corners_px, float).T)
+        return sharpen_view(image, view_of(camera, markers, corners))
     failures: list[TrackingError] = []
     for even in even_light(image):
         try:
