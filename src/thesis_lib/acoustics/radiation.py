@@ -156,22 +156,10 @@ def integrate_pressure(
     medium: Medium = AIR,
     nodes: tuple[int, int] | None = None,
 ) -> ComplexArray:
-    """Return the pressure in Pa of a plate that moves everywhere (eq. 6.4).
+    """Return the pressure (...) in Pa of a plate that moves everywhere (eq. 6.4).
 
-    Parameters
-    ----------
-    plate : Plate
-        The radiating plate.
-    velocity : callable
-        Normal velocities in m/s, (n,), of places (2, n) on the plate in its own frame, in m.
-    points, omega, medium
-        Where, how fast and in what, as of :func:`.rayleigh`.
-    nodes : tuple of int, optional
-        Nodes along and across; those of :func:`enough_nodes` by default.
-
-    Returns
-    -------
-    ndarray, shape (...), complex
+    `velocity` gives normal velocities in m/s, (n,), of places (2, n) on the plate in its own frame,
+    in m. There are so many `nodes` along and across, by default those of :func:`enough_nodes`.
     """
     points = np.asarray(points, float)
     count = nodes or enough_nodes(plate, float(points[2].min()))
@@ -187,33 +175,19 @@ def integrate_pressure(
 def radiation_modes(factor: ArrayLike) -> Array:
     """Return the rows √λₖ qₖ, the loudest first: the factor of the same form with orthogonal rows.
 
-    Parameters
-    ----------
-    factor : array_like, shape (rows, pistons)
-        ‖F v‖ is the rms pressure of real velocities v.
-
-    Returns
-    -------
-    ndarray, shape (modes, pistons)
-        As many as there are rows or pistons, whichever is less.
+    Of a `factor` (rows, pistons), ‖F v‖ being the rms pressure of real velocities v; as many as
+    there are rows or pistons, whichever is less.
     """
     _, strength, ways = np.linalg.svd(np.asarray(factor, float), full_matrices=False)
     return np.asarray(strength[:, None] * ways)
 
 
 def mean_squares(modes: ArrayLike, covariance: ArrayLike) -> Array:
-    """Return the mean square pressure of errors with a covariance, by radiation mode.
+    """Return the mean square pressure (modes,) of errors with a covariance, by radiation mode.
 
-    Parameters
-    ----------
-    modes : array_like, shape (modes, pistons)
-        Of :func:`radiation_modes`, or any rows: their sum is the mean of ‖F v‖².
-    covariance : array_like, shape (pistons, pistons)
-        Of the velocities; of deflections where a factor ω² is left out.
-
-    Returns
-    -------
-    ndarray, shape (modes,)
+    `modes` (modes, pistons) are those of :func:`radiation_modes`, or any rows: their sum is the
+    mean of ‖F v‖². The covariance (pistons, pistons) is that of the velocities; of deflections
+    where a factor ω² is left out.
     """
     F = np.asarray(modes, float)
     return np.asarray(np.sum((F @ np.asarray(covariance, float)) * F, axis=1))

@@ -1,4 +1,7 @@
-"""Elementary sources of sound, and the medium that they radiate into."""
+"""Elementary sources of sound, and the medium that they radiate into.
+
+Throughout, `distance` is in m, `omega` is the angular frequency in rad/s, and `medium` the fluid.
+"""
 
 from __future__ import annotations
 
@@ -85,18 +88,8 @@ def pulsating_sphere(
 ) -> ComplexArray:
     """Return the pressure in Pa of a pulsating sphere in free space (eq. 6.1).
 
-    Parameters
-    ----------
-    distance : array_like
-        Distance r in m, at least the radius.
-    radius : float
-        Radius a of the sphere in m.
-    volume_velocity : complex
-        Surface times radial velocity, 4πa²v, in m³/s.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
+    At distances of at least its radius a in m, for a volume velocity of 4πa²v in m³/s, surface
+    times radial velocity.
     """
     k = wavenumber(omega, medium)
     _check_positive("radius", radius)
@@ -134,28 +127,13 @@ def transfer_pressure(
 ) -> ComplexArray:
     """Return the pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).
 
-    The exponent has the sign of eq. 6.4, that of outgoing waves.
-
-    Parameters
-    ----------
-    pistons : Pistons
-        The sources.
-    points : array_like, shape (3, ...)
-        Observation points in front of the plate, Z > 0, in m.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-
-    Returns
-    -------
-    ndarray, shape (..., pistons), complex
-        In Pa s/m.
+    In Pa s/m, at points (3, ...) in m in front of the plate. The exponent has the sign of eq. 6.4,
+    that of outgoing waves.
 
     Raises
     ------
     ValueError
-        If a point is not in front of the plate, or the pistons are too large.
+        If a point is not in front of the plate, Z > 0, or the pistons are too large.
     """
     points = np.asarray(points, float)
     result = np.empty((points[0].size, pistons.centres.shape[1]), complex)

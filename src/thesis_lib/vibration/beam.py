@@ -172,22 +172,10 @@ def tip_twist(
     modes: int = 1,
     poisson: float = POISSON_RATIO,
 ) -> float:
-    """Return the deflection in m of the tip's edges by a harmonic force beside the axis.
+    """Return the deflection in m of the tip's edges by a harmonic force `aside` of the axis, in m.
 
-    Parameters
-    ----------
-    beam : Beam
-        The strip.
-    aside : float
-        Distance of the force from the axis in m; along the beam it acts at its force point.
-    omega : float
-        Angular frequency in rad/s.
-    force : float
-        Its amplitude in N.
-    modes : int
-        Torsional modes that are summed.
-    poisson : float
-        Poisson's ratio.
+    The force, of an amplitude in N at the angular frequency `omega` in rad/s, acts at the beam's
+    force point; so many torsional `modes` are summed.
     """
     n = np.arange(1, modes + 1)
     wn = np.array([torsional_frequency(beam, int(k), poisson) for k in n])

@@ -56,28 +56,9 @@ class Centres:
 
 
 def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Centres:
-    """Return the analytic centres of the polytopes that rounded images leave for their points.
+    """Return the analytic centres of the polytopes that rounded images (cameras, 2, ...) leave.
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    uv : array_like, shape (cameras, 2, ...)
-        Centres of the slabs in px: rounded image coordinates, less the shift of the grid on which
-        they were rounded. NaN in any camera gives NaN.
-    half_width_px : float
-        Half the width of the slabs.
-
-    Returns
-    -------
-    Centres
-        Where the slabs have no common interior (wrong cameras, noise, a point on a face), the
-        least-squares point of :func:`thesis_lib.vision.triangulation.triangulate`.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two cameras are given, the shapes do not match, or the width is not positive.
+    The same as :func:`joint_centre` for one frame of every point.
     """
     P, uv = check_arrays(P, uv)
     found = joint_centre(P, uv[:, :, None], half_width_px)
@@ -92,16 +73,18 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     P : array_like, shape (cameras, 3, 4)
         Projection matrices.
     uv : array_like, shape (cameras, 2, frames, ...)
-        Centres of the slabs in px, such as those at rest and those deflected. NaN in any camera
-        or frame gives NaN.
+        Centres of the slabs in px, such as those at rest and those deflected: rounded image
+        coordinates, less the shift of the grid on which they were rounded. NaN in any camera or
+        frame gives NaN.
     half_width_px : float
         Half the width of the slabs.
 
     Returns
     -------
     Centres
-        Points (3, frames, ...), whose x and y agree between frames, and `feasible` (...). The
-        fallback is least squares for each frame alone.
+        Points (3, frames, ...), whose x and y agree between frames, and `feasible` (...). Where
+        the slabs have no common interior (wrong cameras, noise, a point on a face), the points are
+        those of :func:`thesis_lib.vision.triangulation.triangulate` for each frame alone.
 
     Raises
     ------

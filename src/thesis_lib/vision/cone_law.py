@@ -18,6 +18,10 @@ The gains are those of the centre, so the forms hold for motions up to 1 % of th
 they are within 1 % of :func:`thesis_lib.vision.rounding.deflection_variance`, which has the gains
 of the moved point; at 2 % of the distance a narrow pair is off by up to 4 %, at 6 % by up to 28 %.
 Given a larger motion, they refuse it.
+
+Throughout, `distance` R is in m, `focal_px` f and `sigma_px` σ of an image coordinate in px, angles
+are in rad, and `motion` is the largest motion of the centre in m, if it is to be checked: above 1 %
+of the distance it is a ValueError. Arrays broadcast.
 """
 
 from __future__ import annotations
@@ -39,12 +43,7 @@ _SERIES_TERMS = 400  # of the series of a rounding error
 
 
 def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
-    """Refuse motions that are too large for the closed forms.
-
-    Parameters
-    ----------
-    motion, distance : array_like
-        Lengths in m, which broadcast; the motion 0 stands for a small one.
+    """Refuse motions in m that are too large for the closed forms; 0 stands for a small one.
 
     Raises
     ------
@@ -68,20 +67,10 @@ def cone_directions(angle: float, n_cameras: int) -> tuple[Array, Array]:
 def cone_cameras(
     distance: float, angle: float, n_cameras: int, focal_px: float, size: tuple[int, int]
 ) -> CameraArray:
-    """Return the equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
+    """Return equal cameras on a cone about the normal, at equal steps of azimuth from +Y on.
 
-    Parameters
-    ----------
-    distance : float
-        Distance from the origin in m.
-    angle : float
-        Angle θ between optical axes and normal in rad, π/2 less the elevation.
-    n_cameras : int
-        How many.
-    focal_px : float
-        Focal length in px.
-    size : tuple of int
-        Sensor width and height in px.
+    `angle` θ is that between optical axes and normal, π/2 less the elevation; `size` is that of the
+    sensors in px.
     """
     return hemisphere_cameras(distance, *cone_directions(angle, n_cameras), focal_px, size)
 
@@ -96,23 +85,13 @@ def cone_deflection_error(
 ) -> Array:
     """Return R σ / (f √N sin θ), the standard deviation in m along the normal of a cone's centre.
 
-    For independent noise, and for a rounded deflection, since u does not count: g_u = 0.
-
-    Parameters
-    ----------
-    distance, focal_px : array_like
-        Distance R in m and focal length f in px.
-    n_cameras, angle : array_like
-        Number N of cameras, 2 or more, and their angle θ from the normal in rad.
-    sigma_px : float
-        Standard deviation σ of an image coordinate in px.
-    motion : array_like
-        Largest motion of the centre in m, if it is to be checked.
+    For independent noise, and for a rounded deflection, since u does not count: g_u = 0. N cameras,
+    2 or more, stand at an `angle` θ from the normal.
 
     Raises
     ------
     ValueError
-        If there are fewer than two cameras, or the motion is above 1 % of the distance.
+        If there are fewer than two cameras, or the motion is too large.
     """
     check_motion(motion, distance)
     n = np.asarray(n_cameras, float)
@@ -130,38 +109,18 @@ def cone_covariance(
     sigma_px: float = MOTION_PX,
     motion: ArrayLike = 0.0,
 ) -> Array:
-    """Return the covariance of a point at the centre of a cone of 3 or more cameras.
+    """Return the covariance (3, 3) in m² of a point at the centre of a cone of 3 or more cameras.
 
     Since Σ e eᵀ = N diag(½ sin²θ, ½ sin²θ, cos²θ) it is diagonal, with
     σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
     Of independent noise; of rounding, each axis for motions along it, on average over amplitudes:
     a coordinate that such a motion does not move does not count for that axis either.
 
-    Parameters
-    ----------
-    distance : float
-        Distance R in m.
-    focal_px : float
-        Focal length f in px.
-    n_cameras : int
-        Number N, at equal steps of azimuth.
-    angle : float
-        Angle θ from the normal in rad.
-    sigma_px : float
-        Standard deviation σ of an image coordinate in px.
-    motion : array_like
-        Largest motion of the centre in m, if it is to be checked.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        Covariance in m².
-
     Raises
     ------
     ValueError
-        If there are fewer than three cameras, which have no axis of symmetry, or the motion is
-        above 1 % of the distance.
+        If there are fewer than three cameras, which have no axis of symmetry, or the motion is too
+        large.
     """
     check_motion(motion, distance)
     if n_cameras < 3:
@@ -183,24 +142,10 @@ def pair_deflection_error(
 ) -> Array:
     """Return the standard deviation in m along the normal, of two cameras that share an elevation.
 
-    R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)). A rounded deflection of the centre has
-    σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
-
-    Parameters
-    ----------
-    distance, focal_px : array_like
-        Distance R in m and focal length f in px.
-    aperture, elevation : array_like
-        Difference α of the azimuths and elevation φ in rad.
-    sigma_px, sideways_px : array_like
-        Standard deviations σ_v and σ_u in px of the image coordinates down and to the right.
-    motion : array_like
-        Largest motion of the centre in m, if it is to be checked.
-
-    Raises
-    ------
-    ValueError
-        If the motion is above 1 % of the distance.
+    R / (f √2) · √(σ_v² / cos²φ + σ_u² tan²φ / tan²(α/2)), with the elevation φ, the difference α
+    of the azimuths (`aperture`), and the standard deviations σ_v (`sigma_px`) and σ_u
+    (`sideways_px`) of the image coordinates down and to the right. A rounded deflection of the
+    centre has σ_u = 0, which leaves R σ_v / (f √2 cos φ), whatever the aperture.
     """
     check_motion(motion, distance)
     upright = np.asarray(sigma_px, float) / np.cos(elevation)
@@ -220,7 +165,7 @@ def pair_noise_error(
     """Return the error of a pair with independent noise, alike in all coordinates, in m.
 
     R σ / (f √2) · √(1 + tan²φ / sin²(α/2)); for opposite cameras R σ / (f √2 cos φ), as for
-    rounding. Parameters and refusals are those of :func:`pair_deflection_error`.
+    rounding.
     """
     return pair_deflection_error(
         distance, focal_px, aperture, elevation, sigma_px, sigma_px, motion
@@ -261,23 +206,12 @@ def useful_frames(amplitudes_px: ArrayLike) -> Array:
 
 
 def error_of_sum(positions_px: ArrayLike, weights: ArrayLike) -> Array:
-    """Return the rms of a weighted sum of rounding errors on one randomly shifted grid.
+    """Return the rms of weighted sums of rounding errors on one randomly shifted grid, shape (...).
 
     The square root of wᵀ C w with the covariance C of
     :func:`thesis_lib.vision.rounding.error_covariance`, as its Fourier series Σ |Σ_t w_t e^{2πik
-    x_t}|² / (2π²k²): n numbers at a time, not n².
-
-    Parameters
-    ----------
-    positions_px : array_like, shape (..., n)
-        Exact coordinates x_t, in px.
-    weights : array_like, shape (..., n)
-        Weights w_t, such as a row of the pseudo-inverse of a fit.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        In px times the unit of the weights.
+    x_t}|² / (2π²k²): n numbers at a time, not n². Exact coordinates x_t (..., n) are in px; weights
+    w_t (..., n), such as a row of the pseudo-inverse of a fit, give the result its unit.
     """
     turn = np.exp(2j * np.pi * np.asarray(positions_px, float))
     term = np.asarray(weights, float) * turn
@@ -294,18 +228,7 @@ def equal_pixel_rate(
     """Return the sensors 16:9 with which cameras share a number of pixels per second.
 
     Sizes are whole pixels; the frame rate makes up for that, so that N W H r is the same for all.
-
-    Parameters
-    ----------
-    pixels_per_second : float
-        Of all cameras together.
-    n_cameras, frame_rate : array_like
-        How many, and about how many frames per second each takes; they broadcast.
-
-    Returns
-    -------
-    tuple of ndarray
-        Width and height in px, and frames per second.
+    For `n_cameras` at about a `frame_rate` each: width and height in px, and frames per second.
     """
     n = np.asarray(n_cameras, float)
     width = np.rint(np.sqrt(pixels_per_second * 16 / 9 / (n * np.asarray(frame_rate, float))))

@@ -7,7 +7,11 @@ The rounding error of a coordinate x is a sawtooth with a period of one pixel,
 An average over frames in which x moves multiplies each sine by the characteristic function of the
 motion: J₀(2πka) for a sinusoid of amplitude a sampled evenly over its phases, exp(−2π²k²s²) for
 Gaussian shake of standard deviation s. Over random positions of the pixel grid a harmonic adds
-half the square of what is left of it. All lengths are in px.
+half the square of what is left of it.
+
+All lengths are in px: amplitudes a of a coordinate's motion, and the standard deviation s of a
+camera's shake, independent from frame to frame. A negative one, or one that is not finite, is a
+ValueError. Variances are over random pixel grids; arrays broadcast.
 """
 
 from __future__ import annotations
@@ -29,27 +33,10 @@ _LATTICE_RADIUS = 60  # radius of the plane's harmonics; beyond it their mean is
 
 
 def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> Array:
-    """Return the variance of a rounded sinusoid's mean over endless frames, with shake.
+    """Return the variance in px² of a rounded sinusoid's mean over endless frames, with shake.
 
     Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²): 1/12 where nothing moves. Its root falls as 1/√a, and
     with shake soon as exp(−2π²s²) / (√2 π).
-
-    Parameters
-    ----------
-    amplitude_px : array_like
-        Amplitude a of the coordinate's motion.
-    shake_px : array_like
-        Standard deviation s of the camera's shake, independent from frame to frame.
-
-    Returns
-    -------
-    ndarray
-        Variance in px² over random pixel grids, of the broadcast shape.
-
-    Raises
-    ------
-    ValueError
-        If a length is negative or not finite.
     """
     return _sum(lambda k, a: j0(2 * np.pi * k * a) ** 2 / 2, amplitude_px, shake_px)
 
@@ -57,9 +44,8 @@ def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> A
 def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Array:
     """Return variance of the amplitude 2⟨u cos θ⟩ fitted to endless frames of a rounded sinusoid.
 
-    The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²). Below half
-    a pixel most grids show no motion at all, and the others too much. Parameters, result and errors
-    are those of :func:`mean_variance`.
+    The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²) px². Below
+    half a pixel most grids show no motion at all, and the others too much.
     """
     return _sum(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
 
@@ -68,24 +54,8 @@ def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
     """Return variance of the mean over some frames of a marker at rest, seen by a shaking camera.
 
     One frame is off by s² + 1/12. The part b² = Σ_k exp(−4π²k²s²) / (2π²k²) is common to all of
-    them, and the rest is averaged: b² + (s² + 1/12 − b²) / frames.
-
-    Parameters
-    ----------
-    frames : int
-        Number of frames, at least 1.
-    shake_px : array_like
-        Standard deviation s of the shake, which is not known frame by frame.
-
-    Returns
-    -------
-    ndarray
-        Variance in px².
-
-    Raises
-    ------
-    ValueError
-        If there is no frame, or the shake is negative or not finite.
+    them, and the rest is averaged: b² + (s² + 1/12 − b²) / frames, in px². The shake is not known
+    frame by frame.
     """
     if frames < 1:
         raise ValueError(f"frames: given {frames}, allowed: a whole number from 1")
@@ -96,30 +66,12 @@ def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
 def deflection_variance(
     P: ArrayLike, rest: ArrayLike, deflected: ArrayLike, shake_px: float = 0.0
 ) -> Array:
-    """Return the variance of an amplitude in Z, to first order, of endless whole-pixel frames.
+    """Return the variance in m² of an amplitude in Z, to first order, of endless rounded frames.
 
     Σ_j g_j² Var(a_j) over all coordinates, with the gain g_j = ∂Z/∂m_j at rest and the amplitude
-    a_j of the image's motion. One frame at rest and one deflected have
+    a_j of the image's motion, of points (3, ...) in m at rest and at the peak, seen by projections
+    P (cameras, 3, 4). One frame at rest and one deflected have
     :func:`thesis_lib.vision.rounding.deflection_variance`.
-
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    rest, deflected : array_like, shape (3, ...)
-        World points in m, at rest and at the peak.
-    shake_px : float
-        Standard deviation of the cameras' shake in px.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Variance in m².
-
-    Raises
-    ------
-    ValueError
-        If the shake is negative or not finite.
     """
     motion = np.abs(project(P, deflected) - project(P, rest))
     variance = triangulation_gain(P, rest)[2] ** 2 * amplitude_variance(motion, shake_px)
@@ -127,26 +79,16 @@ def deflection_variance(
 
 
 def disc_variance(diameter_px: float) -> float:
-    """Return the variance along one axis of a black-or-white disc's centroid.
+    """Return the variance in px² along one axis of a black-or-white disc's centroid.
 
     Over random positions of the disc on the grid, to first order in its number of pixels,
     Σ_k J₂(πD|k|)² / (2π²|k|²) over the whole numbers k ≠ 0 of the plane: for large D the root is
     0.215 / √D, where a single rounded coordinate has 0.289.
 
-    Parameters
-    ----------
-    diameter_px : float
-        Diameter D of the disc, at least 2.
-
-    Returns
-    -------
-    float
-        Variance in px².
-
     Raises
     ------
     ValueError
-        If the disc is smaller.
+        If the diameter D is below 2.
     """
     if not 2 <= diameter_px < np.inf:
         raise ValueError(f"diameter_px: given {diameter_px}, allowed: a number from 2, in px")

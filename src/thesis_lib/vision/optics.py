@@ -151,19 +151,9 @@ def round_depth(
 
 
 def weak_perspective(cameras: CameraArray, points: ArrayLike) -> Array:
-    """Return the images with one depth for all points, the mean of theirs (eq. 2.6, 2.7).
+    """Return images (cameras, 2, points) in px with one depth for all points, the mean of theirs.
 
-    Parameters
-    ----------
-    cameras : CameraArray
-        The cameras.
-    points : array_like, shape (3, points)
-        World points in m.
-
-    Returns
-    -------
-    ndarray, shape (cameras, 2, points)
-        u and v in px.
+    Of world points (3, points) in m (eq. 2.6, 2.7).
     """
     X = np.asarray(points, float)
     seen = cameras.R_camera_world @ (X - cameras.centres[:, :, None])

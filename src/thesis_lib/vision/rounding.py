@@ -60,19 +60,8 @@ def image_noise(
 ) -> Array:
     """Draw standard normal image noise, a function of (seed, trial, mode) and the place in it.
 
-    Parameters
-    ----------
-    seed, trials, n_cameras, markers : int
-        Seed, last trial, number of cameras and of markers.
-    modes : sequence of int
-        Numbers of the modes wanted, beside the rest.
-    first : int
-        First trial wanted.
-
-    Returns
-    -------
-    ndarray, shape (trials + 1 - first, n_cameras, 2, 1 + modes, markers)
-        The nominal run has noise, too.
+    Of rest and of the wanted modes' numbers, from the trial `first` to the last: shape
+    (trials + 1 - first, n_cameras, 2, 1 + modes, markers). The nominal run has noise, too.
     """
     frames = [0, *modes]
     noise = np.empty((trials + 1 - first, n_cameras, 2, len(frames), markers))

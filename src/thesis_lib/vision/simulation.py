@@ -124,18 +124,10 @@ def deflection_errors(
 
 
 def rms_with_std(errors: ArrayLike) -> tuple[Array, Array]:
-    """Return the rms of independent draws and its standard error.
+    """Return the rms of independent draws (draws, ...) and its standard error, both (...).
 
-    Parameters
-    ----------
-    errors : array_like, shape (draws, ...)
-        Errors of any distribution, in any unit.
-
-    Returns
-    -------
-    tuple of ndarray, shape (...)
-        Root mean square over the draws, and the standard error that its mean square implies: the
-        standard deviation of the squares over 2 √draws rms. NaN for one draw, 0 for no error.
+    The standard error is what that of the mean square implies: the standard deviation of the
+    squares over 2 √draws rms. NaN for one draw, 0 for no error.
     """
     squares = np.square(np.asarray(errors, float))
     rms = np.sqrt(np.mean(squares, axis=0))

@@ -98,8 +98,7 @@ def unify_corners(
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
             f"off the rig of the others, allowed {1e3 * _MAX_FIT_TILES * board.tile:.1f} mm: do "
-            "the k-th images of "
-            "all cameras show one pose, and is board.two_sided right?"
+            "the k-th images of all cameras show one pose, and is board.two_sided right?"
         )
     result[:, list(left_out)] = np.nan
     return result, left_out

@@ -122,20 +122,9 @@ def with_lenses(
 ) -> Array:
     """Return covariance of cameras whose lenses were held fixed, errors of these lenses included.
 
-    An error of the lenses moves the poses by −N_pp⁻¹ N_pl of it.
-
-    Parameters
-    ----------
-    observations, points, adjustment
-        As of :func:`jackknife_cameras`, the lenses held fixed.
-    held : ndarray, shape (8 n, 8 n)
-        Covariance of the lenses.
-    poses : ndarray, shape (14 n, 14 n)
-        What :func:`jackknife_cameras` says of the poses alone.
-
-    Returns
-    -------
-    ndarray, shape (14 n, 14 n)
+    An error of the lenses moves the poses by −N_pp⁻¹ N_pl of it. `held` (8 n, 8 n) is the lenses'
+    covariance, `poses` what :func:`jackknife_cameras` says of the poses alone; it and the result
+    are (14 n, 14 n).
     """
     cut = POSE_UNKNOWNS * len(adjustment.cameras)
     units = np.sqrt(np.diag(poses)[:cut])

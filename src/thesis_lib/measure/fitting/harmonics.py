@@ -286,18 +286,8 @@ def fit_tracks(
 ) -> Fitted:
     """Return all cameras' harmonics as they are, with the markers' places at rest.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Cameras, clocks and tracks.
-    rest : ndarray, shape (cameras, 2, markers)
-        Of :func:`at_rest`; NaN of markers that were hidden then.
-    frame : Frame
-        The structure's.
-    omega, begin, end : float
-        Angular frequency in rad/s, and the part that is fitted, s.
-    order : int
-        How many harmonics.
+    Of so many harmonics of ω in rad/s from `begin` to `end` in s. `rest` (cameras, 2, markers) is
+    that of :func:`at_rest`, NaN of markers that were hidden then; `frame` is the structure's.
     """
     fits = [
         _harmonics(own, still, omega, begin, end, order)
@@ -342,16 +332,8 @@ def noise_near(own: Recording, fit: Harmonics, omega: float, begin: float, end: 
 
     It is one for white noise. Scatter that is correlated from frame to frame has more power at low
     frequencies and less at high ones, and the variance of an amplitude is proportional to it. An
-    amplitude that grows or falls evenly is no noise, and is taken out.
-
-    Parameters
-    ----------
-    own : Recording
-        Camera, clock and tracks.
-    fit : Harmonics
-        Of its tracks, of :func:`fit_tracks`.
-    omega, begin, end : float
-        Angular frequency in rad/s, and the part that was fitted, s.
+    amplitude that grows or falls evenly is no noise, and is taken out. `fit` is that of
+    :func:`fit_tracks`, of ω in rad/s from `begin` to `end` in s.
     """
     order = (len(fit.coefficients) - 1) // 2
     fit = fit.earlier(omega, -row_delays(own, fit.coefficients[0]))  # at the frames' times

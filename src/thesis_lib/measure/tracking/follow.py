@@ -244,16 +244,13 @@ def trackers_of(
     turn: float,
     shares: Sequence[float] = (),
 ) -> tuple[list[Detector], list[str]]:
-    """Return the trackers of a video's markers, from its first frame.
+    """Return the trackers of a video's markers, from its first frame, in which markers are dark.
 
     Parameters
     ----------
-    image : ndarray, shape (height, width)
-        The frame, with dark markers.
-    camera : Camera
-        Its intrinsics and distortion at full size.
-    markers : Markers
-        What is printed on the structure.
+    image, camera, markers
+        The frame (height, width), the camera's intrinsics and distortion at full size, and what is
+        printed on the structure.
     corners_px : sequence of tuple, optional
         The structure's corners in the image, lens distortion included, in the order of
         :func:`~thesis_lib.measure.tracking.homography.view_of`.

@@ -26,10 +26,8 @@ from thesis_lib.vision.lens import HALF_PIXEL, undistort_pixels
 PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
 # Diameters that it is searched beyond the beam: more than a row moves on its plane
 SEARCH_DIAMETERS = 5
-THESIS_SCALE_PX_PER_M, THESIS_REACH_M = (
-    2000.0,
-    0.025,
-)  # what that gives for the thesis's markers, px/m and m
+# What that gives for the thesis's markers
+THESIS_SCALE_PX_PER_M, THESIS_REACH_M = 2000.0, 0.025
 MAX_RESAMPLED_PIXELS = 2e7  # pixels of the resampled beam
 MAX_GRID_RMS_PX = 1.5  # px from the grid, rms, from which the markers are taken for others
 BLUR_RANGE_PX = (0.15, 1.5)  # px
@@ -140,11 +138,9 @@ class Tracker:
         nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
         if nx * ny > MAX_RESAMPLED_PIXELS:
             raise TrackingError(
-                f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at "
-                f"{PIXELS_PER_MARKER} to a "
-                f"marker's diameter, at most {MAX_RESAMPLED_PIXELS:.0e} are handled; are the "
-                "diameter and the "
-                "beam's size right?"
+                f"camera {view.camera.name}: the beam is {nx} x {ny} pixels at {PIXELS_PER_MARKER} "
+                f"to a marker's diameter, at most {MAX_RESAMPLED_PIXELS:.0e} are handled; are the "
+                "diameter and the beam's size right?"
             )
         grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / self.scale
         u, v = view.to_image(grid + self.origin[:, None, None]).astype(np.float32)

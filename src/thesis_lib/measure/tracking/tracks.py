@@ -98,22 +98,17 @@ def record_track(
 
     Parameters
     ----------
-    files : CameraFiles
-        The camera and its video.
-    folder : Path
-        The manifest's folder.
+    files, folder
+        The camera with its video, and the manifest's folder.
     clock : ndarray, shape (frames,)
         Times of the video's frames after the first, s.
-    camera : Camera
-        Calibrated.
-    markers : Markers
-        What is on the structure.
+    camera, markers
+        The calibrated camera, and what is on the structure.
     turn : float
         Angle of the vibration from frame to frame in rad; 0 if it is not known.
-    path : Path
-        Where the centres go (``.npy``).
-    key : str
-        Key of all that they depend on; what a run with another key has left is not used.
+    path, key
+        Where the centres go (``.npy``), and the key of all that they depend on; what a run with
+        another key has left is not used.
     tick : callable
         Called with the number of frames done since the last call.
     shares : sequence of float
