@@ -1,19 +1,23 @@
 """What a vibrating plate radiates, and what errors of its deflection do to that.
 
-To start from: a plate as pistons (:func:`.pistons`), the pressure that they make on a plane
-(:class:`.Plane`, :func:`.operator`) or anywhere (:func:`.rayleigh`), their :func:`.sound_power`,
-what errors of the deflection do to both (:class:`.PlateSound`), and which errors are heard
-(:func:`.radiation_modes`).
+To start from: a plate as pistons (:func:`.plate_pistons`), the pressure that they make on a plane
+(:class:`.Plane`, :func:`.plane_operator`) or anywhere (:func:`.rayleigh_pressure`), their
+:func:`.sound_power`, what errors of the deflection do to both (:class:`.PlateSound`), which errors
+are heard (:func:`.radiation_modes`), and radiators of any outline, in a wall (:class:`.Surface`) or
+without one (:class:`.Screen`).
 """
 
 from thesis_lib.acoustics.planes import Plane, PlateSound, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import (
     power_level,
     pressure_level,
+    radiation_modes,
     rayleigh_pressure,
     sound_power,
 )
 from thesis_lib.acoustics.sources import AIR, Medium, Pistons
+from thesis_lib.acoustics.surfaces import Screen, Surface
 
-__all__ = ["AIR", "Medium", "Pistons", "Plane", "PlateSound", "plane_operator", "plate_pistons",
-           "power_level", "pressure_level", "rayleigh_pressure", "sound_power"]  # fmt: skip
+__all__ = ["AIR", "Medium", "Pistons", "Plane", "PlateSound", "Screen", "Surface", "plane_operator",
+           "plate_pistons", "power_level", "pressure_level", "radiation_modes", "rayleigh_pressure",
+           "sound_power"]  # fmt: skip

@@ -1,10 +1,14 @@
 """Cameras, lenses, pixels; points from images, and how exact they are.
 
-To start from: cameras (:func:`.hemisphere_cameras`), what they see (:func:`~.pinhole.project`,
-:func:`.pixelate`), points from their images (:func:`.triangulate`), and the law of rounding
-(:func:`~.rounding.deflection_variance`, :func:`.deflection_covariance`).
+To start from: cameras (:func:`.hemisphere_cameras`, or real ones: :class:`.Camera`), what they see
+(:func:`~.pinhole.project`, :func:`.pixelate`), points from their images (:func:`.triangulate`, or
+:func:`.interval_estimate` for rounded ones), deflections from whole pixels
+(:func:`.measure_deflections`), and the law of rounding (:func:`~.rounding.deflection_variance`,
+:func:`.deflection_covariance`).
 """
 
+from thesis_lib.vision.interval import estimate_noise, interval_estimate
+from thesis_lib.vision.lens import Camera, project_points, undistort_pixels
 from thesis_lib.vision.pinhole import (
     CameraArray,
     ground_sample_distance,
@@ -15,20 +19,11 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.rounding import deflection_covariance, deflection_variance, grid_shifts
+from thesis_lib.vision.simulation import measure_deflections, percent_errors
 from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
 
-__all__ = [
-    "CameraArray",
-    "deflection_covariance",
-    "deflection_variance",
-    "grid_shifts",
-    "ground_sample_distance",
-    "hemisphere_cameras",
-    "intrinsics",
-    "on_sensor",
-    "pixelate",
-    "point_covariance",
-    "project",
-    "triangulate",
-    "triangulation_gain",
-]  # fmt: skip
+__all__ = ["Camera", "CameraArray", "deflection_covariance", "deflection_variance",
+           "estimate_noise", "grid_shifts", "ground_sample_distance", "hemisphere_cameras",
+           "interval_estimate", "intrinsics", "measure_deflections", "on_sensor", "percent_errors",
+           "pixelate", "point_covariance", "project", "project_points", "triangulate",
+           "triangulation_gain", "undistort_pixels"]  # fmt: skip
