@@ -230,9 +230,8 @@ def sharpened(image, amount):
 def test_sharpened_images_give_the_same_corners(conforms, scenes, marked, amount):
     for clean, exact in scenes[::2]:
         found = find_corners(sharpened(photograph(clean, 1), amount), BOARD)
-        conforms.sampled(
-            rms(nearest_order(found, exact)), below=0.06
-        )  # noise is five times as much
+        # noise is five times as much
+        conforms.sampled(rms(nearest_order(found, exact)), below=0.06)
     found = find_corners(sharpened(photograph(marked[0], 1), amount), MARKED)
     conforms.sampled(rms(found - marked[1]), below=0.06)
 

@@ -56,9 +56,8 @@ def test_shifts_are_uniform_over_a_pixel_and_independent(conforms):
     assert np.max(np.abs(shifts)) <= 0.5
     for column in shifts.T:
         counts = np.histogram(column, bins=10, range=(-0.5, 0.5))[0]
-        conforms.sampled(
-            np.sum((counts - 400) ** 2 / 400), below=33.7
-        )  # χ², 9 degrees of freedom, p = 1e-4
+        chi_squared = np.sum((counts - 400) ** 2 / 400)  # 9 degrees of freedom, p = 1e-4
+        conforms.sampled(chi_squared, below=33.7)
     correlation = np.corrcoef(shifts.T) - np.eye(4)
     conforms.sampled(np.max(np.abs(correlation)), below=0.07)
 

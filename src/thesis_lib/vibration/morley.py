@@ -20,11 +20,8 @@ from skfem.element import DiscreteField
 
 from thesis_lib.arrays import Array, IntArray
 
-SIDE_CORNERS = (
-    (0, 1),
-    (1, 2),
-    (2, 0),
-)  # corners of each, in scikit-fem's order, and as one walks around
+# Corners of each side, in scikit-fem's order, and as one walks around
+SIDE_CORNERS = ((0, 1), (1, 2), (2, 0))
 OPPOSITE_CORNERS = (2, 0, 1)
 
 

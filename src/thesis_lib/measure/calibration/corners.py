@@ -1,8 +1,7 @@
 """Corners of the board in an image, to a few thousandths of a pixel (Appendix D, step 3).
 
-OpenCV finds the grid (:func:`board_finders`); a least-squares fit of the
-grey levels finds each corner. Around a corner the blurred image of two crossing edges is, with c
-the corner and dᵢ the distances from the edges,
+OpenCV finds the grid; a least-squares fit of the grey levels finds each corner. Around a corner the
+blurred image of two crossing edges is, with c the corner and dᵢ the distances from the edges,
 
     I = a + b · erf(d₁/s) · erf(d₂/s),   dᵢ = nᵢ·(p − c) − κᵢ (tᵢ·(p − c))²/2,
 
@@ -18,8 +17,7 @@ the part of the residual that is not symmetric about it, so that part decides wh
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from itertools import product
 from typing import Any
 
 import cv2
@@ -35,45 +33,20 @@ _MIN_BORDER_PX = 4.0  # least distance of a corner from the image's border, px
 _MIN_MARKED_CORNERS = 12
 _DICTIONARY_SIZES = (50, 100, 250, 1000)  # of OpenCV's dictionaries: they begin with the same marks
 _REDUCED_PX = 640  # longer side of the smaller image in which large tiles are looked for
-_COMMON_DICTIONARIES = (
-    "4X4_250",
-    "5X5_250",
-    "6X6_250",
-    "7X7_250",
-    "ARUCO_ORIGINAL",
-    "APRILTAG_36H11",
-)
-
-
+_COMMON_DICTIONARIES = ("4X4_250", "5X5_250", "6X6_250", "7X7_250", "ARUCO_ORIGINAL",
+                        "APRILTAG_36H11")  # fmt: skip
 # Least contrast of tiles beyond the outermost ones, over theirs, by which a board goes on. Margins
 # and backgrounds have up to 0.2.
 _MIN_CONTINUED_SHARE = 0.5
-Finder = Callable[[Image, Board], tuple[Image, Array]]
 
 
 class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a board
     """An image in which no trustworthy board is seen; the message says why."""
 
 
-def board_finders(board: Board) -> tuple[Finder, ...]:
-    """Return the ways of finding a board, to be tried one after the other.
-
-    Each returns the image in which it saw the board, the given one or its negative, and the inner
-    corners, shape (2, rows − 1, columns − 1), px from the image's top-left corner, with x and y as
-    seen from the printed side; NaN where a corner of a board with marks is not seen. A checkerboard
-    is seen as a whole. It raises :class:`BoardNotFound` if the image shows no board, or too little
-    of it.
-    """
-    ways = (_find_marks,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
-    return tuple(partial(_find, way, negative) for negative in (False, True) for way in ways)
-
-
-def _find(
-    way: Callable[[Image, Board], Array], negative: bool, image: Image, board: Board
-) -> tuple[Image, Array]:
-    """Find the corners in an image or in its negative, as of a board printed white on black."""
-    shown = 255 - image if negative else image
-    return shown, way(shown, board)
+# Each way of finding a board returns the inner corners, shape (2, rows − 1, columns − 1), px from
+# the image's top-left corner, with x and y as seen from the printed side; NaN where a corner of a
+# board with marks is not seen. A checkerboard is seen as a whole.
 
 
 def _by_quads(image: Image, board: Board) -> Array:
@@ -159,9 +132,8 @@ def _find_marks(image: Image, board: Board) -> Array:
     """Return the visible corners between marks; the marks identify the corners."""
     count = board.columns * board.rows // 2
     bits = board.dictionary.rpartition("_")[0]
-    size = next(
-        size for size in _DICTIONARY_SIZES if size >= count
-    )  # of fewer marks more errors are mended
+    # Of fewer marks more errors are mended
+    size = next(size for size in _DICTIONARY_SIZES if size >= count)
     dictionary, marks, numbers = _read(image, f"{bits}_{size}")
     nx, ny = board.shape
     corners = np.full((nx * ny, 2), np.nan)
@@ -280,9 +252,11 @@ def find_corners(image: Image, board: Board) -> Array:
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
     unseen, refused = list[BoardNotFound](), list[BoardNotFound]()
-    for find in board_finders(board):
+    ways = (_find_marks,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
+    for negative, find in product((False, True), ways):  # as of a board printed white on black
+        shown = 255 - image if negative else image
         try:
-            shown, found = find(image, board)
+            found = find(shown, board)
         except BoardNotFound as error:
             unseen.append(error)
             continue

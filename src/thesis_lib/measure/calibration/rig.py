@@ -260,14 +260,13 @@ def adjust_cameras(
             tick()
 
     paths = [shot_paths(camera, folder) for camera in manifest.cameras]
-    found = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
-    shots, refused = list[list[Array | None]](), list[dict[str, str]]()
-    for row in paths:
-        seen_in = [(path, next(found)) for path in row]
-        shots.append([None if isinstance(uv, BoardNotFound) else uv for _, uv in seen_in])
-        refused.append(
-            {p.name: str(uv) for p, uv in seen_in if p and isinstance(uv, BoardNotFound)}
-        )
+    corners_in = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
+    found = [[(path, next(corners_in)) for path in row] for row in paths]
+    shots = [[None if isinstance(uv, BoardNotFound) else uv for _, uv in row] for row in found]
+    refused = [
+        {path.name: str(uv) for path, uv in row if path and isinstance(uv, BoardNotFound)}
+        for row in found
+    ]
     lost = [
         f"{camera.name}, {file}: {why}"
         for camera, reasons in zip(manifest.cameras, refused, strict=True)
