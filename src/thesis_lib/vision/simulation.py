@@ -85,30 +85,13 @@ def deflection_errors(
     seed: int = 0,
     rules: Sequence[str] = ESTIMATORS,
 ) -> Array:
-    """Return the rms errors of deflections rebuilt from whole pixels, by layout and estimator.
+    """Return the rms errors in m of deflections rebuilt from whole pixels, (layouts, estimators).
 
-    Parameters
-    ----------
-    distances : sequence of float
-        Distance of each camera from the origin in m.
-    layouts, markers : int
-        Number of random layouts, and of markers for each.
-    noise_px : float
-        Standard deviation of Gaussian noise added to every coordinate before it is rounded.
-    focal_px : float
-        Focal length in px.
-    size : tuple of int
-        Sensor width and height in px.
-    seed : int
-        Layout i is a function of the seed, i and the number of cameras alone, so that layouts at
-        other distances, or with other noise, have the same directions and markers.
-    rules : sequence of str
-        Estimators, of :data:`ESTIMATOR_RULES`.
-
-    Returns
-    -------
-    ndarray, shape (layouts, estimators)
-        Root mean square over the markers in m, estimators as in `rules`.
+    Over so many markers of each random layout of cameras at the given distances from the origin
+    in m. Gaussian noise of `noise_px` is added to every coordinate before it is rounded; `rules`
+    are estimators of :data:`ESTIMATOR_RULES`. Layout i is a function of the seed, i and the number
+    of cameras alone, so that layouts at other distances, or with other noise, have the same
+    directions and markers.
     """
     errors = np.empty((layouts, len(rules)))
     for layout in range(layouts):

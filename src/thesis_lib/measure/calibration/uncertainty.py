@@ -222,19 +222,12 @@ def jackknife_calibration(
 
     Parameters
     ----------
-    calibration : xarray.Dataset
-        What :func:`thesis_lib.measure.steps.calibrate_rig` returns.
-    board : Board
-        The board.
+    calibration, board
+        What :func:`thesis_lib.measure.steps.calibrate_rig` returns, and its board.
     steps : Path
-        Folder in which the result is kept, all of the calibration with it.
+        Folder in which the result, with :data:`VARIABLES` by :func:`jackknife_cameras`, is kept.
     held : ndarray, shape (8 n, 8 n), optional
         Covariance of lenses that the calibration held fixed; NaN where it is unknown.
-
-    Returns
-    -------
-    xarray.Dataset
-        With :data:`VARIABLES` by :func:`jackknife_cameras`.
     """
 
     def compute() -> xr.Dataset:

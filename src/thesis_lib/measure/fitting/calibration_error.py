@@ -37,16 +37,14 @@ def common_errors(
     exposures: Array,
     covariance: Array,
 ) -> ComplexArray:
-    """Return the calibration's errors of amplitudes, independent rows of one std each.
+    """Return the calibration's errors of amplitudes in m, independent rows of one std each.
 
     Parameters
     ----------
-    fits : sequence of Fitted
-        Of one vibration or several, by the cameras as calibrated.
+    fits, omegas
+        One vibration or several by the cameras as calibrated, and their angular frequencies, rad/s.
     markers : Markers
         What is on the structure.
-    omegas : sequence of float
-        Angular frequency of each in rad/s.
     exposures : ndarray
         Exposure times in s.
     covariance : ndarray, shape (14 n, 14 n)
@@ -55,8 +53,7 @@ def common_errors(
     Returns
     -------
     ndarray, shape (rows, fits, markers)
-        In m; as many rows as the covariance has directions that matter, at most
-        :data:`MAX_DIRECTIONS`.
+        As many rows as the covariance has directions that matter, at most :data:`MAX_DIRECTIONS`.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)

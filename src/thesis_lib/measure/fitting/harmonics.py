@@ -161,22 +161,9 @@ def harmonic_motion(
 ) -> ComplexArray:
     """Return complex amplitudes along the beam's axes at ω, time factor e^{+jωt}, (3, markers), m.
 
-    The harmonics of each camera, fitted at that camera's own times, are evaluated at common
-    instants of one period, triangulated there without any linearisation, and summed to the first
-    harmonic of the motion.
-
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    frame : Frame
-        The beam's frame.
-    omega : float
-        Angular frequency in rad/s.
-    cameras : list of Harmonics
-        Of the tracks (2, markers) of each camera.
-    instants : int
-        Instants of one period.
+    The harmonics of the tracks (2, markers) of each camera, fitted at that camera's own times, are
+    evaluated at common instants of one period, triangulated there by projections P (cameras, 3, 4)
+    without any linearisation, and summed to the first harmonic of the motion.
     """
     times = np.arange(instants) * 2 * np.pi / (omega * instants)
     uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
