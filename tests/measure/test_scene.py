@@ -50,12 +50,6 @@ def test_torsion_is_clamped_odd_across_and_one_at_the_tip_s_edge(conforms, mode)
     conforms.closed_form(abs(slope[0]), below=1e-2 * mode**2)
 
 
-def test_torsion_turns_every_cross_section_as_a_whole(conforms):
-    y = np.linspace(0, W, 7)
-    w = TORSION.shape(BEAM, [np.full(7, 0.4), y])
-    conforms.invariance(np.diff(w, 2), 0, atol=1e-15)
-
-
 # Markers.
 
 
@@ -203,10 +197,3 @@ def test_components_of_one_frequency_add_with_their_phases(conforms):
     w = steady_amplitudes(Motion(BEAM, parts), PLACES, 4.25)
     expected = 0.004 * BENDING.shape(BEAM, PLACES) - 0.002 * parts[1].shape(BEAM, PLACES)
     conforms.closed_form(np.abs(w), np.abs(expected), atol=1e-16)
-
-
-def test_the_reference_shape_is_the_deflection_s_largest(conforms):
-    motion = Motion(BEAM, (BENDING,))
-    t = np.linspace(motion.steady, motion.steady + 1, 20_001)
-    most = np.abs(motion.deflection(PLACES, t)).max(axis=0)
-    conforms.independent(np.abs(BENDING.amplitude * BENDING.shape(BEAM, PLACES)), most, rtol=1e-6)
