@@ -155,7 +155,7 @@ def test_fewer_rows_keep_what_sizes_and_phases_do_together():
     scale = np.outer(rng.standard_normal(12), shape)  # each turns nothing
     turn = 1e-3j * np.outer(rng.standard_normal(12), np.ones(20))
     rows = np.concatenate([scale, turn])
-    fewer = calibration_error._fewer(rows)
+    fewer = calibration_error._keep_largest(rows)
     assert len(fewer) <= calibration_error.MAX_DIRECTIONS
     drawn = [rng.standard_normal((200_000, len(each))) @ each for each in (rows, fewer)]
     parts = [np.concatenate([each.real, each.imag], axis=1) for each in drawn]

@@ -189,7 +189,7 @@ def test_a_motion_faster_than_the_frames_is_followed_from_rest(rest):
     row = np.array([0.0, 1.0])[:, None] / np.tan(np.radians(22))
     for k in range(30):
         place = beam.grid + row * size * np.cos(2.6 * k) * 0.97**k
-        found = beam._assigned(place[:, ::-1])
+        found = beam._assign_matches(place[:, ::-1])
         np.testing.assert_array_equal(found, place)
         beam.before, beam.moved = beam.moved, found - beam.grid
 

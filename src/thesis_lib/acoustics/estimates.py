@@ -89,12 +89,12 @@ def estimate_quadratic_form(form: ArrayLike, of: Amplitudes) -> Estimate:
     A = np.kron(np.eye(2), np.asarray(form, float))
     AS, x = A @ of.covariance, of.stacked
     value = float(x @ A @ x - np.trace(AS))
-    return Estimate(np.array(value), np.sqrt(_variance(A, of)))
+    return Estimate(np.array(value), np.sqrt(_form_variance(A, of)))
 
 
 def estimate_squares(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Estimate each form |rₖ·w|² of real or complex rows (k, n), without the power of errors."""
-    at, S = _products(rows, of)
+    at, S = _row_products(rows, of)
     value = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     own = np.sum(S * S.swapaxes(1, 2), axis=(1, 2))
     variance = 4 * np.einsum("ak,kab,bk->k", at, S, at) - 2 * own
@@ -116,7 +116,7 @@ def estimate_ratio(above: ArrayLike, below: ArrayLike, of: Amplitudes) -> Estima
     a, b = (float(estimate_quadratic_form(form, of).value) for form in (above, below))
     value = a / b
     D = A - value * B  # the quotient errs as this form does over b
-    return Estimate(np.array(value), np.sqrt(_variance(D, of)) / abs(b))
+    return Estimate(np.array(value), np.sqrt(_form_variance(D, of)) / abs(b))
 
 
 def widen_error(of: Estimate, relative: float) -> Estimate:
@@ -126,21 +126,21 @@ def widen_error(of: Estimate, relative: float) -> Estimate:
 
 def estimate_magnitude(rows: ArrayLike, of: Amplitudes) -> Estimate:
     """Return |rₖ·w| without what errors add to its square; 0 where that is all."""
-    at, S = _products(rows, of)
+    at, S = _row_products(rows, of)
     square = np.sum(at**2, axis=0) - np.trace(S, axis1=1, axis2=2)
     along = at / np.maximum(np.hypot(*at), np.finfo(float).tiny)
     variance = np.einsum("ak,kab,bk->k", along, S, along)
     return Estimate(np.sqrt(np.maximum(square, 0)), np.sqrt(np.maximum(variance, 0)))
 
 
-def _products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
+def _row_products(rows: ArrayLike, of: Amplitudes) -> tuple[Array, Array]:
     """Return the real and imaginary parts of rₖ·w, (2, k), and their covariances, (k, 2, 2)."""
     parts = np.stack(np.split(stack_matrix(rows), 2))  # (2, k, 2n)
     spread = (parts.reshape(-1, parts.shape[2]) @ of.covariance).reshape(parts.shape)
     return parts @ of.stacked, np.einsum("akn,bkn->kab", spread, parts, optimize=True)
 
 
-def _variance(A: Array, of: Amplitudes) -> Array:
+def _form_variance(A: Array, of: Amplitudes) -> Array:
     """Estimate a form's variance, at least what errors alone have."""
     AS, x = A @ of.covariance, of.stacked
     own = float(np.sum(AS * AS.T))

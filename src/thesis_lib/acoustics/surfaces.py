@@ -80,7 +80,7 @@ class Surface:
         whole = centres[:, ~near & polygon_contains(corners, centres)].T
         square = size[:, None] / np.sqrt(12) * UNIT_SQUARE
         parts = [(1.0, middle[:, None] + square) for middle in whole]
-        parts += [_part(corners, middle, size) for middle in centres[:, near].T]
+        parts += [_cut_cell(corners, middle, size) for middle in centres[:, near].T]
         parts = [one for one in parts if one[0] > MIN_AREA_RATIO]
         at = np.concatenate([nodes for _, nodes in parts], axis=1)
         pistons = Pistons(at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2)))
@@ -139,7 +139,7 @@ class Surface:
         return np.asarray(transfer_pressure(self.pistons, points, omega, medium) @ B)
 
 
-def _part(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
+def _cut_cell(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
     """Return the share of a cell's area inside an outline, and its nodes (2, 4)."""
     area, centre, variances = polygon_moments(clip_polygon(corners - middle, -size / 2, size / 2))
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]

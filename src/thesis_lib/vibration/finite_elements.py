@@ -148,17 +148,17 @@ def plate_modes(
     M = inertia.assemble(basis)
     Mc = condense(M, I=inner, expand=False)
     start = np.ones(len(inner))  # the same every time, for the same result
-    compliance = _compliance(_strains(basis, poisson)[:, inner])
+    compliance = _compliance_operator(_strain_matrix(basis, poisson)[:, inner])
     values, vectors = eigsh(Mc, n_modes, Mc, sigma=0, OPinv=compliance, v0=start)
     order = np.argsort(values)
     shapes = np.zeros((basis.N, n_modes))
     shapes[inner] = vectors[:, order]  # ∫ φ² dA = 1
-    area = float(np.sum(M @ _one(basis) * _one(basis)))
+    area = float(np.sum(M @ _constant_function(basis) * _constant_function(basis)))
     sign = np.where(upward.assemble(basis) @ shapes < 0, -1, 1)
     return PlateModes(basis, values[order], shapes * sign * np.sqrt(area))
 
 
-def _strains(basis: Any, poisson: float) -> csc_array:
+def _strain_matrix(basis: Any, poisson: float) -> csc_array:
     """Return the matrix B of the bending energy wᵀBᵀBw of coefficients w.
 
     With the curvatures a, b, c = w_xx, w_yy, w_xy, which are constant on a triangle of area A,
@@ -177,7 +177,7 @@ def _strains(basis: Any, poisson: float) -> csc_array:
     return coo_array((values.ravel(), at), shape).tocsc()
 
 
-def _compliance(B: csc_array) -> LinearOperator:
+def _compliance_operator(B: csc_array) -> LinearOperator:
     """Return the inverse of the stiffness BᵀB, as exact as B.
 
     The square of B has a condition number that is squared, too: where elements are small beside the
@@ -198,7 +198,7 @@ def _compliance(B: csc_array) -> LinearOperator:
     return LinearOperator((n, n), solve, dtype=float)
 
 
-def _one(basis: Any) -> Array:
+def _constant_function(basis: Any) -> Array:
     """Return the coefficients of the function 1: values at corners 1, slopes 0."""
     one = np.zeros(basis.N)
     one[basis.nodal_dofs[0]] = 1

@@ -178,7 +178,7 @@ class Panel(Sheet):
 
 
 @lru_cache(maxsize=8)
-def _batch(panel: Panel, batches: int) -> PlateModes:
+def _compute_batch(panel: Panel, batches: int) -> PlateModes:
     mesh = mesh_outline(panel.outline, panel.holes, panel.element_size)
     sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
     for edge, support in zip(polygon_edges(panel.outline), panel.supports, strict=True):
@@ -191,7 +191,7 @@ def _find_modes(panel: Panel, n_modes: int) -> PlateModes:
     """Compute at least so many modes, once."""
     if n_modes < 1:
         raise ShapeError("n_modes", n_modes, "1 or more")
-    return _batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
+    return _compute_batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
 
 
 # What makes a panel.

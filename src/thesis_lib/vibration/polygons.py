@@ -175,7 +175,7 @@ def is_within(hole: Hole, outline: Sequence[Point]) -> bool:
             polygon_contains(outline, centre)[0]
             and np.all(edge_distances(outline, centre) > hole.radius)
         )
-    return bool(np.all(polygon_contains(outline, np.array(hole).T))) and not _meet_anywhere(
+    return bool(np.all(polygon_contains(outline, np.array(hole).T))) and not _edges_meet(
         hole, outline
     )
 
@@ -195,10 +195,10 @@ def are_apart(one: Hole, other: Hole) -> bool:
         polygon_contains(one, np.array(other[:1]).T)[0]
         or polygon_contains(other, np.array(one[:1]).T)[0]
     )
-    return not nested and not _meet_anywhere(one, other)
+    return not nested and not _edges_meet(one, other)
 
 
-def _meet_anywhere(one: Sequence[Point], other: Sequence[Point]) -> bool:
+def _edges_meet(one: Sequence[Point], other: Sequence[Point]) -> bool:
     """Test whether two polygons' edges meet anywhere."""
     return any(
         segments_meet(*map(np.array, edge), *map(np.array, edge_))
@@ -214,13 +214,13 @@ MIN_TRIANGLES, MAX_TRIANGLES = 200, 60_000  # triangles
 def divide_hole(hole: Hole, size: float) -> Array:
     """Divide a hole's boundary into pieces about `size` long; their corners, (pieces, 2)."""
     if not isinstance(hole, Circle):
-        return _cut(hole, size)
+        return _cut_polygon(hole, size)
     count = max(MIN_CIRCLE_PIECES, int(np.ceil(2 * np.pi * hole.radius / size)))
     turn = 2 * np.pi * np.arange(count) / count
     return np.stack([hole.x + hole.radius * np.cos(turn), hole.y + hole.radius * np.sin(turn)], 1)
 
 
-def _cut(polygon: Sequence[Point], size: float) -> Array:
+def _cut_polygon(polygon: Sequence[Point], size: float) -> Array:
     """Cut a polygon into pieces no longer than `size`; return first corners (pieces, 2)."""
     parts = []
     corners = np.array(polygon, float)
@@ -230,7 +230,7 @@ def _cut(polygon: Sequence[Point], size: float) -> Array:
     return np.concatenate(parts)
 
 
-def _rings(circle: Circle, count: int, size: float) -> list[Array]:
+def _ring_points(circle: Circle, count: int, size: float) -> list[Array]:
     """Return rings of points around a small hole, as far apart as points, up to `size`."""
     rings, radius, turned = [], circle.radius, 0.0
     while (step := 2 * np.pi * radius / count * np.sqrt(3) / 2) < 0.75 * size:
@@ -275,14 +275,14 @@ def triangulate_polygon(
         made = f"this one makes {count:.0f}"
         allowed = f"sizes that make {MIN_TRIANGLES} to {MAX_TRIANGLES} triangles ({made})"
         raise ShapeError("element_size", f"{size:g} m", allowed)
-    loops = [_cut(outline, size), *(divide_hole(hole, size) for hole in holes)]
-    points = _points(outline, holes, size, loops)
+    loops = [_cut_polygon(outline, size), *(divide_hole(hole, size) for hole in holes)]
+    points = _place_points(outline, holes, size, loops)
     corners = Delaunay(points.T).simplices
     middle = points[:, corners].mean(axis=2)
     kept = polygon_contains(loops[0], middle)
     for loop in loops[1:]:
         kept &= ~polygon_contains(loop, middle)
-    corners = _anticlockwise(points, corners[kept])
+    corners = _turn_anticlockwise(points, corners[kept])
     used, corners = np.unique(corners, return_inverse=True)
     points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
     sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
@@ -302,9 +302,9 @@ def mesh_outline(
     from skfem import MeshTri  # not needed to check a request
 
     mesh = MeshTri(*triangulate_polygon(outline, holes, size))
-    corners = _reentrant(outline, True)
+    corners = _find_reentrant(outline, True)
     for hole in holes:
-        corners += [] if isinstance(hole, Circle) else _reentrant(hole, False)
+        corners += [] if isinstance(hole, Circle) else _find_reentrant(hole, False)
     for level in range(halvings if corners else 0):
         reach = 1.5 * size / 2**level
         middle = mesh.p[:, mesh.t].mean(axis=1)
@@ -313,7 +313,7 @@ def mesh_outline(
     return mesh
 
 
-def _points(
+def _place_points(
     outline: Sequence[Point], holes: Sequence[Hole], size: float, loops: Sequence[Array]
 ) -> Array:
     """Return all triangles' corners (2, n): boundaries, rings around holes, hexagonal grid."""
@@ -325,11 +325,11 @@ def _points(
     inside = np.stack([x.ravel(), y.ravel()])
     taken = [loop.T for loop in loops]
     for hole, loop in zip(holes, loops[1:], strict=True):
-        rings = _rings(hole, len(loop), size) if isinstance(hole, Circle) else []
+        rings = _ring_points(hole, len(loop), size) if isinstance(hole, Circle) else []
         for ring in rings:
             gap = np.hypot(*(ring[:, 0] - ring[:, 1]))
             others = (other for other in holes if other is not hole)
-            taken.append(_free(ring, outline, others, MIN_BOUNDARY_RATIO * gap))
+            taken.append(_keep_free(ring, outline, others, MIN_BOUNDARY_RATIO * gap))
         if rings and isinstance(hole, Circle):
             reach = np.hypot(*(rings[-1][:, 0] - [hole.x, hole.y])) + MIN_BOUNDARY_RATIO * size
             away = np.hypot(inside[0] - hole.x, inside[1] - hole.y) > reach
@@ -337,11 +337,11 @@ def _points(
             for other in range(len(loops), len(taken) - len(rings)):  # rings of other holes
                 far = np.hypot(taken[other][0] - hole.x, taken[other][1] - hole.y) > reach
                 taken[other] = taken[other][:, far]
-    taken.append(_free(inside, outline, holes, MIN_BOUNDARY_RATIO * size))
+    taken.append(_keep_free(inside, outline, holes, MIN_BOUNDARY_RATIO * size))
     return np.concatenate(taken, axis=1)
 
 
-def _free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
+def _keep_free(points: Array, outline: Sequence[Point], holes: Iterable[Hole], gap: float) -> Array:
     """Return those of points (2, n) in the region that are at least `gap` from its boundaries."""
     kept = polygon_contains(outline, points) & np.all(edge_distances(outline, points) > gap, axis=0)
     for hole in holes:
@@ -361,14 +361,14 @@ def _twice_areas(points: Array, corners: IntArray) -> Array:
     return twice
 
 
-def _anticlockwise(points: Array, corners: IntArray) -> IntArray:
+def _turn_anticlockwise(points: Array, corners: IntArray) -> IntArray:
     """Return triangles (n, 3) in one sense, without those of no area."""
     twice = _twice_areas(points, corners)
     real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
     return np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]
 
 
-def _reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
+def _find_reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:
     """Return the corners of a boundary at which the region has an angle above 180°."""
     corners = np.array(polygon, float)
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners

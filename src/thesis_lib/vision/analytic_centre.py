@@ -177,7 +177,7 @@ class _Slabs:
         edges = np.stack([uv - self.half_width, uv + self.half_width])
         s = self.slacks(edges, x.reshape(3, -1))
         widened = np.maximum(_MARGIN_RATIO * np.abs(s[0] + s[1]) - s, 0)
-        tau = 1.0 - _all(widened == 0, frames)
+        tau = 1.0 - _all_slacks(widened == 0, frames)
         for number in range(_MAX_STEPS):
             if not len(active):
                 return
@@ -198,7 +198,9 @@ class _Slabs:
             x += length * step
             tau *= 1 - length
             done = inside & (decrement < _MAX_CENTRED_DECREMENT)
-            done &= _all(wanted > 0, frames)  # slacks of an empty polytope can drown in rounding
+            done &= _all_slacks(
+                wanted > 0, frames
+            )  # slacks of an empty polytope can drown in rounding
             last = number == _MAX_STEPS - 1
             if last or np.count_nonzero(done) > _MIN_FINISHED_SHARE * len(done):
                 points[:, :, active[done]] = x[:, :, done]
@@ -208,7 +210,7 @@ class _Slabs:
                 edges, widened = (a.compress(every, axis=3) for a in (edges, widened))
 
 
-def _all(holds: Mask, frames: int) -> Mask:
+def _all_slacks(holds: Mask, frames: int) -> Mask:
     """Reduce conditions on slacks (2, 2, cameras, frames × m) to all of a marker's, (m,)."""
     each = np.all(holds, axis=(0, 1, 2))
     return np.asarray(np.all(each.reshape(frames, -1), axis=0), bool)

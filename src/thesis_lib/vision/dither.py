@@ -38,7 +38,7 @@ def mean_variance(amplitude_px: ArrayLike = 0.0, shake_px: ArrayLike = 0.0) -> A
     Σ_k J₀(2πka)² exp(−4π²k²s²) / (2π²k²): 1/12 where nothing moves. Its root falls as 1/√a, and
     with shake soon as exp(−2π²s²) / (√2 π).
     """
-    return _sum(lambda k, a: j0(2 * np.pi * k * a) ** 2 / 2, amplitude_px, shake_px)
+    return _sum_harmonics(lambda k, a: j0(2 * np.pi * k * a) ** 2 / 2, amplitude_px, shake_px)
 
 
 def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Array:
@@ -47,7 +47,7 @@ def amplitude_variance(amplitude_px: ArrayLike, shake_px: ArrayLike = 0.0) -> Ar
     The fit leaves J₁ where the mean leaves J₀: Σ_k 2 J₁(2πka)² exp(−4π²k²s²) / (π²k²) px². Below
     half a pixel most grids show no motion at all, and the others too much.
     """
-    return _sum(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
+    return _sum_harmonics(lambda k, a: 2 * j1(2 * np.pi * k * a) ** 2, amplitude_px, shake_px)
 
 
 def shaken_variance(frames: int, shake_px: ArrayLike) -> Array:
@@ -100,12 +100,12 @@ def disc_variance(diameter_px: float) -> float:
     return float(near + far)
 
 
-def _sum(
+def _sum_harmonics(
     square: Callable[[Array, Array], Array], amplitude_px: ArrayLike, shake_px: ArrayLike
 ) -> Array:
     """Return Σ_k square(k, a) exp(−4π²k²s²) / (π²k²)."""
     a, s = np.broadcast_arrays(
-        _check_counts("amplitude_px", amplitude_px), _check_counts("shake_px", shake_px)
+        _check_lengths("amplitude_px", amplitude_px), _check_lengths("shake_px", shake_px)
     )
     total = np.zeros(a.shape)
     for first in range(1, _HARMONIC_COUNT + 1, _HARMONICS_PER_PASS):
@@ -116,7 +116,7 @@ def _sum(
     return total
 
 
-def _check_counts(name: str, lengths: ArrayLike) -> Array:
+def _check_lengths(name: str, lengths: ArrayLike) -> Array:
     values = np.asarray(lengths, float)
     wrong = values[~(np.isfinite(values) & (values >= 0))]
     if wrong.size:

@@ -123,8 +123,8 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
         for first in range(0, len(feasible), block):
             part = slice(first, first + block)
-            points[..., part], covariance[..., part], evidence[part], feasible[part] = _posterior(
-                P, pixels[..., part], points[..., part], float(sigma_px)
+            points[..., part], covariance[..., part], evidence[part], feasible[part] = (
+                _block_posterior(P, pixels[..., part], points[..., part], float(sigma_px))
             )
     points[:, :, np.isnan(points).any(axis=(0, 1))] = np.nan
     shape = uv.shape[2:]
@@ -136,7 +136,7 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     )
 
 
-def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Array, ...]:
+def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Array, ...]:
     """Return a block's points, covariances, evidence and feasibility."""
     frames, m = start.shape[1:]
     about = start.copy()
@@ -150,7 +150,7 @@ def _posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Arr
     x, C, plain = start, start, start
     for sweep in range(_MAX_SWEEPS + 1):
         right = np.einsum("ikm,km->im", J, nu)
-        x, C, volume = _solve(np.einsum("akm,km->am", squares, tau), right, frames)
+        x, C, volume = _solve_sites(np.einsum("akm,km->am", squares, tau), right, frames)
         u = np.einsum("ikm,im->km", J, x)
         if sweep == 0:
             plain = C
@@ -185,19 +185,19 @@ def pixel_mass(distance: Array, variance: ArrayLike) -> tuple[Array, Array, Arra
     off = np.abs(distance) * scale
     alpha, beta = np.maximum(off - scale / 2, -_MAX_SIGMAS), off + scale / 2
     ratio = np.exp((alpha - beta) * (alpha + beta) / 2)  # φ(β) / φ(α)
-    near = _tail(np.abs(alpha))
+    near = _mills_ratio(np.abs(alpha))
     inside = np.minimum(alpha, 0)
     near = np.where(alpha < 0, _ROOT_TWO_PI * np.exp(inside * inside / 2) - near, near)
-    mass = near - ratio * _tail(beta)
+    mass = near - ratio * _mills_ratio(beta)
     pull = (1 - ratio) / mass
     H = pull * pull - (alpha - beta * ratio) / mass
     log_mass = np.log(mass / _ROOT_TWO_PI) - alpha * alpha / 2
     return log_mass, np.copysign(pull * scale, distance), H * scale * scale
 
 
-def _tail(x: Array) -> Array:
+def _mills_ratio(x: Array) -> Array:
     """Return Mills' ratio (1 − Φ(x)) / φ(x), x ≥ 0, to 1e-14, four times as fast as SciPy."""
-    first, *others = _tail_coefficients()
+    first, *others = _mills_coefficients()
     t = 1 - 2 * _KNEE_SIGMAS / (x + _KNEE_SIGMAS)
     total = np.full_like(t, first)
     for coefficient in others:
@@ -208,7 +208,7 @@ def _tail(x: Array) -> Array:
 
 
 @cache
-def _tail_coefficients() -> list[float]:
+def _mills_coefficients() -> list[float]:
     """Return coefficients of (1 + x) times Mills' ratio in powers of t, x = knee (1 + t) / (1 − t).
 
     It is ∫ exp(−x s − s²/2) ds from 0, here over (1 + x) s up to 40.
@@ -222,7 +222,7 @@ def _tail_coefficients() -> list[float]:
     return chebyshev.cheb2poly(chebyshev.chebfit(t, scaled, 20))[::-1].tolist()
 
 
-def _solve(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
+def _solve_sites(precision: Array, right: Array, frames: int) -> tuple[Array, Array, Array]:
     """Return means (3, frames × m), covariances (6, frames × m), log volumes (m,).
 
     The matrix is an arrow: eliminating z of every frame leaves a 2×2 system for x and y, which all

@@ -239,12 +239,12 @@ def demosaic_image(mosaic: ArrayLike, pattern: str = "RGGB") -> Array:
         kernel = _GREEN_WEIGHTS if colour == 1 else _RED_OR_BLUE
         mask = masks[..., colour].astype(float)
         with np.errstate(invalid="ignore"):  # an image of one row lacks a colour: NaN
-            mean = _filter(raw * mask, kernel) / _filter(mask, kernel)
+            mean = _correlate(raw * mask, kernel) / _correlate(mask, kernel)
         result[..., colour] = np.where(masks[..., colour], raw, mean)
     return result
 
 
-def _filter(values: Array, kernel: Array) -> Array:
+def _correlate(values: Array, kernel: Array) -> Array:
     """Return the correlation with a 3×3 kernel; zeros beyond the border."""
     rows, columns = values.shape
     padded = np.pad(values, 1)

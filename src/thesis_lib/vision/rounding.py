@@ -41,11 +41,11 @@ def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array
     ndarray, shape (trials + 1 - first, n_cameras, 2)
         Shifts in px, uniform in ±½; trial 0 is the nominal run and has none.
     """
-    return _grid_shifts(seed, trials, n_cameras, first).copy()
+    return _cached_shifts(seed, trials, n_cameras, first).copy()
 
 
 @lru_cache(maxsize=32)
-def _grid_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
+def _cached_shifts(seed: int, trials: int, n_cameras: int, first: int) -> Array:
     """Cache the shifts, which settings with as many cameras share."""
     shifts = np.zeros((trials + 1 - first, n_cameras, 2))
     for trial in range(max(first, 1), trials + 1):
@@ -145,17 +145,17 @@ def deflection_variance(
     ndarray, shape (...)
         Variance in m².
     """
-    g_d = _along(triangulation_gain(P, deflected), normals)
+    g_d = _project_gains(triangulation_gain(P, deflected), normals)
     if rest_is_known:
         squares = np.sum(g_d**2, axis=(0, 1))
         return np.asarray(squares / 12 + noise_px**2 * squares)
-    g_r = _along(triangulation_gain(P, rest), normals)
+    g_r = _project_gains(triangulation_gain(P, rest), normals)
     f = noisy_difference_variance(project(P, deflected) - project(P, rest), noise_px)
     rounded = np.sum((g_d - g_r) ** 2 / 12 + g_d * g_r * f, axis=(0, 1))
     return np.asarray(rounded + noise_px**2 * np.sum(g_d**2 + g_r**2, axis=(0, 1)))
 
 
-def _along(gains: Array, normals: ArrayLike | None) -> Array:
+def _project_gains(gains: Array, normals: ArrayLike | None) -> Array:
     """Project points' gains (3, cameras, 2, ...) on Z or on normals."""
     if normals is None:
         return np.asarray(gains[2])

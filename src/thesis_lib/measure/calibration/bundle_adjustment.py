@@ -158,9 +158,9 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
     )
     J = np.concatenate(
         [
-            _cross(np.stack([x, y, z])[:, None], in_xyz),
+            _cross_product(np.stack([x, y, z])[:, None], in_xyz),
             -in_world,
-            _cross(on_board[:, None], in_world),
+            _cross_product(on_board[:, None], in_world),
             in_world,
             [[distorted[0], zero], [zero, distorted[1]], [one, zero], [zero, one]],
             np.einsum("ij,kj...->ki...", scale, lens),
@@ -169,7 +169,7 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
     return to_pixels(camera.K, distorted), J
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     """Return the product a × b: the derivative in a rotation of a if b is the one in a."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -342,11 +342,11 @@ def adjust_bundle(
     poses = POSE_UNKNOWNS * (len(cameras) + len(network.rotations))
     lenses = [intrinsics] * 4 + [distortion] * 4
     free = np.array([True] * poses + lenses * len(cameras))
-    network, iterations = _minimise(observations, points, network, free, steps)
+    network, iterations = _minimise_cost(observations, points, network, free, steps)
     R, t = network.rotations[0], network.translations[0]
     network = transform_network(network, R.T, -R.T @ t)
     normal, _, residuals = normal_equations(observations, points, network)
-    inverse, least = _inverse(normal, network, free)
+    inverse, least = _invert_normal(normal, network, free)
     if least < _MIN_EIGENVALUE:
         raise CalibrationError("adjustment: the board images do not determine all unknowns")
     squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
@@ -367,7 +367,7 @@ def adjust_bundle(
     )
 
 
-def _minimise(
+def _minimise_cost(
     observations: Array, points: Array, network: Network, free: Mask, steps: int
 ) -> tuple[Network, int]:
     """Minimise by Levenberg–Marquardt; return the network and the number of steps."""
@@ -375,7 +375,7 @@ def _minimise(
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
     for step in range(1, steps + 1):
-        inverse, _ = _inverse(normal, network, free, damping)
+        inverse, _ = _invert_normal(normal, network, free, damping)
         change = inverse @ right
         hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
         if hoped <= 1e-12 * cost or hoped < 1e-18:
@@ -391,7 +391,7 @@ def _minimise(
     raise CalibrationError(f"adjustment: not converged after {steps} steps")
 
 
-def _inverse(
+def _invert_normal(
     normal: Array, network: Network, free: Mask, damping: float = 0.0
 ) -> tuple[Array, float]:
     """Invert the normal equations without the gauge; return their least eigenvalue, too.
@@ -425,7 +425,7 @@ def fit_alignment(cameras: Sequence[Camera], truth: Sequence[Camera]) -> tuple[A
     A, B = (np.array([c.centre for c in group]) for group in (cameras, truth))
     a, b = A.mean(axis=0), B.mean(axis=0)
     axes = sum(q.R_camera_world.T @ p.R_camera_world for p, q in zip(cameras, truth, strict=True))
-    U, _, Vt = np.linalg.svd((B - b).T @ (A - a) + _lever(truth) ** 2 / 2 * axes)
+    U, _, Vt = np.linalg.svd((B - b).T @ (A - a) + _lever_length(truth) ** 2 / 2 * axes)
     rotation = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     return rotation, b - rotation @ a
 
@@ -480,7 +480,9 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
     n = len(adjustment.cameras)
     weight = np.zeros(len(adjustment.covariance))
     if shot is None:
-        weight[: n * POSE_UNKNOWNS] = np.tile([*[_lever(adjustment.cameras) ** 2] * 3, 1, 1, 1], n)
+        weight[: n * POSE_UNKNOWNS] = np.tile(
+            [*[_lever_length(adjustment.cameras) ** 2] * 3, 1, 1, 1], n
+        )
     else:
         weight[(n + shot) * POSE_UNKNOWNS :][:POSE_UNKNOWNS] = 1
     G = gauge_directions(adjustment)
@@ -490,7 +492,7 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
     return both[:, 1], both[:, 0]
 
 
-def _lever(cameras: Sequence[Camera]) -> float:
+def _lever_length(cameras: Sequence[Camera]) -> float:
     """Return the length that weighs angles against distances: rms of centres about the mean, m."""
     centres = np.array([camera.centre for camera in cameras])
     spread = float(np.sqrt(np.mean(np.sum((centres - centres.mean(axis=0)) ** 2, axis=1))))

@@ -49,13 +49,13 @@ class BoardNotFound(ValueError):  # noqa: N818 - no mistake, an image without a 
 # board with marks is not seen. A checkerboard is seen as a whole.
 
 
-def _by_quads(image: Image, board: Board) -> Array:
+def _find_by_quads(image: Image, board: Board) -> Array:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     # No fast check: it gives up on most views that are steep or have a narrow margin.
     return _order_corners(*cv2.findChessboardCorners(image, board.shape, flags=flags), image, board)
 
 
-def _by_reduced_quads(image: Image, board: Board) -> Array:
+def _find_by_reduced_quads(image: Image, board: Board) -> Array:
     """Find large tiles, whose edges the finder loses in noise and texture, on a smaller image."""
     height, width = image.shape
     factor = max(image.shape) / _REDUCED_PX
@@ -64,10 +64,10 @@ def _by_reduced_quads(image: Image, board: Board) -> Array:
     size = round(width / factor), round(height / factor)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     scale = np.array([width / size[0], height / size[1]])
-    return scale[:, None, None] * _by_quads(small, board)
+    return scale[:, None, None] * _find_by_quads(small, board)
 
 
-def _by_sectors(image: Image, board: Board) -> Array:
+def _find_by_sectors(image: Image, board: Board) -> Array:
     """Find corners by OpenCV's other finder, which is sure of large tiles but not of small ones."""
     return _order_corners(*cv2.findChessboardCornersSB(image, board.shape), image, board)
 
@@ -78,21 +78,21 @@ def _order_corners(found: bool, raw: Any, image: Image, board: Board) -> Array:
         raise BoardNotFound("no checkerboard seen")
     nx, ny = board.shape
     corners = np.asarray(raw, float).reshape(ny, nx, 2).transpose(2, 0, 1) + HALF_PIXEL
-    nearest = float(_to_border(corners, image).min())
+    nearest = float(_border_distances(corners, image).min())
     if nearest < _MIN_BORDER_PX:
         raise BoardNotFound(
             f"a corner is {nearest:.1f} px from the border, needs {_MIN_BORDER_PX:.0f}"
         )
     (xu, xv), (yu, yv) = (np.gradient(corners, axis=axis).mean((1, 2)) for axis in (2, 1))
     corners = corners if xu * yv - xv * yu < 0 else corners[:, ::-1]
-    if _continues(image, corners):
+    if _tiles_continue(image, corners):
         raise BoardNotFound(
             f"the tiles go on beyond a board of {nx + 1} × {ny + 1}: are there more than that?"
         )
     return corners
 
 
-def _continues(image: Image, corners: Array) -> bool:
+def _tiles_continue(image: Image, corners: Array) -> bool:
     """Return whether tiles alternate beyond those about corners (2, ny, nx), on any side."""
     _, ny, nx = corners.shape
     y, x = np.mgrid[:ny, :nx].astype(float)
@@ -108,14 +108,14 @@ def _continues(image: Image, corners: Array) -> bool:
             rows = []
             for off in (last, beyond):
                 places = np.stack([along, np.full_like(along, off)])
-                grey = _grey(image, H, places[::-1] if across else places)
+                grey = _sample_grey(image, H, places[::-1] if across else places)
                 rows.append(float(parity @ grey))
             if -rows[1] * np.sign(rows[0]) > _MIN_CONTINUED_SHARE * abs(rows[0]):
                 return True
     return False
 
 
-def _grey(image: Image, H: Array, places: Array) -> Array:
+def _sample_grey(image: Image, H: Array, places: Array) -> Array:
     """Average grey levels about places (2, n) of a plane; NaN where any is outside the image."""
     spread = 0.2 * np.array([[-1, 1, -1, 1, 0], [-1, -1, 1, 1, 0]])  # of a tile, about its middle
     points = (places[:, :, None] + spread[:, None]).reshape(2, -1)
@@ -134,7 +134,7 @@ def _find_marks(image: Image, board: Board) -> Array:
     bits = board.dictionary.rpartition("_")[0]
     # Of fewer marks more errors are mended
     size = next(size for size in _DICTIONARY_SIZES if size >= count)
-    dictionary, marks, numbers = _read(image, f"{bits}_{size}")
+    dictionary, marks, numbers = _read_marks(image, f"{bits}_{size}")
     nx, ny = board.shape
     corners = np.full((nx * ny, 2), np.nan)
     # Before OpenCV 4.6 a board began with a light tile. Its check refuses some steep views, too.
@@ -149,11 +149,13 @@ def _find_marks(image: Image, board: Board) -> Array:
             corners[np.ravel(which)] = np.reshape(places, (-1, 2)) + HALF_PIXEL
             break
     corners = corners.reshape(ny, nx, 2).transpose(2, 0, 1)[:, ::-1]  # OpenCV's rows run down
-    corners[:, _to_border(corners, image) < _MIN_BORDER_PX] = np.nan
-    corners[:, _off_plane(corners, board)] = np.nan
+    corners[:, _border_distances(corners, image) < _MIN_BORDER_PX] = np.nan
+    corners[:, _find_off_plane(corners, board)] = np.nan
     seen, least = int(np.isfinite(corners[0]).sum()), min(_MIN_MARKED_CORNERS, nx * ny // 2)
     if seen < least:
-        others = _others(image, f"{bits}_{size}", count) if 2 * len(marks) < count else ""
+        others = (
+            _describe_other_marks(image, f"{bits}_{size}", count) if 2 * len(marks) < count else ""
+        )
         raise BoardNotFound(
             f"{len(marks)} marks of {board.dictionary} seen{others}; {seen} corners between them "
             f"as on a board of {nx + 1} × {ny + 1} tiles, needs {least}"
@@ -161,7 +163,7 @@ def _find_marks(image: Image, board: Board) -> Array:
     return corners
 
 
-def _off_plane(corners: Array, board: Board) -> Mask:
+def _find_off_plane(corners: Array, board: Board) -> Mask:
     """Return which corners (2, ny, nx) are off the plane of most corners; all, if most are."""
     off = np.isfinite(corners[0])
     if np.count_nonzero(off) > 4:
@@ -172,7 +174,7 @@ def _off_plane(corners: Array, board: Board) -> Mask:
     return off
 
 
-def _read(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
+def _read_marks(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
     """Return a dictionary, the corners of its visible marks, and their numbers."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     parameters = cv2.aruco.DetectorParameters()
@@ -181,18 +183,18 @@ def _read(image: Image, name: str) -> tuple[cv2.aruco.Dictionary, Any, Any]:
     return dictionary, marks, numbers
 
 
-def _others(image: Image, name: str, count: int) -> str:
+def _describe_other_marks(image: Image, name: str, count: int) -> str:
     """Say which marks are seen instead on a board that has so many; fewer may be by chance."""
-    mirrored = len(_read(np.ascontiguousarray(image[:, ::-1]), name)[1])
+    mirrored = len(_read_marks(np.ascontiguousarray(image[:, ::-1]), name)[1])
     if 2 * mirrored >= count:
         return f", but {mirrored} mirrored: it is seen from the back, or the camera mirrors"
     for other in _COMMON_DICTIONARIES:
-        if 2 * (seen := len(_read(image, f"DICT_{other}")[1])) >= count:
+        if 2 * (seen := len(_read_marks(image, f"DICT_{other}")[1])) >= count:
             return f", but {seen} of DICT_{other}"
     return ""
 
 
-def _to_border(corners: Array, image: Image) -> Array:
+def _border_distances(corners: Array, image: Image) -> Array:
     """Return the distances (ny, nx) of corners from the image's border, px; NaN where they are."""
     height, width = image.shape
     u, v = corners
@@ -252,7 +254,9 @@ def find_corners(image: Image, board: Board) -> Array:
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
     unseen, refused = list[BoardNotFound](), list[BoardNotFound]()
-    ways = (_find_marks,) if board.mark else (_by_quads, _by_reduced_quads, _by_sectors)
+    ways = (
+        (_find_marks,) if board.mark else (_find_by_quads, _find_by_reduced_quads, _find_by_sectors)
+    )
     for negative, find in product((False, True), ways):  # as of a board printed white on black
         shown = 255 - image if negative else image
         try:
@@ -270,22 +274,29 @@ def find_corners(image: Image, board: Board) -> Array:
 def _fit_grid(image: Image, found: Array, board: Board) -> Array:
     """Fit the corners (2, ny, nx) that a finder saw, NaN where not, and check them."""
     seen = np.isfinite(found[0])
-    smooth = _smooth(found, seen, board)
+    smooth = _smooth_grid(found, seen, board)
     grid = np.where(seen, found, smooth)
     _check_grid(grid, smooth, _MAX_FOUND_OFFSET)
-    reduction = int(2 ** max(np.floor(np.log2(np.median(_spacing(grid)) / _LARGE_TILE_PX)) + 1, 0))
+    reduction = int(
+        2 ** max(np.floor(np.log2(np.median(_corner_spacing(grid)) / _LARGE_TILE_PX)) + 1, 0)
+    )
     while reduction > 1:
-        grid = reduction * _refine(_reduce(image, reduction), grid / reduction, seen, board)[0]
+        grid = (
+            reduction
+            * _refine_grid(_reduce_image(image, reduction), grid / reduction, seen, board)[0]
+        )
         reduction //= 2
-    grid, start, state, misfit, asymmetry = _refine(image, grid, seen, board)
-    _check_fit(start[:, seen], _spacing(grid)[seen], state, np.indices(seen.shape).sum(0)[seen] % 2)
+    grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)
+    _check_fit(
+        start[:, seen], _corner_spacing(grid)[seen], state, np.indices(seen.shape).sum(0)[seen] % 2
+    )
     _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
-    smooth = _smooth(grid, seen, board)
+    smooth = _smooth_grid(grid, seen, board)
     _check_grid(np.where(seen, grid, smooth), smooth, _MAX_FITTED_OFFSET)
     return np.where(seen, grid, np.nan).reshape(2, -1)
 
 
-def _spacing(grid: Array) -> Array:
+def _corner_spacing(grid: Array) -> Array:
     """Return distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
     along_x = np.linalg.norm(np.diff(grid, axis=2), axis=0)
     along_y = np.linalg.norm(np.diff(grid, axis=1), axis=0)
@@ -294,7 +305,7 @@ def _spacing(grid: Array) -> Array:
     return np.minimum.reduce([padded_x[:, 1:], padded_x[:, :-1], padded_y[1:], padded_y[:-1]])
 
 
-def _smooth(grid: Array, seen: Mask, board: Board) -> Array:
+def _smooth_grid(grid: Array, seen: Mask, board: Board) -> Array:
     """Return the grid (2, ny, nx) nearest to the visible corners that a plane shows under a lens.
 
     The plane is a homography; the lens moves its images by a cubic of their coordinates.
@@ -312,14 +323,14 @@ def _smooth(grid: Array, seen: Mask, board: Board) -> Array:
     return (image + shift).reshape(grid.shape)
 
 
-def _off(grid: Array, other: Array) -> Array:
+def _corner_distances(grid: Array, other: Array) -> Array:
     """Return the distances between the corners of two grids (2, ...), px."""
     return np.linalg.norm(grid - other, axis=0)
 
 
 def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
     """Refuse corners that are off a smooth grid by more than a share of their spacing."""
-    off, spacing = _off(grid, smooth), _spacing(grid)
+    off, spacing = _corner_distances(grid, smooth), _corner_spacing(grid)
     worst = int(np.argmax(off / spacing))
     if not off.flat[worst] <= allowed * spacing.flat[worst]:
         raise BoardNotFound(
@@ -328,50 +339,53 @@ def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
         )
 
 
-def _reduce(image: Image, factor: int) -> Image:
+def _reduce_image(image: Image, factor: int) -> Image:
     """Average blocks of factor × factor pixels."""
     height, width = (side // factor for side in image.shape)
     part = image[: height * factor, : width * factor]
     return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _refine(
+def _refine_grid(
     image: Image, grid: Array, seen: Mask, board: Board
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Fit the corners in rounds.
 
-    Returns the grid (2, ny, nx), where the last round started, and what :func:`_fit` returns of it.
+    Returns the grid (2, ny, nx), where the last round started, and what :func:`_fit_corners`
+    returns of it.
     """
     beside = (1 - board.mark / board.tile) / 2 if board.mark else np.inf
     for _ in range(_REFINEMENT_ROUNDS):
-        smooth = _smooth(grid, seen, board)
+        smooth = _smooth_grid(grid, seen, board)
         grid = np.where(seen, grid, smooth)
-        astray = _off(grid, smooth) > _MAX_FITTED_OFFSET * _spacing(grid)
+        astray = _corner_distances(grid, smooth) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
         start = np.where(astray, smooth, grid)
-        state, misfit, asymmetry = _fit(image, start, seen, beside)
+        state, misfit, asymmetry = _fit_corners(image, start, seen, beside)
         grid = start.copy()
         grid[:, seen] = state[:2]
     return grid, start, state, misfit, asymmetry
 
 
-def _fit(image: Image, grid: Array, seen: Mask, beside: float) -> tuple[Array, Array, Array]:
+def _fit_corners(
+    image: Image, grid: Array, seen: Mask, beside: float
+) -> tuple[Array, Array, Array]:
     """Fit the corners that are seen to the grey levels by Gauss–Newton, all at once.
 
-    Returns the states (7, corners) of :func:`_model`, and the rms (corners,) of the residuals and
-    of their asymmetric part in grey levels.
+    Returns the states (7, corners) of :func:`_model_edges`, and the rms (corners,) of the residuals
+    and of their asymmetric part in grey levels.
     """
     start = grid[:, seen]
     steps = np.stack([np.gradient(grid, axis=axis) for axis in (2, 1)])[:, :, seen]
     angles = np.arctan2(steps[:, 1], steps[:, 0])
-    bend = np.stack([_bend(grid), _bend(grid.swapaxes(1, 2)).T])[:, seen]
-    pixels, weight, grey = _windows(image, start, steps, beside)
+    bend = np.stack([_grid_curvature(grid), _grid_curvature(grid.swapaxes(1, 2)).T])[:, seen]
+    pixels, weight, grey = _cut_windows(image, start, steps, beside)
     light, dark = (np.quantile(grey, q, axis=1) for q in (0.9, 0.1))
     centre, half = (light + dark) / 2, (light - dark) / 2
     state = np.stack([*start, *angles, centre, half, np.ones_like(half)])
-    pattern = _model(pixels, state, bend)[0] - centre[:, None]
+    pattern = _model_edges(pixels, state, bend)[0] - centre[:, None]
     state[5] *= np.sign(np.sum(weight * pattern * (grey - centre[:, None]), axis=1))
     for _ in range(_MAX_STEPS):
-        model, J = _model(pixels, state, bend)
+        model, J = _model_edges(pixels, state, bend)
         A = J * weight
         normal = np.einsum("ipn,jpn->pij", A, J, optimize=True)
         right = np.einsum("ipn,pn->pi", A, grey - model)
@@ -383,13 +397,13 @@ def _fit(image: Image, grid: Array, seen: Mask, beside: float) -> tuple[Array, A
         state[6] = np.clip(np.abs(state[6]), _MIN_BLUR_PX, _MAX_BLUR_PX)
         if np.abs(step[:2]).max() < _CONVERGED_PX:
             break
-    residual = grey - _model(pixels, state, bend)[0]
+    residual = grey - _model_edges(pixels, state, bend)[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a corner without pixels has no misfit
         misfit = np.sqrt(np.sum(weight * residual**2, axis=1) / weight.sum(axis=1))
-    return state, misfit, _asymmetry(residual, weight, state[:2] - np.floor(start))
+    return state, misfit, _rms_asymmetry(residual, weight, state[:2] - np.floor(start))
 
 
-def _asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
+def _rms_asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
     """Return the rms (corners,) of the part of residuals that is not symmetric about the corner.
 
     Residuals and weights (corners, n) are of square windows of pixels; the corner (2, corners) is
@@ -409,7 +423,7 @@ def _asymmetry(residual: Array, weight: Array, corner: Array) -> Array:
     return asymmetry
 
 
-def _bend(grid: Array) -> Array:
+def _grid_curvature(grid: Array) -> Array:
     """Return the signed curvature 1/px of the grid's lines along the last axis, shape (ny, nx)."""
     a, b = grid[:, :, 1:-1] - grid[:, :, :-2], grid[:, :, 2:] - grid[:, :, 1:-1]
     chord = a + b
@@ -418,7 +432,7 @@ def _bend(grid: Array) -> Array:
     return np.pad(2 * turn / np.prod(lengths, axis=0), ((0, 0), (1, 1)), mode="edge")
 
 
-def _windows(
+def _cut_windows(
     image: Image, corners: Array, steps: Array, beside: float
 ) -> tuple[Array, Array, Array]:
     """Return the pixels about each corner.
@@ -451,7 +465,7 @@ def _windows(
     return pixels, inside.astype(float), grey
 
 
-def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
+def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
     """Return the grey levels (corners, n) and their derivatives (7, corners, n).
 
     The state (7, corners) is u, v, the angles of the edges along x and y, the mean grey level, the
@@ -488,7 +502,7 @@ def _model(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array]:
 
 def _check_fit(start: Array, spacing: Array, state: Array, parity: IntArray) -> None:
     """Refuse fits (7, corners) that did not settle, or whose tiles do not alternate."""
-    moved = _off(state[:2], start)
+    moved = _corner_distances(state[:2], start)
     worst = int(np.argmax(moved / spacing))
     if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
         raise BoardNotFound(f"a corner's fit ends {moved[worst]:.1f} px from where it starts")

@@ -59,12 +59,12 @@ def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
         )
     covariance = found.covariance
     if covariance is not None:
-        rows = _rows(np.array(order), len(names))
+        rows = _covariance_rows(np.array(order), len(names))
         covariance = covariance[np.ix_(rows, rows)]
     return Found([found.cameras[k] for k in order], found.placed, covariance)
 
 
-def _rows(order: IntArray, count: int) -> IntArray:
+def _covariance_rows(order: IntArray, count: int) -> IntArray:
     """Return the rows of the unknowns of some of a covariance's cameras."""
     poses = POSE_UNKNOWNS * order[:, None] + np.arange(POSE_UNKNOWNS)
     lenses = POSE_UNKNOWNS * count + LENS_UNKNOWNS * order[:, None] + np.arange(LENS_UNKNOWNS)

@@ -76,17 +76,17 @@ def unify_corners(
         If two cameras share too few images to distinguish the symmetries, or more than a third
         of the poses that several cameras see fit no rig.
     """
-    symmetries = _symmetries(board, two_sided)
-    points = [_images(c, board, symmetries) for c in calibrations]
-    rig = _rig(calibrations, points)
+    symmetries = _list_symmetries(board, two_sided)
+    points = [_place_boards(c, board, symmetries) for c in calibrations]
+    rig = _chain_cameras(calibrations, points)
     result = np.full((len(shots), len(shots[0]), 2, board.corners.shape[1]), np.nan)
-    orders = [_order(board, S) for S in symmetries]
+    orders = [_reorder_corners(board, S) for S in symmetries]
     left_out: dict[int, float] = {}
     for shot in range(result.shape[1]):
         seen = [c for c in range(len(shots)) if points[c][shot] is not None]
         for camera in seen:
-            first = _move(rig[seen[0]], points[seen[0]][shot])[0]
-            off = _rms(_move(rig[camera], points[camera][shot]) - first)
+            first = _move_points(rig[seen[0]], points[seen[0]][shot])[0]
+            off = _rms_distance(_move_points(rig[camera], points[camera][shot]) - first)
             choice = int(np.argmin(off))
             if off[choice] > _MAX_FIT_TILES * board.tile:
                 left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
@@ -104,7 +104,7 @@ def unify_corners(
     return result, left_out
 
 
-def _symmetries(board: Board, two_sided: bool) -> Array:
+def _list_symmetries(board: Board, two_sided: bool) -> Array:
     """Return rotations (symmetries, 3, 3) to corners that look alike, the identity first."""
     if board.mark:
         return np.eye(3)[None]
@@ -116,14 +116,14 @@ def _symmetries(board: Board, two_sided: bool) -> Array:
     return np.concatenate([turns, turns @ flip]) if two_sided else turns
 
 
-def _order(board: Board, symmetry: Array) -> IntArray:
+def _reorder_corners(board: Board, symmetry: Array) -> IntArray:
     """Return the index to which each of the board's corners goes under a symmetry."""
     X = board.corners
     apart = np.linalg.norm((symmetry @ X)[:, :, None] - X[:, None], axis=0)
     return np.argmin(apart, axis=1)
 
 
-def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
+def _place_boards(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
     """Return the board's corners in the camera, (symmetries, 3, corners) in m, per shot.
 
     The side that the camera sees is half a thickness before the middle, about which a board that
@@ -137,19 +137,21 @@ def _images(calibration: Calibration, board: Board, symmetries: Array) -> list[A
     ]
 
 
-def _rms(differences: Array) -> Array:
+def _rms_distance(differences: Array) -> Array:
     """Return the root mean square distance over the corners of (..., 3, corners)."""
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
-def _move(pose: Pose, points: Array | None) -> Array:
+def _move_points(pose: Pose, points: Array | None) -> Array:
     """Return the points (..., 3, n) of a camera in the rig's frame."""
     R, t = pose
     assert points is not None
     return R @ points + t[:, None]
 
 
-def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None]]) -> list[Pose]:
+def _chain_cameras(
+    calibrations: Sequence[Calibration], points: Sequence[list[Array | None]]
+) -> list[Pose]:
     """Return every camera's pose in the first one's frame, from pairs sharing most images."""
     n = len(calibrations)
     seen = [{s for s, p in enumerate(images) if p is not None} for images in points]
@@ -164,7 +166,7 @@ def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None
                 f"{calibrations[i].name}, needs 2 to distinguish the board's symmetries"
             )
         source, target = (np.array([points[k][s] for s in shared]) for k in (j, i))
-        pose, distinct = _relative(source, target[:, 0])
+        pose, distinct = _fit_relative_pose(source, target[:, 0])
         if not distinct:
             raise CalibrationError(
                 f"{calibrations[j].name}: its board images with {calibrations[i].name} do not "
@@ -175,7 +177,7 @@ def _rig(calibrations: Sequence[Calibration], points: Sequence[list[Array | None
     return [rig[i] for i in range(n)]
 
 
-def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
+def _fit_relative_pose(source: Array, target: Array) -> tuple[Pose, bool]:
     """Return the pose that takes points to their targets in all shots, and whether only one does.
 
     The points (shots, symmetries, 3, n) count under whichever symmetry brings them nearest to the
@@ -183,17 +185,21 @@ def _relative(source: Array, target: Array) -> tuple[Pose, bool]:
     decide; which one it is shows later.
     """
     size = np.linalg.norm(target[0, :, 0] - target[0, :, -1]) / 4
-    trials = [_rigid(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
-    missed = [_rms(_move(pose, source) - target[:, None]).min(axis=1) for pose in trials]
+    trials = [_fit_rigid_motion(p, q) for ps, q in zip(source, target, strict=True) for p in ps]
+    missed = [
+        _rms_distance(_move_points(pose, source) - target[:, None]).min(axis=1) for pose in trials
+    ]
     scores = np.array([np.mean(np.minimum(miss, size)) for miss in missed])
     best = trials[int(np.argmin(scores))]
     X = source[0, 0]
-    other = np.array([_rms(_move(pose, X) - _move(best, X)) > size for pose in trials])
+    other = np.array(
+        [_rms_distance(_move_points(pose, X) - _move_points(best, X)) > size for pose in trials]
+    )
     rival = scores[other].min(initial=np.inf)
     return best, bool(rival > _MIN_DISTINCT_RATIO * scores.min() and rival > 1e-9)
 
 
-def _rigid(points: Array, target: Array) -> Pose:
+def _fit_rigid_motion(points: Array, target: Array) -> Pose:
     """Return the rotation and translation that take points (3, n) to their targets (Kabsch)."""
     a, b = points.mean(axis=1), target.mean(axis=1)
     U, _, Vt = np.linalg.svd((target - b[:, None]) @ (points - a[:, None]).T)
@@ -279,7 +285,7 @@ def adjust_cameras(
         try:
             single.append(calibrate_camera(seen_by, board, camera.size, True, camera.name))
         except CalibrationError as error:
-            raise CalibrationError(f"{error}{_commonest(reasons, manifest)}") from None
+            raise CalibrationError(f"{error}{_describe_refusals(reasons, manifest)}") from None
     corners, moved = unify_corners(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))
     for pose in np.flatnonzero(~seen):
@@ -305,7 +311,7 @@ def contradiction_ratio(together: float, alone: Iterable[float]) -> float:
     return together / float(np.sqrt(np.mean(np.square(list(alone)))))
 
 
-def _commonest(refused: Mapping[str, str], manifest: Manifest) -> str:
+def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:
     """Name the commonest reason for which a camera's images were refused, with its count."""
     if not refused:
         return ""

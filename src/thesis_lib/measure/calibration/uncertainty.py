@@ -86,20 +86,22 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     )
     free = np.diag(own) > 0
     units = np.sqrt(np.diag(own)[free])
-    matrices, sides = _contributions(observations, points, adjustment)
+    matrices, sides = _image_contributions(observations, points, adjustment)
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(bundle_adjustment.gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
-    changes = _changes(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
+    changes = (
+        _changes_without_each(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
+    )
     if changes is None:
-        covariance = own * _widening(parts, right, gauge, adjustment.sigma)
+        covariance = own * _variance_factor(parts, right, gauge, adjustment.sigma)
     else:
         changes, m = changes * units, len(changes)
         covariance = np.zeros_like(own)
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
         adjusted = int(free[-LENS_UNKNOWNS * n :].sum())
-        widths[free[-LENS_UNKNOWNS * n :]] = _widths(parts, gauge, adjusted)
+        widths[free[-LENS_UNKNOWNS * n :]] = _widening_factors(parts, gauge, adjusted)
     deviations = (widths * np.sqrt(np.diag(covariance)[-LENS_UNKNOWNS * n :])).reshape(
         -1, LENS_UNKNOWNS
     )
@@ -128,7 +130,7 @@ def with_lenses(
     """
     cut = POSE_UNKNOWNS * len(adjustment.cameras)
     units = np.sqrt(np.diag(poses)[:cut])
-    N = _contributions(observations, points, adjustment)[0].sum(axis=0)
+    N = _image_contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
     bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
     Q, _ = np.linalg.qr(bundle_adjustment.gauge_directions(bare)[:cut] / units[:, None])
@@ -137,7 +139,9 @@ def with_lenses(
     return np.asarray(poses + T @ held @ T.T)
 
 
-def _contributions(observations: Array, points: Array, network: Network) -> tuple[Array, Array]:
+def _image_contributions(
+    observations: Array, points: Array, network: Network
+) -> tuple[Array, Array]:
     """Return each image's normal equations: Nₛ (shots, 14 n, 14 n) and gₛ (shots, 14 n)."""
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, shots = seen.shape
@@ -162,7 +166,7 @@ def _contributions(observations: Array, points: Array, network: Network) -> tupl
     return matrices, sides
 
 
-def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
+def _changes_without_each(parts: Array, right: Array, gauge: Array) -> Array | None:
     """Return the cameras' change without each image, (shots, unknowns); None if one is needed.
 
     The gauge's directions, orthonormal here, are kept still.
@@ -173,7 +177,7 @@ def _changes(parts: Array, right: Array, gauge: Array) -> Array | None:
     return -np.linalg.solve(rest, right[..., None])[..., 0]
 
 
-def _widths(parts: Array, gauge: Array, count: int) -> Array:
+def _widening_factors(parts: Array, gauge: Array, count: int) -> Array:
     """Return factors that widen the last unknowns' deviations, which rest on few images.
 
     With independent shots alike in all but Nₛ, the jackknife's variance of an unknown is on average
@@ -193,7 +197,7 @@ def _widths(parts: Array, gauge: Array, count: int) -> Array:
     )
 
 
-def _widening(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
+def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> float:
     """Return the factor of the variances by which shots differ more than independent corners would.
 
     The sum of gₛᵀ N⁻¹ gₛ over all shots is then σ² (p − Σ tr (N⁻¹ Nₛ)²) on average, p being the
@@ -237,7 +241,7 @@ def jackknife_calibration(
         together, single = calibration["reprojection_rms"], calibration["single_rms"].values
         apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
         if lenses is None and apart:  # lenses are then of each camera alone
-            lenses = _alone(corners, points, cameras_in(calibration))
+            lenses = _single_lens_covariance(corners, points, cameras_in(calibration))
         free = lenses is None
         full = adjust_bundle(corners, points, cameras_in(calibration), free, free)
         cameras = jackknife_cameras(corners, points, full)
@@ -264,7 +268,7 @@ def jackknife_calibration(
     )
 
 
-def _alone(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
+def _single_lens_covariance(corners: Array, points: Array, cameras: Sequence[Camera]) -> Array:
     """Return covariance of the lenses, (8 n, 8 n), as each camera's own images determine them."""
     blocks = []
     for k, camera in enumerate(cameras):

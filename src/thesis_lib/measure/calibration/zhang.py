@@ -89,7 +89,7 @@ def calibrate_camera(
     parts = [np.isfinite(uv).all(axis=0) for uv in images]
     images = [uv[:, part] for uv, part in zip(images, parts, strict=True)]
     seen = [board.corners[:, part] for part in parts]
-    spread = _spread(seen, images, size)
+    spread = _largest_tilt(seen, images, size)
     if spread < _LEAST_TILT:
         raise CalibrationError(
             f"{name}: the boards are parallel to within {np.degrees(spread):.1f}°, "
@@ -146,7 +146,7 @@ def central_corners(board: Board) -> IntArray:
     return index[top : top + my, left : left + mx].ravel()
 
 
-def _spread(points: Sequence[Array], images: Sequence[Array], size: tuple[int, int]) -> float:
+def _largest_tilt(points: Sequence[Array], images: Sequence[Array], size: tuple[int, int]) -> float:
     """Return the largest angle between the normals of the boards, rad.
 
     A board's vanishing line in the image, the last row of H⁻¹, is its normal seen through K. How

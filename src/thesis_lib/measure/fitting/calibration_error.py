@@ -66,17 +66,17 @@ def common_errors(
     def perturb_amplitudes(step: Array) -> ComplexArray:
         every = zip(fits, omegas, strict=True)
         moved = [
-            deflection_amplitude(_refit(fit, markers, step), omega, exposures)
+            deflection_amplitude(_refit_images(fit, markers, step), omega, exposures)
             for fit, omega in every
         ]
         return np.concatenate(moved)
 
     rows = [perturb_amplitudes(step / 2) - perturb_amplitudes(-step / 2) for step in steps]
-    fewer = _fewer(np.nan_to_num(np.array(rows)))
+    fewer = _keep_largest(np.nan_to_num(np.array(rows)))
     return fewer.reshape(len(fewer), len(fits), -1)
 
 
-def _fewer(rows: ComplexArray) -> ComplexArray:
+def _keep_largest(rows: ComplexArray) -> ComplexArray:
     """Return at most :data:`MAX_DIRECTIONS` rows with the covariance of the largest directions.
 
     Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
@@ -88,7 +88,7 @@ def _fewer(rows: ComplexArray) -> ComplexArray:
     return np.asarray(real + 1j * imag)
 
 
-def _refit(fit: Fitted, markers: Markers, step: Array) -> Fitted:
+def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
     cameras = bundle_adjustment.step_network(network, step).cameras
@@ -97,11 +97,13 @@ def _refit(fit: Fitted, markers: Markers, step: Array) -> Fitted:
         _undistort_again(old, new, own)
         for (old, new), own in zip(pairs, fit.harmonics, strict=True)
     ]
-    rest = np.array([_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)])
+    rest = np.array(
+        [_undistort_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)]
+    )
     return combine_fit(list(cameras), harmonics, rest, markers)
 
 
-def _anew(old: Camera, new: Camera, uv: Array) -> Array:
+def _undistort_anew(old: Camera, new: Camera, uv: Array) -> Array:
     """Return places without distortion by one camera, as another one has them, (2, ...)."""
     return lens.undistort_pixels(new, lens.distort_pixels(old, uv))
 
@@ -109,10 +111,13 @@ def _anew(old: Camera, new: Camera, uv: Array) -> Array:
 def _undistort_again(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
     """Undistort harmonics by another camera, to first order about their mean."""
     mean = own.coefficients[0]
-    moved = _anew(old, new, mean)
+    moved = _undistort_anew(old, new, mean)
     reach = 0.5  # px
     slopes = [
-        (_anew(old, new, mean + shift[:, None]) - _anew(old, new, mean - shift[:, None]))
+        (
+            _undistort_anew(old, new, mean + shift[:, None])
+            - _undistort_anew(old, new, mean - shift[:, None])
+        )
         / (2 * reach)
         for shift in reach * np.eye(2)
     ]

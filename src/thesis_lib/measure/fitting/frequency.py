@@ -126,17 +126,17 @@ def phase_advance(
     """
     estimates = []
     for _ in range(2):  # the mean is larger once the parts no longer turn against each other
-        middles, turns, sizes, weights = _parts(recordings, begin, end, frequency, order)
+        middles, turns, sizes, weights = _fit_parts(recordings, begin, end, frequency, order)
         if len(middles) < 3:
             return Advance(frequency, np.nan, 0.0)
-        slope, deviation = _slope(middles, turns, weights)
+        slope, deviation = _fit_slope(middles, turns, weights)
         frequency += slope / (2 * np.pi)
         estimates.append(deviation / (2 * np.pi))
-    growth, _ = _slope(middles, sizes, weights)
+    growth, _ = _fit_slope(middles, sizes, weights)
     return Advance(frequency, estimates[-1], growth * (end - begin))
 
 
-def _parts(
+def _fit_parts(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
 ) -> tuple[Array, Array, Array, Array]:
     """Return middle, turn in rad, relative size, weight of all cameras' parts, each (parts,)."""
@@ -172,7 +172,7 @@ def _parts(
     return np.array(middles), np.array(turns), np.array(sizes), np.array(weights)
 
 
-def _slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
+def _fit_slope(x: Array, y: Array, weight: Array) -> tuple[float, float]:
     """Fit a weighted slope of y over x, with its standard error (HC2 of MacKinnon and White)."""
     w = weight / weight.sum()
     dx, dy = x - w @ x, y - w @ y

@@ -277,7 +277,7 @@ def fit_tracks(
     that of :func:`at_rest`, NaN of markers that were hidden then; `frame` is the structure's.
     """
     fits = [
-        _harmonics(own, still, omega, begin, end, order)
+        _fit_camera_track(own, still, omega, begin, end, order)
         for own, still in zip(recordings, rest, strict=True)
     ]
     middle = np.array([own.coefficients[0] for own in fits])
@@ -292,7 +292,7 @@ def at_rest(own: Recording, seconds: float) -> Array:
     return mean_of(np.concatenate(parts))
 
 
-def _harmonics(
+def _fit_camera_track(
     own: Recording, still: Array, omega: float, begin: float, end: float, order: int
 ) -> Harmonics:
     """Return harmonics of the tracks of one camera, part by part about the markers' places at rest.

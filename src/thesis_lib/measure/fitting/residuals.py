@@ -103,7 +103,7 @@ def in_plane(
     """
     u, v, w = motion_amplitude(fit, omega, exposures)
     moved = np.array([u, v])
-    slope = _slope(places, w)
+    slope = _surface_slope(places, w)
     known = np.isfinite(moved + slope).all(axis=0)
     square = float(np.sum(np.abs(slope[:, known]) ** 2))
     if square:
@@ -120,7 +120,7 @@ def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
     return float(np.sqrt(known.mean())) if known.size else np.nan
 
 
-def _slope(places: Array, w: ComplexArray) -> ComplexArray:
+def _surface_slope(places: Array, w: ComplexArray) -> ComplexArray:
     """Estimate a surface's slope (2, markers) by planes through neighbours."""
     known = np.isfinite(w)
     slope = np.full((2, len(w)), np.nan + 0j)

@@ -206,7 +206,7 @@ def shape_result(
         find_jump(own, fitted, omega, begin, end)
         for own, fitted in zip(recordings, fit.harmonics, strict=True)
     ]
-    alike, apart = _aliases(recordings, raw, begin, end, frequency)
+    alike, apart = _compare_aliases(recordings, raw, begin, end, frequency)
     if excitation.sound == "none":  # starts that are not known tell nothing
         apart = np.full_like(apart, np.nan)
 
@@ -249,7 +249,7 @@ def shape_result(
         "corrected": [int(own.corrected) for own in pace],
         "frame_rate": [own.rate for own in recordings],
         "frame_rate_given": [said.get(own.camera.name, np.nan) for own in recordings],
-        "uneven": [_uneven(own) for own in recordings],
+        "uneven": [_frame_jitter(own) for own in recordings],
         "lag": lags,
         "lag_deviation": lag_errors,
         "jump": [size for size, _ in jumps],
@@ -282,7 +282,7 @@ def shape_result(
     )
 
 
-def _aliases(
+def _compare_aliases(
     recordings: Sequence[Recording], fit: Fitted, begin: float, end: float, frequency: float
 ) -> tuple[Array, Array]:
     """Return alias frequencies in Hz, and the phases in degrees that betray them.
@@ -310,7 +310,7 @@ def _aliases(
     return np.array(alike), np.array(apart)
 
 
-def _uneven(own: Recording) -> float:
+def _frame_jitter(own: Recording) -> float:
     """Return the rms in s by which frames are off an even rate."""
     times = own.times
     k = np.arange(0, len(times), -(-len(times) // 4096))  # of a long recording some frames tell

@@ -183,18 +183,24 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     wide = np.abs(np.linalg.det(ellipses) / tall)[:, None] * cosine
     # A pixel ends where the next begins, so what is wanted is taken at the borders.
     ends = (
-        (_borders(u)[:, None, :] - (lean + side * wide)[:, :, None]) / blur for side in (-1, 1)
+        (_pixel_borders(u)[:, None, :] - (lean + side * wide)[:, :, None]) / blur
+        for side in (-1, 1)
     )  # (n, chords, columns + 1)
     left, right = (_ramp_and_normal(x) for x in ends)
     along, d_along = np.diff(left - right)
-    offset = (_borders(v)[:, :, None] - tall[:, None, None] * sine) / blur  # (n, rows + 1, chords)
-    spread, d_spread = np.diff(ndtr(offset), axis=1), -np.diff(_bell(offset), axis=1) / blur
+    offset = (
+        _pixel_borders(v)[:, :, None] - tall[:, None, None] * sine
+    ) / blur  # (n, rows + 1, chords)
+    spread, d_spread = (
+        np.diff(ndtr(offset), axis=1),
+        -np.diff(_normal_density(offset), axis=1) / blur,
+    )
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
     return np.stack([spread @ along, -spread @ d_along, d_spread @ along])
 
 
-def _borders(x: Array) -> Array:
+def _pixel_borders(x: Array) -> Array:
     """Return borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
     return np.concatenate([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL], axis=1)
 
@@ -205,7 +211,7 @@ def _gauss_legendre(n: int) -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(n)
 
 
-def _bell(x: Array) -> Array:
+def _normal_density(x: Array) -> Array:
     """Return the normal density."""
     return np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
 
@@ -213,4 +219,4 @@ def _bell(x: Array) -> Array:
 def _ramp_and_normal(x: Array) -> Array:
     """Return the integral of the normal distribution, and itself, shape (2, ...)."""
     normal = ndtr(x)
-    return np.stack([x * normal + _bell(x), normal])
+    return np.stack([x * normal + _normal_density(x), normal])

@@ -188,14 +188,14 @@ class Follower:
         found = None
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
         if self.tracker.turn or np.all(far < self.safe):
-            found = self._fitted(image, self.rest + ahead, lost)
-        uv = self._searched(image, moved) if found is None else found
+            found = self._fit_by_table(image, self.rest + ahead, lost)
+        uv = self._search_frame(image, moved) if found is None else found
         self.before, self.moved = moved, uv - self.rest
         if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
             self.moved = ahead if self.tracker.turn else moved
         return uv[:, : self.view.markers.count]
 
-    def _fitted(self, image: Image, start: Array, lost: Mask) -> Array | None:
+    def _fit_by_table(self, image: Image, start: Array, lost: Mask) -> Array | None:
         """Fit centres by the table; None if one that was not lost, or half of all, do not hold."""
         if self.table is None:
             return None
@@ -205,7 +205,7 @@ class Follower:
             return None
         return np.where(holds, uv, np.nan)
 
-    def _searched(self, image: Image, moved: Array) -> Array:
+    def _search_frame(self, image: Image, moved: Array) -> Array:
         """Return centres (2, markers and hole) by the tracker that looks for them far around."""
         tracker, view = self.tracker, self.view
         tracker.moved, tracker.before = (
@@ -277,7 +277,7 @@ def trackers_of(
         return [DETECTORS[markers.detector](view, turn, image)], []
     trackers: list[Detector] = []
     for picture in pictures_of(image, shares):
-        own = _resize(view, picture.shape[1], picture.shape[0])
+        own = _resize_view(view, picture.shape[1], picture.shape[0])
         try:
             own = sharpen_view(picture, own)
         except TrackingError as error:
@@ -335,7 +335,7 @@ def first_view(
     raise failures[0]
 
 
-def _resize(view: View, width: int, height: int) -> View:
+def _resize_view(view: View, width: int, height: int) -> View:
     scale = width / view.camera.size[0]
     H = np.diag([scale, height / view.camera.size[1], 1.0]) @ view.H_image_plane
     camera = resize_camera(view.camera, (width, height))

@@ -100,14 +100,14 @@ def find_view(image: Image, camera: Camera, markers: Markers) -> View:
     TrackingError
         If no such quadrilateral is seen, or the hole does not tell the ends apart.
     """
-    corners = _bright_quadrilateral(image, camera)
+    corners = _find_quadrilateral(image, camera)
     if markers.hole is None:
         raise TrackingError(
             f"camera {camera.name}: the beam has no hole to tell its ends apart, give the four "
             "corners (corners_px)"
         )
     views = [view_of(camera, markers, np.roll(corners, turn, axis=1)) for turn in (0, 2)]
-    scores = [_hole_score(image, view) for view in views]
+    scores = [_hole_darkness(image, view) for view in views]
     if abs(scores[0] - scores[1]) < 0.4:
         raise TrackingError(
             f"camera {camera.name}: the hole is not seen, so the clamped end is not known; give "
@@ -132,7 +132,7 @@ def view_of(camera: Camera, markers: Markers, corners: ArrayLike) -> View:
         raise TrackingError(f"camera {camera.name}: the beam's corners: {error}") from None
 
 
-def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
+def _find_quadrilateral(image: Image, camera: Camera) -> Array:
     """Return corners (2, 4) of the largest bright region, undistorted px, long sides 1 and 3.
 
     Its sides are straight only without the lens's distortion.
@@ -156,9 +156,9 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
         )
     box = cv2.approxPolyN(hull, 4)[0].astype(float)
     for last in (False, False, True):  # points go to the nearest side, sides to their points
-        nearest = np.argmin([_distance(points, a, b) for a, b in _sides(box)], axis=0)
+        nearest = np.argmin([_segment_distances(points, a, b) for a, b in _list_sides(box)], axis=0)
         lines = []
-        for side, (a, b) in enumerate(_sides(box)):
+        for side, (a, b) in enumerate(_list_sides(box)):
             own = points[nearest == side]
             along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
             own = own[(along > 0.03) & (along < 0.97)]  # corners are round
@@ -181,17 +181,17 @@ def _bright_quadrilateral(image: Image, camera: Camera) -> Array:
     return np.asarray(box.T)
 
 
-def _sides(box: Array) -> list[tuple[Array, Array]]:
+def _list_sides(box: Array) -> list[tuple[Array, Array]]:
     return [(box[k], box[(k + 1) % 4]) for k in range(4)]
 
 
-def _distance(points: Array, a: Array, b: Array) -> Array:
+def _segment_distances(points: Array, a: Array, b: Array) -> Array:
     """Return the distance of points (n, 2) from the segment from a to b."""
     t = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
     return np.asarray(np.linalg.norm(points - a - t[:, None] * (b - a), axis=1))
 
 
-def _hole_score(image: Image, view: View) -> float:
+def _hole_darkness(image: Image, view: View) -> float:
     """Return the darkness where the hole should be: 0 as the beam, 1 as the nearest marker."""
     markers = view.markers
     hole, grid = markers.positions[:, -1:], markers.positions[:, : markers.count]
@@ -210,13 +210,13 @@ def _hole_score(image: Image, view: View) -> float:
     disc = np.column_stack([0.15 * ring, 0.35 * ring])
     beam = [disc + place[:, None] for place in places.T] or [marker + 1.5 * ring]
     dark, print_, white = (
-        float(np.mean(_sample(image, view.to_image(part))))
+        float(np.mean(_sample_grey(image, view.to_image(part))))
         for part in (hole + disc, marker + disc, np.hstack(beam))
     )
     return (white - dark) / max(white - print_, 10.0)
 
 
-def _sample(image: Image, uv: Array) -> Array:
+def _sample_grey(image: Image, uv: Array) -> Array:
     u, v = (uv - HALF_PIXEL).astype(np.float32)
     return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)
 
@@ -242,7 +242,7 @@ def even_light(image: Image) -> Iterator[Image]:
     for axis in (1, 0):
         along = np.quantile(grey, GROUND_QUANTILE, axis=axis)
         along = cv2.GaussianBlur(along[:, None], (1, 0), sigmaX=0.1, sigmaY=ROW_BLUR_PX)[:, 0]
-        yield _divide(grey, along[:, None] if axis else along[None])
+        yield _divide_light(grey, along[:, None] if axis else along[None])
     height, width = image.shape
     coarse = cv2.resize(
         image,
@@ -252,10 +252,10 @@ def even_light(image: Image) -> Iterator[Image]:
     side = 2 * max(1, round(GROUND_REACH * coarse.shape[1])) + 1
     ground = cv2.erode(coarse, np.ones((side, side), np.uint8))
     ground = cv2.GaussianBlur(ground.astype(np.float32), (0, 0), side / 4)
-    yield _divide(grey, np.asarray(cv2.resize(ground, (width, height)), float))
+    yield _divide_light(grey, np.asarray(cv2.resize(ground, (width, height)), float))
 
 
-def _divide(grey: Array, light: Array) -> Image:
+def _divide_light(grey: Array, light: Array) -> Image:
     """Return the grey levels over those of the light, so that the brightest are nearly white."""
     ratio = grey / np.maximum(light, MIN_GROUND_LEVEL)
     white = max(float(np.quantile(ratio, 0.99)), 1e-9)

@@ -45,7 +45,7 @@ def sharpen_view(image: Image, view: View) -> View:
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
         found, _ = assign_places(grid, Tracker(view).matches(image), gate_of(view.markers))
-        view = replace(view, blur=_best_blur(image, view, found))
+        view = replace(view, blur=_fit_blur(image, view, found))
         centres, _ = refine_centres(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
         if count < max(4, grid.shape[1] / 2):
@@ -59,9 +59,9 @@ def sharpen_view(image: Image, view: View) -> View:
             raise TrackingError(f"camera {name}: the markers found: {error}") from None
         view = replace(view, H_image_plane=H)
     rows = [centres[0, row] for row in view.markers.rows]
-    off = _rms(centres - view.to_image(grid))
+    off = _rms_length(centres - view.to_image(grid))
     corners = view.markers.corners
-    moved = _rms(view.to_image(corners) - first.to_image(corners))
+    moved = _rms_length(view.to_image(corners) - first.to_image(corners))
     between = float(np.median(view.markers.nearest * view.finest(grid)))
     wrong = ""
     if any(len(row) > 2 and np.isnan(row).all() for row in rows):
@@ -77,12 +77,12 @@ def sharpen_view(image: Image, view: View) -> View:
     return view
 
 
-def _rms(off: Array) -> float:
+def _rms_length(off: Array) -> float:
     """Return the root mean square length of vectors (2, n), NaN left out."""
     return float(np.sqrt(np.nanmean(np.sum(off**2, axis=0))))
 
 
-def _best_blur(image: Image, view: View, found: Array) -> float:
+def _fit_blur(image: Image, view: View, found: Array) -> float:
     """Return the blur in px that fits best; the one the view has if nothing fits."""
 
     def misfit(blur: float) -> float:
@@ -145,7 +145,7 @@ class Tracker:
         grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny))) / self.scale
         u, v = view.to_image(grid + self.origin[:, None, None]).astype(np.float32)
         self.maps = u - np.float32(HALF_PIXEL), v - np.float32(HALF_PIXEL)
-        self.template = _disc(PIXELS_PER_MARKER)
+        self.template = _draw_disc(PIXELS_PER_MARKER)
         self.grid = markers.positions
         self.gate = gate_of(markers)
         self.moved = np.zeros_like(self.grid)
@@ -157,7 +157,7 @@ class Tracker:
 
         Frames are to be given in their order: what moved before tells where to look.
         """
-        found = self._assigned(self.matches(image))
+        found = self._assign_matches(self.matches(image))
         self.matched = self.view.to_image(found[:, : self.view.markers.count])
         uv, _ = refine_centres(image, self.view, found)
         seen = self.view.to_plane(uv) - self.grid
@@ -165,7 +165,7 @@ class Tracker:
         self.moved = fill_missing(seen, self.grid, self.moved)
         return uv[:, : self.view.markers.count]
 
-    def _assigned(self, matches: Array) -> Array:
+    def _assign_matches(self, matches: Array) -> Array:
         """Assign a match to each marker, by the predictions that miss fewest."""
         # Harmonic motion has x(t + Δt) = 2 cos(ωΔt) x(t) − x(t − Δt); turn 0 goes straight on.
         ahead = [2 * np.cos(self.turn) * self.moved - self.before]
@@ -213,7 +213,7 @@ def fill_missing(seen: Array, grid: Array, last: Array) -> Array:
     return filled
 
 
-def _disc(diameter: float) -> Image:
+def _draw_disc(diameter: float) -> Image:
     """Draw a dark disc on white, for matching."""
     half = int(np.ceil(diameter / 2)) + 2
     x = np.arange(-half, half + 1)
