@@ -323,14 +323,9 @@ def _smooth_grid(grid: Array, seen: Mask, board: Board) -> Array:
     return (image + shift).reshape(grid.shape)
 
 
-def _corner_distances(grid: Array, other: Array) -> Array:
-    """Return the distances between the corners of two grids (2, ...), px."""
-    return np.linalg.norm(grid - other, axis=0)
-
-
 def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
     """Refuse corners that are off a smooth grid by more than a share of their spacing."""
-    off, spacing = _corner_distances(grid, smooth), _corner_spacing(grid)
+    off, spacing = np.linalg.norm(grid - smooth, axis=0), _corner_spacing(grid)
     worst = int(np.argmax(off / spacing))
     if not off.flat[worst] <= allowed * spacing.flat[worst]:
         raise BoardNotFound(
@@ -358,7 +353,7 @@ def _refine_grid(
     for _ in range(_REFINEMENT_ROUNDS):
         smooth = _smooth_grid(grid, seen, board)
         grid = np.where(seen, grid, smooth)
-        astray = _corner_distances(grid, smooth) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
+        astray = np.linalg.norm(grid - smooth, axis=0) > _MAX_FITTED_OFFSET * _corner_spacing(grid)
         start = np.where(astray, smooth, grid)
         state, misfit, asymmetry = _fit_corners(image, start, seen, beside)
         grid = start.copy()
@@ -502,7 +497,7 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
 
 def _check_fit(start: Array, spacing: Array, state: Array, parity: IntArray) -> None:
     """Refuse fits (7, corners) that did not settle, or whose tiles do not alternate."""
-    moved = _corner_distances(state[:2], start)
+    moved = np.linalg.norm(state[:2] - start, axis=0)
     worst = int(np.argmax(moved / spacing))
     if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
         raise BoardNotFound(f"a corner's fit ends {moved[worst]:.1f} px from where it starts")
