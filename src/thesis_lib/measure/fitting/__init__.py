@@ -1,1 +1,7 @@
-"""Tracks to points in space, to deflection shapes."""
+"""Tracks to points in space, to deflection shapes.
+
+From tracks on: `reconstruction` finds the structure's frame at rest; `frequency` the frequency and
+the cameras' clocks; `harmonics` fits the images' harmonics and triangulates them to amplitudes;
+`residuals` and `calibration_error` tell how far these may be off; `result` puts all of it together,
+beside the modes of `models`.
+"""
