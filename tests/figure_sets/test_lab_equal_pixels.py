@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from refused import refusal
 from scenes.equal_pixels import equal_pixels
 
 from thesis_lib.figure_sets import display
@@ -37,28 +36,6 @@ def test_all_rigs_have_as_many_pixels_per_second():
     light = [kinds["light", n] for n in (2, 4, 8, 16)]
     gathered = [kind.shot_noise / kind.size[0] ** 2 for kind in light]
     np.testing.assert_allclose(gathered, gathered[0])
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"counts": [1, 2]}, "counts"),
-        ({"counts": []}, "counts"),
-        ({"cases": []}, "cases"),
-        ({"frequency_hz": 14.0}, "frequency_hz"),
-        ({"frequency_hz": 3.0}, "frequency_hz"),
-        ({"duration_s": 0.1, "frequency_hz": 12.0}, "8 frames"),
-        ({"exposure_ms": 2.2}, "exposure_ms"),
-        ({"diameters_mm": [60]}, "diameters_mm"),
-        ({"amplitude_mm": 50}, "amplitude_mm"),
-        ({"distance_mm": 300}, "distance_mm"),
-        ({"distance_mm": 450}, "see the whole structure"),
-        ({"shot_noise": -1}, "shot_noise"),
-        ({"trials": -1}, "trials"),
-    ],
-)
-def test_what_says_nothing_is_refused_in_a_line(values, words):
-    assert words in refusal("lab-equal-pixels", **values)
 
 
 def test_fewer_replicates_are_taken_from_those_that_are_stored():

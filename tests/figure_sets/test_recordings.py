@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.experiment import walk
+from thesis_lib.figure_sets.experiment import figures as walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.parametric.tables import error_table
 from thesis_lib.figure_sets.registry import validate_request
@@ -145,6 +145,3 @@ def test_pictures_are_drawn_alike_each_time(data, tmp_path):
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes()
     assert sum(path.stat().st_size for path in first) < 4e6
-
-
-# What the cache depends on.

@@ -8,13 +8,13 @@ import xarray as xr
 from scenes.driven import Driven, random_force
 from scenes.modes import BEAM, DIRECTIONS
 from scenes.rendered import beam_rig, force_heard, pushed, written
-from scenes.rolling import RollingView, track_rolling
+from scenes.rolling import RollingView
 from scipy.integrate import quad, solve_ivp
 
-from thesis_lib.laboratory.impact import select_free_decay, tap_structure
+from thesis_lib.laboratory.impact import tap_structure
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.modes.identify import Asked, identify_modes, modal_assurance
+from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import rows_on
@@ -27,7 +27,7 @@ DAMPING = (0.012, 0.006, 0.002)
 def small(**given):
     sensor = Sensor(exposure=1 / 1000, samples=3, shot=0.02, read=0.7)
     own = default_rig(BEAM, DIRECTIONS[:3], size=(1280, 720), sensor=sensor, markers=MARKERS)
-    return tap_structure(own, 3, DAMPING, POINT, **given)
+    return tap_structure(own, DAMPING, POINT, **given)
 
 
 def test_a_tap_against_its_equation_of_motion():
@@ -72,27 +72,11 @@ def test_rows_that_are_read_at_once_are_the_usual_picture():
 
 
 @pytest.mark.slow
-def test_three_modes_of_a_rendered_beam():
-    """A tap, three cameras at 60, 50 and 29.97 frames per second, rows read one by one."""
-    own = small(rates=(60.0, 50.0, 29.97), impulse=0.02, seconds=1.6, rest=0.15)
-    found = identify_modes(
-        *select_free_decay(own, track_rolling(own, 0.008), 0.008), Asked((2.0, 130.0), 3)
-    )
-    motion = own.motion
-    true = motion.amplitudes(own.markers.centres, found.zero)
-    hertz = np.array([part.frequency for part in motion.components])
-    np.testing.assert_allclose(found.frequency, hertz, rtol=1e-3)
-    np.testing.assert_allclose(found.damping, DAMPING, rtol=0.05)
-    for measured, expected in zip(found.shape, true, strict=True):
-        assert modal_assurance([measured, expected])[0, 1] > 0.999
-
-
-@pytest.mark.slow
 def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     """By the whole chain: the thesis's markers, whose rows lie 5 px apart, move 2 px a frame."""
     rates, readout = (60.0, 50.0, 29.97), 0.008
     own = tap_structure(
-        beam_rig(), 3, DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6
+        beam_rig(), DAMPING, POINT, rates=rates, impulse=0.02, seconds=2.6, rest=0.6
     )
     sought = {"from_hz": 4.0, "to_hz": 130.0, "count": 3}
     excitation = {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.55, "modes": sought}

@@ -4,11 +4,14 @@ import numpy as np
 
 from thesis_lib.figure_sets.lab_modes import compute as beam_films
 from thesis_lib.figure_sets.lab_plate import compute as plate_films
-from thesis_lib.laboratory import replicates as lab_films
 from thesis_lib.laboratory.experiment import join_replicates
-from thesis_lib.laboratory.tracking import TrackedCentres
-from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.vision import lens
+from thesis_lib.laboratory.rig import EXPOSURE_SAMPLES
+from thesis_lib.laboratory.tracking import (
+    TrackedCentres,
+    frame_times,
+    record_tracks,
+    true_centres,
+)
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1
 
@@ -19,25 +22,13 @@ def look(sigma=0.0, seed=0):
     def one(rig):
         found = []
         for number, station in enumerate(rig.stations):
-            times = station.start + np.arange(int(rig.duration * station.frame_rate)) / (
-                station.frame_rate
-            )
-            exposure = station.sensor.exposure * np.sqrt(1 - 1 / lab_films.EXPOSURE_SAMPLES**2)
-            points = rig.markers.centres
-
-            def images(at, points=points, camera=station.camera, rig=rig):
-                world = on_surface(
-                    rig.markers.extent, points[:, None], rig.motion.deflection(points, at)
-                )
-                return lens.project_points(camera, world).swapaxes(0, 1)
-
-            truth = images(times)
-            seen = [images(times + node * exposure / 2) for node in NODES]
+            times = frame_times(rig, station)
+            exposure = station.sensor.exposure * np.sqrt(1 - 1 / EXPOSURE_SAMPLES**2)
+            seen = [true_centres(rig, station, times + node * exposure / 2) for node in NODES]
             centres = np.tensordot(WEIGHTS / 2, seen, axes=1)
-            rng = np.random.default_rng([seed, rig.seed, number])
-            found.append(
-                TrackedCentres(times, centres + sigma * rng.standard_normal(truth.shape), truth)
-            )
+            noise = np.random.default_rng([seed, rig.seed, number]).standard_normal(centres.shape)
+            truth = true_centres(rig, station, times)
+            found.append(TrackedCentres(times, centres + sigma * noise, truth))
         return found
 
     return one
@@ -52,6 +43,6 @@ def films(study, sigma=0.0, seed=0):
     replicates = []
     for number in range(study.trials + 1):
         rigs = rigs_of(study, number)
-        data = lab_films.record_tracks(rigs, study.frames, look(sigma, seed))[["tracks"]]
+        data = record_tracks(rigs, study.frames, look(sigma, seed))
         replicates.append(data.merge(estimate(study, data, number)))
     return join_replicates(replicates, ("tracks",))

@@ -9,11 +9,7 @@ import numpy as np
 from thesis_lib.arrays import Image
 from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
 from thesis_lib.laboratory.rig import Rig
-from thesis_lib.laboratory.tracking import TrackedCentres, true_view
 from thesis_lib.measure.recordings.board import Markers, on_surface
-from thesis_lib.measure.tracking.homography import as_dark
-from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
-from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
@@ -50,22 +46,3 @@ def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
     view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
     for k in range(int(rig.duration * station.frame_rate)):
         yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
-
-
-def track_rolling(rig: Rig, readout: float = 0.0) -> list[TrackedCentres]:
-    """Track the markers in every camera; rows are read in `readout` s."""
-
-    def one(index: int) -> TrackedCentres:
-        station, markers = rig.stations[index], rig.markers
-        found = []
-        tracker = None
-        for frame in rolling_frames(rig, index, readout):
-            image = as_dark(frame, markers)
-            tracker = tracker or Tracker(
-                sharpen_view(image, true_view(station.camera, markers)), 0.0
-            )
-            found.append(tracker.centres(image))
-        times, centres = station.start + np.arange(len(found)) / station.frame_rate, np.array(found)
-        return TrackedCentres(times, centres, np.full_like(centres, np.nan))
-
-    return map_in_pairs(one, range(len(rig.stations)))

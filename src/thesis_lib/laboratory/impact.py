@@ -85,7 +85,6 @@ def _integrate_pulse(pole: complex, t: Array, length: float) -> ComplexArray:
 
 def tap_structure(
     rig: Rig,
-    modes: int | tuple[int, ...],
     damping: tuple[float, ...],
     point: tuple[float, float],
     *,
@@ -101,10 +100,8 @@ def tap_structure(
     ----------
     rig : Rig
         Cameras, structure and markers.
-    modes : int or tuple of int
-        How many of the structure's first modes ring, or which.
     damping : tuple of float
-        Damping ratio of each.
+        Damping ratio of each of the structure's first modes, which ring.
     point : tuple of float
         Where it is tapped, m.
     rest, seconds : float
@@ -115,11 +112,8 @@ def tap_structure(
         Of the tap in N s, and its length in s.
     """
     structure: Structure = rig.motion.structure
-    numbers = range(1, modes + 1) if isinstance(modes, int) else modes
-    omega = structure.angular_frequencies(max(numbers))
-    parts = tuple(
-        Component("bending", n, frequency=float(omega[n - 1]) / (2 * np.pi)) for n in numbers
-    )
+    hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)
+    parts = tuple(Component("bending", n, frequency=float(f)) for n, f in enumerate(hertz, 1))
     given = rates or tuple(station.frame_rate for station in rig.stations)
     stations = tuple(
         replace(station, frame_rate=rate) for station, rate in zip(rig.stations, given, strict=True)
@@ -129,29 +123,15 @@ def tap_structure(
     return replace(rig, stations=stations, motion=motion, duration=seconds)
 
 
-def select_free_decay(
-    rig: Rig, found: list[TrackedCentres], readout: float = 0.0, begin: float | None = None
-) -> tuple[list[Track], Rest]:
-    """Select tracks of the free vibration after the tap, and the markers at rest before it.
-
-    They begin where the tap ends, if not given.
-    """
-    first = rig.motion.steady if begin is None else begin
+def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track], Rest]:
+    """Select tracks of the free vibration after the tap, and the markers at rest before it."""
     tracks, still = [], []
     for station, own in zip(rig.stations, found, strict=True):
-        uv = lens.undistort_tracks(station.camera, own.centres)
-        still.append(mean_of(uv[own.times < rig.motion.start - abs(readout)]))
-        ring = own.times > first + abs(readout) + station.sensor.exposure
-        tracks.append(
-            Track(
-                station.camera,
-                own.times[ring],
-                uv[ring],
-                station.sensor.exposure,
-                readout,
-                own.centres[ring, 1],
-            )
-        )
+        uv, exposure = lens.undistort_tracks(station.camera, own.centres), station.sensor.exposure
+        still.append(mean_of(uv[own.times < rig.motion.start]))
+        ring = own.times > rig.motion.steady + exposure
+        own_v = own.centres[ring, 1]
+        tracks.append(Track(station.camera, own.times[ring], uv[ring], exposure, 0.0, own_v))
     images = np.array(still)
     frame = check_frame(rig.cameras, images, rig.markers)
     points, _ = triangulate_seen(lens.projection_matrices(rig.cameras), images)

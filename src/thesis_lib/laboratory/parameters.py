@@ -65,6 +65,11 @@ def between_frames(frame_rate_hz: float) -> str:
     return f"allowed: at most the time between frames, {1000 / frame_rate_hz:.4g} ms"
 
 
+def beam_reach(amplitude_mm: float) -> float:
+    """Return the reach of the thesis's beam and its deflection from its centre in mm."""
+    return 1000 * math.hypot(*setups.thesis_beam().extent) / 2 + amplitude_mm
+
+
 class CameraParameters(Fields):
     """Parameters of the cameras that every rendered experiment has."""
 
@@ -304,14 +309,11 @@ class RigRequest(Fields):
             self.refuse("frequency_hz", f"allowed: at most {most}")
         if self.exposure_ms > 1000 / self.frame_rate_hz:
             self.refuse("exposure_ms", between_frames(self.frame_rate_hz))
-        reach = 1000 * math.hypot(*setups.thesis_beam().extent) / 2 + self.amplitude_mm
+        reach = beam_reach(self.amplitude_mm)
         if self.distance_mm <= reach:
             refuse_value("distance_mm", self.distance_mm, distance_limit(reach))
-        extent, lift, far = (
-            setups.thesis_beam().extent,
-            self.amplitude_mm / 1000,
-            self.distance_mm / 1000,
-        )
+        extent = setups.thesis_beam().extent
+        lift, far = self.amplitude_mm / 1000, self.distance_mm / 1000
         cameras = self.directions_deg.values()
         if max(view_extent(self, extent, lift, each, far) for each in cameras) > MAX_VIEW_EXTENT:
             refuse_value("distance_mm", self.distance_mm, IN_VIEW)

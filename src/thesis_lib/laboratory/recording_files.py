@@ -35,15 +35,15 @@ from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import Structure
 
 SAMPLE_RATE_HZ = 48000  # Hz
+Codec = Literal["ffv1", "h264"]
 
 
-def render_frames(rig: Rig, index: int, noise: bool = True) -> Iterator[Image]:
+def render_frames(rig: Rig, index: int) -> Iterator[Image]:
     """Render the frames of one camera, one after the other."""
     station = rig.stations[index]
     view = BeamView(station.camera, rig.markers, rig.motion, station.sensor)
     for k in range(int(rig.duration * station.frame_rate)):
-        rng = rig.generator(1, index, k) if noise else None
-        yield view.frame(station.start + k / station.frame_rate, rng)
+        yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
 
 
 def render_sound(rig: Rig, index: int) -> Array:
@@ -64,14 +64,12 @@ def render_board_images(rig: Rig, index: int) -> Iterator[Image]:
         yield render_board(station.camera, rig.board, R, t, station.sensor, rng)
 
 
-def write_video(
-    rig: Rig, index: int, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
-) -> None:
+def write_video(rig: Rig, index: int, folder: Path, codec: Codec = "ffv1") -> None:
     """Write the video of one camera, with its sound: camera A's is ``A.mkv``."""
     station = rig.stations[index]
-    video = folder / f"{station.camera.name}.mkv"
-    pictures, rate = render_frames(rig, index), station.frame_rate
-    media.write_video(video, pictures, rate, render_sound(rig, index), SAMPLE_RATE_HZ, codec, crf)
+    video, sound = folder / f"{station.camera.name}.mkv", render_sound(rig, index)
+    frames = render_frames(rig, index)
+    media.write_video(video, frames, station.frame_rate, sound, SAMPLE_RATE_HZ, codec)
 
 
 def write_board_images(rig: Rig, index: int, folder: Path) -> None:
@@ -80,9 +78,7 @@ def write_board_images(rig: Rig, index: int, folder: Path) -> None:
         write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
 
-def write_recording(
-    rig: Rig, folder: Path, codec: Literal["ffv1", "h264"] = "ffv1", crf: int = 23
-) -> Path:
+def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
     """Write a video and the board shots of every camera; the cameras film side by side.
 
     Returns
@@ -92,7 +88,7 @@ def write_recording(
     """
 
     def write_camera(index: int) -> None:
-        write_video(rig, index, folder, codec, crf)
+        write_video(rig, index, folder, codec)
         write_board_images(rig, index, folder)
 
     map_in_pairs(write_camera, range(len(rig.stations)))
@@ -176,9 +172,8 @@ def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec
         by_rows = spec(rows)
     except ValidationError:  # they are no rows
         return by_points
-    near = by_rows.marker_points.shape == by_points.marker_points.shape and np.allclose(
-        by_rows.marker_points, by_points.marker_points, atol=1e-8
-    )
+    one, other = by_rows.marker_points, by_points.marker_points
+    near = one.shape == other.shape and np.allclose(one, other, atol=1e-8)
     return by_rows if near else by_points
 
 
@@ -210,26 +205,15 @@ def example_rig() -> Rig:
 
 def example_manifest(rig: Rig) -> Manifest:
     """Return the manifest of the example, with what the warnings before measuring ask for."""
-    manifest = manifest_of(rig)
-    cameras = tuple(
-        camera.model_copy(
-            update={
-                "video": f"{camera.name}.mkv",
-                "board_images": f"board/{camera.name}-*.jpg",
-                "focal_length_mm": FOCAL_MM,
-                "sensor_width_mm": SENSOR_MM,
-                "f_number": 11.0,
-                "distance_mm": 570.0,
-                "azimuth_deg": azimuth,
-                "elevation_deg": elevation,
-            }
-        )
-        for camera, (azimuth, elevation) in zip(
-            manifest.cameras, EXAMPLE_DIRECTIONS_DEG, strict=True
-        )
-    )
+    manifest, cameras = manifest_of(rig), []
+    lens = {"focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0}
+    pairs = zip(manifest.cameras, EXAMPLE_DIRECTIONS_DEG, strict=True)
+    for camera, (azimuth, elevation) in pairs:
+        place = {"distance_mm": 570.0, "azimuth_deg": azimuth, "elevation_deg": elevation}
+        images = {"board_images": f"board/{camera.name}-*.jpg"}
+        cameras.append(camera.model_copy(update=lens | place | images))
     excitation = manifest.excitation.model_copy(update={"amplitude_mm": 1000 * EXAMPLE_AMPLITUDE_M})
-    return manifest.model_copy(update={"cameras": cameras, "excitation": excitation})
+    return manifest.model_copy(update={"cameras": tuple(cameras), "excitation": excitation})
 
 
 def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
@@ -262,15 +246,9 @@ def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
             station = rig.stations[index]
             name = station.camera.name
             say(f"rendering camera {name}, {index + 1} of {len(rig.stations)}")
-            media.write_video(
-                part / f"{name}.mkv",
-                until_stopped(render_frames(rig, index)),
-                station.frame_rate,
-                render_sound(rig, index),
-                SAMPLE_RATE_HZ,
-                "h264",
-                EXAMPLE_CRF,
-            )
+            frames, sound = until_stopped(render_frames(rig, index)), render_sound(rig, index)
+            how: Any = SAMPLE_RATE_HZ, "h264", EXAMPLE_CRF
+            media.write_video(part / f"{name}.mkv", frames, station.frame_rate, sound, *how)
             for k, shot in enumerate(until_stopped(render_board_images(rig, index))):
                 _, data = cv2.imencode(".jpg", shot, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
                 (part / "board" / f"{name}-{k:02d}.jpg").write_bytes(data.tobytes())

@@ -189,18 +189,8 @@ def render_board(
     contrast = np.full(len(shapes), sensor.dark - sensor.white)
     contrast[0] = sensor.white - sensor.background
     polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
-    return render_polygons(lens.project_points(camera, world), polygons, camera.size, sensor, rng)
-
-
-def render_polygons(
-    uv: Array,
-    polygons: Polygons,
-    size: tuple[int, int],
-    sensor: Sensor,
-    rng: np.random.Generator | None,
-) -> Image:
-    """Render polygons before the background: spread, noise, rounding to eight bits."""
-    return collect_light(uv, polygons, size, sensor).recorded(sensor, rng)
+    uv = lens.project_points(camera, world)
+    return collect_light(uv, polygons, camera.size, sensor).recorded(sensor, rng)
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,21 @@ volume that the beam takes up, as far as its corners stay in the images.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from thesis_lib.arrays import Array
+from thesis_lib.facts.setups import Setting
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.measure.recordings.board import Board, Markers, rows_on
+from thesis_lib.measure.recordings.board import Board, Markers, on_surface, rows_on
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.plate import Plate
+from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
 
@@ -211,3 +215,151 @@ def _default_markers(structure: Beam | Plate) -> Markers:
         return rows_on(structure)
     cells = Markers(structure.extent, structure.markers, 0.0)
     return replace(cells, diameter=float(cells.nearest.min()) / 5)
+
+
+# Rigs for fast vibrations: a few frames at rest and then, after half a period that no frame needs,
+# frames of the steady vibration. A real structure takes its time to get there; frames before that
+# are useless.
+
+REST_FRAMES = 4  # frames at rest
+RAMP_PERIODS = 0.5  # periods in which the vibration takes up
+EXPOSURE_SAMPLES = 3  # of the motion within an exposure
+
+
+def make_sensor(film: Any) -> Sensor:
+    """Return the sensor, with positions in an exposure whose variance is that of the light.
+
+    n positions in the middle of equal parts of a time T have the variance T² (1 − 1/n²) / 12.
+    """
+    exposure = film.exposure_ms / 1000 / np.sqrt(1 - 1 / EXPOSURE_SAMPLES**2)
+    return Sensor(exposure, EXPOSURE_SAMPLES, shot=film.shot_noise, read=film.read_noise)
+
+
+def derive_seed(seed: int, *what: object) -> int:
+    """Derive a seed that belongs to what is rendered alone."""
+    text = repr((seed, *what)).encode()
+    return int.from_bytes(hashlib.sha256(text).digest()[:6], "big")
+
+
+def settle_rig(rig: Rig, offsets: Sequence[float], frames: int) -> Rig:
+    """Return the rig with frames at rest, then so many of the steady vibration.
+
+    Camera i starts `offsets[i]` of a frame after time 0.
+    """
+    rate = rig.stations[0].frame_rate
+    stations = tuple(
+        replace(station, start=offset / rate)
+        for station, offset in zip(rig.stations, offsets, strict=True)
+    )
+    components = rig.motion.components
+    ramp = RAMP_PERIODS / min(part.frequency for part in components)
+    motion = Motion(rig.motion.structure, components, (REST_FRAMES + 1) / rate, ramp)
+    count = int(np.ceil(motion.steady * rate)) + frames
+    return replace(rig, stations=stations, motion=motion, duration=(count + 0.5) / rate)
+
+
+def camera_rig(
+    request: Any,
+    structure: Any,
+    setting: Setting,
+    rate: float,
+    components: tuple[Component, ...],
+    seed: int,
+    markers: Markers | None = None,
+    own_sensor: Sensor | None = None,
+) -> Rig:
+    """Return a rig that renders a structure `rate` times per second, by the cameras of a setting.
+
+    Lenses and sensors are those of a `request` (:class:`.CameraParameters`).
+    """
+    return default_rig(
+        structure,
+        setting.directions_deg,
+        focal_length=request.focal_length_mm / 1000,
+        sensor_width=request.sensor_width_mm / 1000,
+        distance=setting.distance_mm / 1000,
+        size=setting.resolution_px,
+        sensor=own_sensor or make_sensor(request),
+        frame_rate=rate,
+        components=components,
+        lens_k1=request.lens_k1,
+        seed=seed,
+        markers=markers,
+    )
+
+
+# Replicates: the cameras are set up again, with other starts and other noise. Nobody puts a tripod
+# back to where it stood: each camera is a little off its place and its direction, so that all
+# markers fall on other parts of their pixels. Starts and noise come from the seed of the rig.
+
+PLACE_STD_M = 1e-3  # m, standard deviation of a camera's place along X, Y and Z
+TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
+WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
+
+
+def replace_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
+    """Replace the cameras of a rig, in the same order."""
+    pairs = zip(rig.stations, cameras, strict=True)
+    return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
+
+
+def perturb_cameras(rig: Rig) -> Rig:
+    """Move every camera of a rig a little, by draws of its seed."""
+    cameras = []
+    for index, camera in enumerate(rig.cameras):
+        shift, turn = rig.generator(9, index, 0).standard_normal((2, 3))
+        R = _rotate_about(TURN_STD_RAD * turn) @ camera.R_camera_world
+        centre = camera.centre + PLACE_STD_M * shift
+        cameras.append(replace(camera, R_camera_world=R, centre=centre))
+    return replace_cameras(rig, cameras)
+
+
+def _rotate_about(vector: Array) -> Array:
+    """Return the rotation about a vector by its length in rad (Rodrigues)."""
+    x, y, z = vector
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.linalg.norm(vector)
+    rotation: Array = np.eye(3) + np.sinc(angle / np.pi) * K
+    return rotation + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * K @ K
+
+
+def crop_camera(camera: Camera, low: Array, high: Array) -> Camera:
+    """Let a camera read its sensor from one corner to another."""
+    K = camera.K.copy()
+    K[:2, 2] -= low
+    return replace(camera, K=K, size=(int(high[0] - low[0]), int(high[1] - low[1])))
+
+
+def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, Array]:
+    """Crop a camera's sensor to what the structure reaches, and return the corner, too.
+
+    Real sensors read faster so, and rendering does. Corner and size are multiples of `whole` px.
+    """
+    camera, extent = station.camera, rig.markers.extent
+    x, y = (np.linspace(0, side, 30) for side in extent)
+    points = np.stack([np.tile(x, 30), np.repeat(y, 30)])
+    lift = sum(
+        abs(part.amplitude * part.shape(rig.motion.structure, points))
+        for part in rig.motion.components
+    )
+    uv = lens.project_points(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
+    flat = uv.reshape(2, -1) / whole
+    spare, most = WINDOW_MARGIN_PX / whole, np.array(camera.size) // whole
+    low = whole * np.clip(np.floor(flat.min(axis=1) - spare).astype(int), 0, most)
+    high = whole * np.clip(np.ceil(flat.max(axis=1) + spare).astype(int), low // whole + 1, most)
+    return replace(station, camera=crop_camera(camera, low, high)), low.astype(float)
+
+
+def window_rig(rig: Rig) -> Rig:
+    """Let the cameras of a rig read no more of their sensors than the structure reaches."""
+    return replace(rig, stations=tuple(window_camera(rig, one)[0] for one in rig.stations))
+
+
+def replicate_seed(seed: int, replicate: int) -> int:
+    """Return the seed of a replicate; that of the first is the request's own."""
+    return derive_seed(seed, "again", replicate) if replicate else seed
+
+
+def make_replicate(rig: Rig, replicate: int) -> Rig:
+    """Return the rig of a replicate: the first as it is, others set up again and windowed."""
+    return window_rig(perturb_cameras(rig)) if replicate else rig

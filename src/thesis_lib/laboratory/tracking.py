@@ -12,16 +12,24 @@ marked to a pixel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.arrays import Array, Image
+from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.laboratory.recording_files import render_board_images
 from thesis_lib.laboratory.render import BeamView
-from thesis_lib.laboratory.rig import Rig, Station
+from thesis_lib.laboratory.rig import (
+    REST_FRAMES,
+    WINDOW_MARGIN_PX,
+    Rig,
+    Station,
+    crop_camera,
+    replace_cameras,
+)
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.calibration.rig import unify_corners
@@ -38,6 +46,7 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import lens
@@ -45,7 +54,10 @@ from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import project
 
 MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
-WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
+TRACK_VARIABLES = parse_variables("""
+    tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
+    quiet(camera, frame, axis, marker) [px] centres in frames without noise
+""")
 
 
 @dataclass(frozen=True)
@@ -136,6 +148,44 @@ def track_cameras(rig: Rig) -> list[TrackedCentres]:
     return map_in_pairs(track_station, range(len(rig.stations)))
 
 
+def record_tracks(
+    rigs: Sequence[Rig],
+    frames: int,
+    look: Callable[[Rig], list[TrackedCentres]] = track_cameras,
+) -> xr.Dataset:
+    """Track what the cameras of some rigs see at rest and in the last `frames` frames.
+
+    Two rigs at a time; `look` renders a rig and tracks its markers.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``tracks`` of :data:`TRACK_VARIABLES`, along ``rig``, too.
+    """
+    every = map_in_pairs(look, rigs)
+    tracks = [[own.centres[_stored_frames(own.times, frames)] for own in found] for found in every]
+    return xr.Dataset(label_values({"tracks": tracks}, TRACK_VARIABLES, ["rig"]))
+
+
+def read_tracks(tracks: Array, rig: Rig) -> list[TrackedCentres]:
+    """Return what the cameras of a rig saw, from their stored tracks.
+
+    `tracks` has the shape (cameras, frames, 2, markers), px. Times and true places are not stored:
+    the rig gives them, to the last bit.
+    """
+    found = []
+    for station, centres in zip(rig.stations, tracks, strict=True):
+        times = frame_times(rig, station)
+        times = times[_stored_frames(times, len(centres) - REST_FRAMES)]
+        found.append(TrackedCentres(times, centres, true_centres(rig, station, times)))
+    return found
+
+
+def _stored_frames(times: Array, frames: int) -> IntArray:
+    """Return the indices of the frames at rest and of the last `frames` frames."""
+    return np.r_[:REST_FRAMES, len(times) - frames : len(times)]
+
+
 def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2) -> Fitted:
     """Fit harmonics to the steady interval by the true cameras, and the frame of the markers.
 
@@ -196,12 +246,6 @@ def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int
     )
 
 
-def replace_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
-    """Replace the cameras of a rig, in the same order."""
-    pairs = zip(rig.stations, cameras, strict=True)
-    return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
-
-
 def calibrate_rig(rig: Rig) -> Adjustment:
     """Calibrate the cameras from their calibration images, in a world of their own.
 
@@ -252,16 +296,9 @@ def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]
         uv, most = lens.project_points(camera, box), np.array(camera.size)
         low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
         high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
-        parts.append(_crop_camera(camera, low, high))
-        others.append(_crop_camera(other, low, high))
+        parts.append(crop_camera(camera, low, high))
+        others.append(crop_camera(other, low, high))
     return replace_cameras(rig, parts), others
-
-
-def _crop_camera(camera: Camera, low: Array, high: Array) -> Camera:
-    """Return a camera that reads its sensor from one corner to another."""
-    K = camera.K.copy()
-    K[:2, 2] -= low
-    return replace(camera, K=K, size=(int(high[0] - low[0]), int(high[1] - low[1])))
 
 
 class PlanarView(BeamView):

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.figure_sets.planner.tables import coarse_options, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
-from thesis_lib.laboratory.replicates import PLACE_STD_M, TURN_STD_RAD
+from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import from_cube
 from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings

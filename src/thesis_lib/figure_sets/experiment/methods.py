@@ -281,9 +281,8 @@ def select_tracks(
     still = np.array([mean_of(own[chosen]) for own, chosen in zip(uv, resting, strict=True)])
     rest, rest_frames = still, int(np.count_nonzero(resting[0]))
     if matched:
-        uv = _undistort_tracks(
-            cameras, data["matches"].sel(width=width).values[index].astype(float)
-        )
+        matches = data["matches"].sel(width=width).values[index]
+        uv = _undistort_tracks(cameras, matches.astype(float))
         rest, rest_frames = uv[:, 0], 1
         for i, own in enumerate(harmonics):
             off = uv[i] - own.at(omega, times[i])
@@ -351,12 +350,9 @@ def measure_deflection(
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
-        uv = np.stack(
-            [
-                rc.interpolate_frames(times, own, instant.times[0], INTERPOLATED_FRAMES)
-                for times, own in zip(tracks.times, tracks.uv, strict=True)
-            ]
-        )
+        pairs, first = zip(tracks.times, tracks.uv, strict=True), instant.times[0]
+        seen = [rc.interpolate_frames(*pair, first, INTERPOLATED_FRAMES) for pair in pairs]
+        uv = np.stack(seen)
         fractions = np.linspace(0, 1, 21)
         noise_gain = float(np.mean([interpolation_gain(f) ** 2 for f in fractions]))
     sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
@@ -380,11 +376,6 @@ def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
 
 def interpolation_gain(fraction: float) -> float:
     """Return the root of the summed squares of the interpolation's weights."""
-    nodes = np.arange(INTERPOLATED_FRAMES)
-    weights = rc.interpolate_frames(
-        nodes,
-        np.eye(INTERPOLATED_FRAMES),
-        INTERPOLATED_FRAMES / 2 - 1 + fraction,
-        INTERPOLATED_FRAMES,
-    )
+    n = INTERPOLATED_FRAMES
+    weights = rc.interpolate_frames(np.arange(n), np.eye(n), n / 2 - 1 + fraction, n)
     return float(np.linalg.norm(weights))

@@ -131,26 +131,22 @@ def draw_board(data: xr.Dataset) -> Figure:
     part = central_corners(shape)
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
+    limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
     with in_style():
         figure, (left, right) = subplots(
-            1, 2, figsize=(WIDTH_IN, 0.436 * WIDTH_IN), layout="constrained", width_ratios=[1.32, 1]
+            1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
         )
-        _draw_photo(
-            left, picture, _enclose_places(corners, 1.32, 95, picture.shape[::-1]), smooth=True
-        )
+        _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
         left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
         left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
         first = corners[:, part[0]]
+        arrow = {"arrowstyle": "->", "color": RED, "linewidth": 2}
         for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
-            end = first + 1.5 * (there - first)
-            left.annotate(
-                "", end, first, arrowprops={"arrowstyle": "->", "color": RED, "linewidth": 2}
-            )
+            left.annotate("", first + 1.5 * (there - first), first, arrowprops=arrow)
             _write_note(left, first + 1.75 * (there - first), name)
         zoomed = corners[:, part[20]]
-        box = _enclose_places(zoomed[:, None], 1.0, 10, picture.shape[::-1])
-        _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, picture.shape[::-1]), GREEN)
-        _draw_photo(right, picture, box)
+        _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), GREEN)
+        _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
         _colour_border(right, GREEN)
         _draw_crosses(right, zoomed, SKY, 22)
         left.set_title("(a) one shot of camera A")
@@ -168,9 +164,10 @@ def draw_outline(data: xr.Dataset) -> Figure:
     centres = data["picture_centres"].transpose("axis", "marker").values
     markers = rows_on(setups.thesis_beam())
     row, limits = markers.columns, picture.shape[::-1]
-    ends = {"tip": [row - 3, row - 1, 3 * row - 3, 3 * row - 1],
-            "clamped end": [0, 2, 2 * row, 2 * row + 2]}  # fmt: skip
-    tints = {"tip": GREEN, "clamped end": PINK}
+    ends = {  # markers, corners, colour and letter of each
+        "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
+        "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
+    }
     with in_style():
         figure, panels = make_mosaic(
             [["all", "all"], ["tip", "clamped end"]],
@@ -179,33 +176,22 @@ def draw_outline(data: xr.Dataset) -> Figure:
         whole = panels["all"]
         _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
         whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
-        middle = corners.mean(axis=1)
-        for n, corner in enumerate(corners.T):
-            off = corner - middle
-            place = corner + [
-                45 * np.sign(off[0]),
-                32 * np.sign(corner[1] - _end_height(corners, n)),
-            ]
-            _write_note(whole, place, "①②③④"[n], ORANGE, fontsize=12)
+        middle = corners[0].mean(), corners[1, [[0, 3], [1, 2], [1, 2], [0, 3]]].mean(axis=1)
+        beside = corners + [[45], [32]] * np.sign(corners - np.stack(np.broadcast_arrays(*middle)))
+        for place, digit in zip(beside.T, "①②③④", strict=True):
+            _write_note(whole, place, digit, ORANGE, fontsize=12)
         whole.set_title("(a) the first frame of camera A, with the beam's outline")
-        for name, some in ends.items():
-            near = corners[:, [1, 2] if name == "tip" else [0, 3]]
-            box = _enclose_places(np.column_stack([centres[:, some], near]), 1.65, 14, limits)
-            _draw_frame(whole, box, tints[name])
-            axes = panels[name]
+        for name, (some, near, tint, letter) in ends.items():
+            places = np.column_stack([centres[:, some], corners[:, near]])
+            box, axes = _enclose_places(places, 1.65, 14, limits), panels[name]
+            _draw_frame(whole, box, tint)
             _draw_photo(axes, picture, box)
-            _colour_border(axes, tints[name])
+            _colour_border(axes, tint)
             axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
             inside = (centres[0] > box[0]) & (centres[0] < box[1])
             _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
-            axes.set_title(f"({'b' if name == 'tip' else 'c'}) the {name}")
+            axes.set_title(f"({letter}) the {name}")
     return figure
-
-
-def _end_height(corners: Array, n: int) -> float:
-    """Return the height v of the middle of the end of the beam that a corner belongs to."""
-    partner = {0: 3, 3: 0, 1: 2, 2: 1}[n]
-    return float(corners[1, [n, partner]].mean())
 
 
 def draw_plane(data: xr.Dataset) -> Figure:
@@ -233,12 +219,11 @@ def draw_plane(data: xr.Dataset) -> Figure:
         for panel in axes[1:]:
             _colour_border(panel, SKY)
         _draw_crosses(axes[1], grid, PINK, 11, rim=False)
-        axes[2].plot(
-            *matches[:, taken], "o", color=GREEN, markersize=15, fillstyle="none", markeredgewidth=2
-        )
-        for panel, big in ((axes[0], 6.0), (axes[2], 15.0)):
-            panel.plot(*matches[:, ~taken], "s", color=RED, markersize=big, fillstyle="none",
-                       markeredgewidth=1.2 if panel is axes[0] else 2)  # fmt: skip
+        large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
+        small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
+        axes[2].plot(*matches[:, taken], "o", color=GREEN, **large)
+        axes[0].plot(*matches[:, ~taken], "s", color=RED, **small)
+        axes[2].plot(*matches[:, ~taken], "s", color=RED, **large)
         spare = int(np.count_nonzero(~taken))
         axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
         axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
@@ -254,19 +239,17 @@ def draw_centres(data: xr.Dataset) -> Figure:
     still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     pictures = data["picture_first"].values, data["picture_moved"].values
-    box = _enclose_places(
-        np.column_stack([still[:, shown], moved[:, shown]]), 2.5, 12, pictures[0].shape[::-1]
-    )
+    both = np.column_stack([still[:, shown], moved[:, shown]])
+    box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
     with in_style():
         figure, axes = subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
         for panel, picture in zip(axes, pictures, strict=True):
             _draw_photo(panel, picture, box)
             _draw_crosses(panel, still[:, shown], SKY, 10)
         _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
+        line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
-            axes[1].annotate("", end, start, arrowprops={
-                "arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0,
-            })  # fmt: skip
+            axes[1].annotate("", end, start, arrowprops=line)
         most = np.nanmax(np.abs(moved - still)[1, tip_marker(markers)])
         axes[0].set_title("(a) at rest")
         axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")

@@ -16,8 +16,7 @@ from matplotlib.path import Path
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import methods as shapes
-from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER
+from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.plotting.style import (
@@ -31,7 +30,7 @@ from thesis_lib.plotting.style import (
 )
 
 WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
-SKETCH_INK = "#333333"
+SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
 WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
 
@@ -46,15 +45,32 @@ def tip_marker(markers: Markers) -> int:
     return markers.middle_row.stop - 1
 
 
+def write_label(axes: Axes, place: Any, text: str, **style: Any) -> None:
+    """Write letters in ink, in the middle of a place if not said otherwise."""
+    how: Any = {"ha": "center", "va": "center", "color": SKETCH_INK, **style}
+    axes.text(place[0], place[1], text, **how)
+
+
+def draw_box(axes: Axes, corner: Any, size: Any, ground: str, **style: Any) -> None:
+    """Draw a rectangle with an edge in ink."""
+    how: Any = {"facecolor": ground, "edgecolor": SKETCH_INK, "linewidth": 0.8, **style}
+    axes.add_patch(Rectangle(corner, *size, **how))
+
+
+def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, **line: Any) -> None:
+    """Draw an arrow in ink."""
+    arrow = {"arrowstyle": heads, "color": SKETCH_INK, **line}
+    axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
+
+
 # The rig.
 
 
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
     markers = rows_on(setups.thesis_beam())
-    found = shapes.select_tracks(
-        data, markers, camera_letters(data), int(data["width"].max()), "full"
-    )
+    widest = int(data["width"].max())
+    found = select_tracks(data, markers, camera_letters(data), widest, "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
@@ -85,48 +101,31 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
         if np.argmax(hidden[i]) == i:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
             aside = 1 + 0.9 * (len(letters) > 1)
-            u, v = place - [1.85 * aside, 1.3] * ahead
-            axes.text(
-                u,
-                v,
-                letters,
-                color=SKETCH_INK,
-                weight="bold",
-                fontsize=11,
-                ha="center",
-                va="center",
-            )
+            beside = place - [1.85 * aside, 1.3] * ahead
+            write_label(axes, beside, letters, weight="bold", fontsize=11)
 
 
 def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
     length, width = 1e3 * np.array(markers.extent)
     axes.set_title("(a) from above")
-    axes.add_patch(Rectangle((-width / 2, -length / 2), width, length, facecolor="#dcdcdc",
-                             edgecolor=SKETCH_INK, linewidth=0.8, zorder=2))  # fmt: skip
-    axes.plot(
-        *1e3 * markers.world[[1, 0], : markers.count],
-        "o",
-        color=SKETCH_INK,
-        markersize=1.2,
-        zorder=3,
-    )
-    axes.add_patch(Rectangle((-45, length / 2 * -1 - 42), 90, 42, facecolor="white", hatch="////",
-                             edgecolor=SKETCH_INK, linewidth=0.8, zorder=2))  # fmt: skip
-    axes.text(62, -length / 2 - 21, "clamp", va="center", color=SKETCH_INK)
-    axes.text(0, length / 2 + 20, "tip", ha="center", va="bottom", color=SKETCH_INK)
+    draw_box(axes, (-width / 2, -length / 2), (width, length), BEAM_GREY, zorder=2)
+    places = 1e3 * markers.world[[1, 0], : markers.count]
+    axes.plot(*places, "o", color=SKETCH_INK, markersize=1.2, zorder=3)
+    draw_box(axes, (-45, length / 2 * -1 - 42), (90, 42), "white", hatch="////", zorder=2)
+    write_label(axes, (62, -length / 2 - 21), "clamp", ha="left")
+    write_label(axes, (0, length / 2 + 20), "tip", va="bottom")
     _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
     _draw_axes(axes, ("Y", "X"), 150)
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
     low, high = sorted([first, second])
-    axes.add_patch(
-        Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT_COLOR, linewidth=1.4)
-    )
-    axes.text(295, 0, f"α = {abs(first - second):.0f}°", color=HIGHLIGHT_COLOR, va="center")
+    arc = Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT_COLOR, linewidth=1.4)
+    axes.add_patch(arc)
+    angle = f"α = {abs(first - second):.0f}°"
+    write_label(axes, (295, 0), angle, color=HIGHLIGHT_COLOR, ha="left")
     along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
     distance = np.mean(np.linalg.norm(centres, axis=0))
-    u, v = 300 * along + [0, 22]
-    axes.text(u, v, f"d = {distance:.0f} mm", color=SKETCH_INK, ha="center",
-              rotation=np.degrees(np.arctan(along[1] / along[0])), va="center")  # fmt: skip
+    slope = np.degrees(np.arctan(along[1] / along[0]))
+    write_label(axes, 300 * along + [0, 22], f"d = {distance:.0f} mm", rotation=slope)
     _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
 
 
@@ -140,31 +139,17 @@ def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
     elevation = np.degrees(np.arctan2(centres[2, 0], flat))
     axes.plot([0, flat], [0, 0], color=REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0)
     axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT_COLOR, linewidth=1.4))
-    axes.text(300, 50, f"φ = {elevation:.0f}°", color=HIGHLIGHT_COLOR, va="center")
-    axes.annotate("", (-60, -48), (-60, 48), arrowprops={"arrowstyle": "<->", "color": SKETCH_INK})
-    axes.text(-78, -36, "vibrates", color=SKETCH_INK, va="center", ha="right")
+    write_label(axes, (300, 50), f"φ = {elevation:.0f}°", color=HIGHLIGHT_COLOR, ha="left")
+    _draw_arrow(axes, (-60, 48), (-60, -48), "<->")
+    write_label(axes, (-78, -36), "vibrates", ha="right")
     _hide_axes(axes, (-650, 650), (-90, 290))
 
 
 def _draw_axes(axes: Axes, names: tuple[str, str], size: float) -> None:
     for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
-        axes.annotate(
-            "",
-            (u, v),
-            (0, 0),
-            zorder=6,
-            arrowprops={"arrowstyle": "->", "color": SKETCH_INK, "linewidth": 1.2},
-        )
-        axes.text(
-            1.1 * u + 30 * (u == 0),
-            0.95 * v,
-            name,
-            color=SKETCH_INK,
-            ha="center",
-            va="center",
-            zorder=6,
-            bbox=WHITE_GROUND,
-        )
+        _draw_arrow(axes, (0, 0), (u, v), "->", zorder=6, linewidth=1.2)
+        place = 1.1 * u + 30 * (u == 0), 0.95 * v
+        write_label(axes, place, name, zorder=6, bbox=WHITE_GROUND)
 
 
 def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
@@ -177,82 +162,47 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     length, width = 1e3 * np.array(markers.extent)
     places, radius = 1e3 * markers.positions, 500 * markers.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
-    axes.add_patch(
-        Rectangle((0, 0), length, width, facecolor="#dcdcdc", edgecolor=SKETCH_INK, linewidth=0.8)
-    )
+    draw_box(axes, (0, 0), (length, width), BEAM_GREY)
     for n, place in enumerate(places.T):
-        hole = n >= markers.count
-        axes.add_patch(
-            Circle(place, radius, color=HIGHLIGHT_COLOR if hole else SKETCH_INK, zorder=3)
-        )
+        ink = HIGHLIGHT_COLOR if n >= markers.count else SKETCH_INK  # the hole comes last
+        axes.add_patch(Circle(place, radius, color=ink, zorder=3))
     row = markers.columns
     if whole:
         for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
-            style: Any = {"va": "center", "fontsize": 7.5, "color": SKETCH_INK}
             apart = y + 0.7 * (y - width / 2)  # else they touch
-            axes.text(-6, apart, str(first), ha="right", **style)
-            axes.text(length + 6, apart, str(first + row - 1), ha="left", **style)
+            write_label(axes, (-6, apart), str(first), ha="right", fontsize=7.5)
+            write_label(axes, (length + 6, apart), str(first + row - 1), ha="left", fontsize=7.5)
         _hide_axes(axes, (-32, length + 32), (-4, width + 4))
         return
     for n in (0, 1):  # lines to the measures
-        axes.plot(
-            [places[0, n]] * 2, [places[1, 2 * row], width + 9], color=SKETCH_INK, linewidth=0.6
-        )
+        ends = [places[1, 2 * row], width + 9]
+        axes.plot([places[0, n]] * 2, ends, color=SKETCH_INK, linewidth=0.6)
     spacing = places[0, 1] - places[0, 0]
     _draw_measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
     right = places[0, 3] + 13
-    for y in places[1, [row, 2 * row]]:
+    low, high = places[1, [row, 2 * row]]
+    for y in (low, high):
         axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
-    _draw_measure(
-        axes, (right, places[1, row]), (right, places[1, 2 * row]), f"{1e3 * markers.row_spacing:g}"
-    )
-    force = tuple(1e3 * setups.thesis_beam().force_point[:, 0])
-    axes.plot(*force, "X", color=CYCLE_COLORS[4], markersize=9, markeredgecolor="white", zorder=5)
-    axes.annotate(
-        "shaker beneath",
-        force,
-        (force[0] + 4, -7),
-        color=CYCLE_COLORS[4],
-        ha="left",
-        va="center",
-        arrowprops={"arrowstyle": "-", "color": CYCLE_COLORS[4]},
-    )
+    _draw_measure(axes, (right, low), (right, high), f"{1e3 * markers.row_spacing:g}")
+    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), CYCLE_COLORS[4]
+    axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
+    _point_at(axes, force, (force[0] + 4, -7), "shaker beneath", "left", ink)
     if markers.hole is not None:
-        axes.annotate("hole", tuple(places[:, -1]), (places[0, -1] - 3, -7), color=HIGHLIGHT_COLOR,
-                      ha="right", va="center",
-                      arrowprops={"arrowstyle": "-", "color": HIGHLIGHT_COLOR})  # fmt: skip
-    axes.text(
-        places[0, 2],
-        width + 7,
-        f"markers ⌀ {2 * radius:g}",
-        ha="left",
-        va="center",
-        color=SKETCH_INK,
-    )
-    axes.add_patch(Rectangle((-14, -3), 14, width + 6, facecolor="white", hatch="////",
-                             edgecolor=SKETCH_INK, linewidth=0.8))  # fmt: skip
+        hole = tuple(places[:, -1])
+        _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", HIGHLIGHT_COLOR)
+    write_label(axes, (places[0, 2], width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
+    draw_box(axes, (-14, -3), (14, width + 6), "white", hatch="////")
     _hide_axes(axes, (-16, 118), (-12, width + 14))
 
 
-def _draw_measure(
-    axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str
-) -> None:
-    axes.annotate(
-        "",
-        end,
-        start,
-        arrowprops={
-            "arrowstyle": "<->",
-            "color": SKETCH_INK,
-            "linewidth": 0.8,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-    )
-    u, v = np.mean([start, end], axis=0)
-    axes.text(
-        u, v, text, ha="center", va="center", color=SKETCH_INK, bbox=WHITE_GROUND | {"pad": 1.5}
-    )
+def _point_at(axes: Axes, place: Any, words: Any, text: str, align: str, ink: str) -> None:
+    style: Any = {"color": ink, "ha": align, "va": "center"}
+    axes.annotate(text, place, words, arrowprops={"arrowstyle": "-", "color": ink}, **style)
+
+
+def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
+    _draw_arrow(axes, start, end, "<->", linewidth=0.8, shrinkA=0, shrinkB=0)
+    write_label(axes, np.mean([start, end], axis=0), text, bbox=WHITE_GROUND | {"pad": 1.5})
 
 
 # The board.
@@ -271,13 +221,13 @@ def draw_coverage(data: xr.Dataset) -> Figure:
 
 
 def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
-    corners = camera["adjusted_corners"].transpose("axis", "shot", "corner").values.reshape(2, -1)
-    residual = camera["corner_residuals"].transpose("axis", "shot", "corner").values.reshape(2, -1)
+    corners, residual = (
+        camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
+        for name in ("adjusted_corners", "corner_residuals")
+    )
     width, height = (float(size) for size in camera["size"].values)
     unit = width / 1920
-    axes.add_patch(
-        Rectangle((0, 0), width, height, facecolor="#f4f4f4", edgecolor=SKETCH_INK, linewidth=0.8)
-    )
+    draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
     ends = corners + RESIDUAL_FACTOR * unit * residual
     axes.add_patch(_draw_segments(corners, ends, cycle_color(index), 0.7))
     axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
@@ -285,19 +235,11 @@ def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
     row = still.transpose("axis", "marker").values[:, rows_on(setups.thesis_beam()).middle_row]
     axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
-    bar = 0.01 * RESIDUAL_FACTOR * unit
-    axes.plot(
-        [0.03 * width, 0.03 * width + bar], [0.95 * height] * 2, color=HIGHLIGHT_COLOR, linewidth=2
-    )
-    axes.text(
-        0.03 * width,
-        0.92 * height,
-        "0.01 px",
-        color=HIGHLIGHT_COLOR,
-        fontsize=7.5,
-        va="bottom",
-        bbox=WHITE_GROUND | {"facecolor": "#f4f4f4"},
-    )
+    left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
+    axes.plot([left, left + bar], [0.95 * height] * 2, color=HIGHLIGHT_COLOR, linewidth=2)
+    style: Any = {"color": HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
+    ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
+    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **style)
     axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
     _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
 
@@ -313,11 +255,9 @@ def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPat
 def draw_sound(data: xr.Dataset) -> Figure:
     """Draw the start of the force on the four audio tracks, before and after alignment."""
     signal = data["picture_sound"].transpose("camera", "sample").values
-    rate = float(data["picture_sound"].attrs["rate_hz"])
-    seconds = np.arange(signal.shape[1]) / rate
-    delay = data["delay"].values
+    seconds = np.arange(signal.shape[1]) / float(data["picture_sound"].attrs["rate_hz"])
+    delay, begin = data["delay"].values, float(data["steady"][0])
     whole = data["delay_frames"].values / data["frame_rate"].values
-    begin = float(data["steady"][0])
     with in_style():
         figure, panels = make_mosaic(
             [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
@@ -327,12 +267,8 @@ def draw_sound(data: xr.Dataset) -> Figure:
             top.plot(seconds, own - i, color=cycle_color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
             top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
-        top.set(
-            title="(a) the force on each camera's clock; start after A's",
-            xlabel="s after its first frame",
-            xlim=(begin - 0.75, begin + 0.55),
-            yticks=[],
-        )
+        top.set_title("(a) the force on each camera's clock; start after A's")
+        top.set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.55), yticks=[])
         top.grid(visible=False, axis="y")
         top.spines["left"].set_visible(False)
         middle = _find_crossing(seconds, signal[0], begin)
@@ -349,9 +285,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
         below[1].tick_params(labelleft=False)
         half = 500 / float(data["frame_rate"][0])
         below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
-        below[0].text(
-            0, -0.43, "one frame", ha="center", va="bottom", fontsize=7.5, color=SKETCH_INK
-        )
+        write_label(below[0], (0, -0.43), "one frame", va="bottom", fontsize=7.5)
     return figure
 
 

@@ -86,10 +86,8 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     misfits, costs = right.subplots(2, 1)
     _misfit_panel(misfits, part)
     _mark_rates(costs, part, "cycles", "detuned_error")
-    label = "loss of amplitude"
-    costs.plot(
-        part["cycles"], part["detuned_prediction"], color=LINE_BLACK, linewidth=1, label=label
-    )
+    line: Any = {"color": LINE_BLACK, "linewidth": 1, "label": "loss of amplitude"}
+    costs.plot(part["cycles"], part["detuned_prediction"], **line)
     costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
     costs.set_xlabel("error in periods per recording")
     costs.legend(ncols=2, columnspacing=1, handlelength=1.2)
@@ -134,13 +132,9 @@ def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
 
 def _frequency(cube: xr.Dataset) -> dict[str, Any]:
     """Return the disagreement of the cameras at the best two aliases of each mode and rate."""
-    rates = []
-    for one in (
-        own for of in iterate_slices(cube, "mode") for own in iterate_slices(of, "frame_rate")
-    ):
-        misfits = np.sort(one["misfit"].values)
-        rates.append((one, [*misfits, np.nan][:2]))
-    return {"rates": rates}
+    modes = iterate_slices(cube, "mode")
+    every = (one for mode in modes for one in iterate_slices(mode, "frame_rate"))
+    return {"rates": [(one, [*np.sort(one["misfit"].values), np.nan][:2]) for one in every]}
 
 
 def _conditions(cube: xr.Dataset) -> dict[str, Any]:
@@ -161,9 +155,8 @@ def _results(cube: xr.Dataset) -> dict[str, Any]:
     for of in iterate_slices(cube, "mode"):
         median = of["mean_error"].isel(trial=slice(1, None)).median("trial").values
         by_case = [median[of["case"].values == case] for case in cases]
-        rates += list(
-            zip(iterate_slices(of, "frame_rate"), zip(*by_case, strict=True), strict=True)
-        )
+        own = zip(*by_case, strict=True)
+        rates += list(zip(iterate_slices(of, "frame_rate"), own, strict=True))
     known = select_settings(cube, "known", int(cube["mode"].values[-1]))
     return {"cases": cases, "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
 

@@ -54,11 +54,9 @@ def plate_sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         axes[name].set_ylim(top=axes[name].get_ylim()[1] / 1.25)  # the legend stands outside
     drawing.legend(*handles, loc="outside lower center", ncols=4)
     chosen = best_and_worst(part)
-    words = [
-        f"{word}:\n{part['label'].values[index]}"
-        for word, index in zip(rank_settings(part), (chosen[0], chosen[-1]), strict=True)
-    ]
-    _draw_deflections(drawing, [axes[name] for name in "def"], part, (chosen[0], chosen[-1]), words)
+    ends, names = (chosen[0], chosen[-1]), part["label"].values
+    words = [f"{word}:\n{names[i]}" for word, i in zip(rank_settings(part), ends, strict=True)]
+    _draw_deflections(drawing, [axes[name] for name in "def"], part, ends, words)
     _draw_fields(drawing, [axes[name] for name in "ghi"], cube, case, mode, words)
     return drawing
 

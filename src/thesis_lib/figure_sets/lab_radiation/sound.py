@@ -30,7 +30,7 @@ from thesis_lib.figure_sets.lab_radiation.structures import (
 )
 from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_structure
 from thesis_lib.laboratory.rig import Rig
-from thesis_lib.laboratory.tracking import TrackedCentres
+from thesis_lib.laboratory.tracking import TrackedCentres, frame_times
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
 from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.between import Between, by_model
@@ -87,10 +87,8 @@ class MarkerSound:
     @cached_property
     def between(self) -> Between:
         """Return the surface's motion between markers: by the first modes of its model."""
-        markers = self.own.markers
-        return by_model(
-            self.own.structure, markers.centres, markers.diameter / 2, self._surface.places
-        )
+        markers, places = self.own.markers, self._surface.places
+        return by_model(self.own.structure, markers.centres, markers.diameter / 2, places)
 
     @cached_property
     def _surface(self) -> Surface:
@@ -167,11 +165,7 @@ def _of(form: Array, amplitudes: ComplexArray) -> float:
 
 TAP_DAMPING = (0.010, 0.006, 0.004)  # of the modes that ring
 TAP_RATES_HZ = (50.0, 60.0, 30.0)  # frames per second: unlike ones tell modes apart
-TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = (
-    0.3,
-    0.05,
-    3.0,
-)  # where it is tapped over the length; N s; s
+TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = 0.3, 0.05, 3.0  # place over the length; N s; s
 TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
 LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
 HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
@@ -216,10 +210,8 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     shapes = shapes_of(data, np.ones(len(markers[0]), bool))
     made = radiate_sound(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
     power = _true_power(rig.motion, found.zero, surface, medium)
-    each = [
-        files.audible_pressure(made.isel(tone=[k]), 0)[::HEARD_STEP]
-        for k in range(made.sizes["tone"])
-    ]
+    tones = (made.isel(tone=[k]) for k in range(made.sizes["tone"]))
+    each = [files.audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
     whole = made.sel(band=ALL_TONES)
     return {
         "tap_frequency": made["frequency"].values,
@@ -242,23 +234,15 @@ def _tap_rig(study: LabRadiation) -> Rig:
     x, y = rig.markers.extent
     rates = np.resize(TAP_RATES_HZ, len(rig.stations))
     at = TAP_PLACE * x, y / 2
-    return tap_structure(
-        rig,
-        len(TAP_DAMPING),
-        TAP_DAMPING,
-        at,
-        seconds=TAP_SECONDS,
-        rates=tuple(rates.tolist()),
-        impulse=TAP_IMPULSE_NS,
-    )
+    how: Any = {"seconds": TAP_SECONDS, "rates": tuple(rates.tolist()), "impulse": TAP_IMPULSE_NS}
+    return tap_structure(rig, TAP_DAMPING, at, **how)
 
 
 def _project_tracks(rig: Rig, scatter: float) -> list[TrackedCentres]:
     """Find the markers in each camera, of which none is lost."""
     found = []
     for index, station in enumerate(rig.stations):
-        count = int(rig.duration * station.frame_rate)
-        times = station.start + np.arange(count) / station.frame_rate
+        times = frame_times(rig, station)
         uv = _project_centres(rig, index, times)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
         found.append(TrackedCentres(times, uv + scatter * noise, uv))
@@ -292,9 +276,8 @@ def _as_measured(found: Modes) -> xr.Dataset:
 
 def _true_power(motion: ImpactMotion, moment: float, surface: Surface, medium: Medium) -> Array:
     """Return sound power of each mode of the true motion at a moment in s, W."""
-    shapes = motion.amplitudes(surface.places, moment)
-    omega, powers = np.abs(motion.poles), []
-    for w, shape in zip(omega, shapes, strict=True):
+    shapes, powers = motion.amplitudes(surface.places, moment), []
+    for w, shape in zip(np.abs(motion.poles), shapes, strict=True):
         real = np.abs(shape) * np.sign((shape / shape[np.argmax(np.abs(shape))]).real)
         form = surface.power_form(real[:, None], float(w), medium)
         powers.append(float(form[0, 0]))

@@ -16,8 +16,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
 from thesis_lib.laboratory import tracking
-from thesis_lib.laboratory.replicates import camera_rig, derive_seed, settle_rig
-from thesis_lib.laboratory.rig import Rig
+from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
 from thesis_lib.measure.recordings.board import Markers, rows_on
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
@@ -68,9 +67,8 @@ class Driven:
         for n, q in enumerate(self.coordinates, 1):
             up = (-1) ** (n + 1) if isinstance(self.structure, Beam) else 1  # as a part has it
             size = peak * q * up * self.structure.shape_peak(n)
-            parts.append(
-                Component("bending", n, self.frequency, float(abs(size)), float(np.angle(size)))
-            )
+            at = float(abs(size)), float(np.angle(size))
+            parts.append(Component("bending", n, self.frequency, *at))
         return tuple(parts)
 
 
@@ -91,20 +89,11 @@ def drive_structure(case: str) -> Driven:
         return _drive_at_mode(beam, markers, _box_corners(beam.extent), 3, "beam, third mode")
     flat = thin_plate()
     if case == "l":
-        corners = _corners_of_l()
-        panel = Panel(
-            corners,
-            (SIMPLY_SUPPORTED,) * len(corners),
-            (),
-            flat.thickness,
-            flat.density,
-            flat.youngs_modulus,
-            flat.poisson,
-            flat.damping,
-            flat.force_position,
-            MARKER_GRID,
-            ELEMENT_M,
-        )
+        outline = setups.setup_table("shape", "l")["outline_mm"]
+        corners = tuple((x / 1000, y / 1000) for x, y in outline)
+        material = flat.thickness, flat.density, flat.youngs_modulus, flat.poisson, flat.damping
+        edges = (SIMPLY_SUPPORTED,) * len(corners)
+        panel = Panel(corners, edges, (), *material, flat.force_position, MARKER_GRID, ELEMENT_M)
         markers = Markers(panel.extent, _select_clear(panel), PLATE_MARKER)
         return _drive_at_mode(panel, markers, corners, 1, "L-shaped plate, first mode")
     markers = Markers(flat.extent, flat.markers, PLATE_MARKER)
@@ -125,19 +114,13 @@ def _drive_at_mode(
     name: str,
 ) -> Driven:
     """Drive a structure at the resonance of a mode."""
-    return Driven(
-        structure, markers, corners, resonance_frequency(structure, mode) / (2 * np.pi), name
-    )
+    hertz = resonance_frequency(structure, mode) / (2 * np.pi)
+    return Driven(structure, markers, corners, hertz, name)
 
 
 def _box_corners(extent: tuple[float, float]) -> tuple[Point, ...]:
     x, y = extent
     return (0.0, 0.0), (x, 0.0), (x, y), (0.0, y)
-
-
-def _corners_of_l() -> tuple[Point, ...]:
-    given = setups.setup_table("shape", "l")["outline_mm"]
-    return tuple((x / 1000, y / 1000) for x, y in given)
 
 
 def _select_clear(panel: Panel) -> Array:
