@@ -10,9 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from thesis_lib.figure_sets.claims.tables import TEXTS
 from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting.style import CYCLE_COLORS, REFERENCE_COLOR, subplots
 
+__all__ = ["TEXTS", "chapter", "readings"]
 VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
     "agrees": (CYCLE_COLORS[0], "o"),
     "within scatter": (CYCLE_COLORS[5], "D"),

@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import Markdown
 
 from thesis_lib.arrays import IntArray
 from thesis_lib.facts import setups
@@ -35,7 +35,7 @@ MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
 SIZES_MM = (40.0, 20.0, 10.0)
 
 
-def compare_frequencies(cube: xr.Dataset) -> Markdown:
+def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
     """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
     asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
     structure, plate = asked.structure, setups.thesis_plate()
@@ -51,7 +51,7 @@ def compare_frequencies(cube: xr.Dataset) -> Markdown:
         }
         for m, mode in enumerate(cube["mode"].values.tolist())
     ]
-    return Markdown(render(__file__, "modes", rows=rows, markers=cube.sizes["point"]))
+    return {"rows": rows, "markers": cube.sizes["point"]}
 
 
 def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
