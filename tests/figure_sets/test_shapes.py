@@ -10,7 +10,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import symmetry as shape_tables
+from thesis_lib.figure_sets.parametric import tables as shape_tables
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes

@@ -14,7 +14,7 @@ from thesis_lib.book.pieces import conclusions, findings, rounding, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.parametric import symmetry as shape_tables
+from thesis_lib.figure_sets.parametric import tables as shape_tables
 
 
 def write_pieces(

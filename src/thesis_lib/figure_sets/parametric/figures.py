@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.figure_sets.parametric.sound_turn import turn_summary
-from thesis_lib.figure_sets.parametric.symmetry import compare_frequencies
+from thesis_lib.figure_sets.parametric.tables import compare_frequencies
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import (
