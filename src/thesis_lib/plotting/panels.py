@@ -31,10 +31,9 @@ from thesis_lib.plotting.selection import (
     select_settings,
 )
 from thesis_lib.plotting.style import (
-    BEST_COLOR,
     HIGHLIGHT_COLOR,
+    RANK_COLORS,
     REFERENCE_COLOR,
-    WORST_COLOR,
     make_logarithmic,
     name_styles,
     ordered_colors,
@@ -237,8 +236,7 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
     axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
-    inks = (BEST_COLOR, WORST_COLOR)
-    for index, word, ink in zip(chosen, rank_settings(part), inks, strict=False):
+    for index, word, ink in zip(chosen, rank_settings(part), RANK_COLORS, strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
         axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=name)

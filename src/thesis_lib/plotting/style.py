@@ -12,7 +12,7 @@ import io
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib
 import numpy as np
@@ -37,7 +37,7 @@ MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a 
 
 # Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
 CYCLE_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
-BEST_COLOR, WORST_COLOR = CYCLE_COLORS[0], CYCLE_COLORS[4]
+RANK_COLORS = BEST_COLOR, WORST_COLOR = CYCLE_COLORS[0], CYCLE_COLORS[4]
 REFERENCE_COLOR = "#8a8a8a"
 HIGHLIGHT_COLOR = "#B22222"
 INK_COLOR = "#444444"
@@ -325,7 +325,10 @@ TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
 
 
-def iterate_slices(cube: xr.Dataset, dim: str) -> Iterator[xr.Dataset]:
+_Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
+
+
+def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
     """Iterate over a cube along a dimension."""
     return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
 
