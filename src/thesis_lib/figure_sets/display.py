@@ -64,7 +64,7 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
     compute = getattr(figures, "TEXTS", {}).get(name)
     values = compute(cube, *which) if compute else {}
     shared = {"cube": cube, "slices": iterate_slices, "trials_are": trials_are(cube)}
-    shared["asked"] = json.loads(cube.attrs["parameters"])
+    shared["asked"] = json.loads(cube.attrs.get("parameters", "{}"))
     return render(str(figures.__file__), name, **shared, **values)
 
 

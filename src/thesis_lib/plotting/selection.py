@@ -101,7 +101,8 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
 def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
     """Yield prediction and claimed values of an error by setting and mode."""
     cases, modes = cube["case"].values, cube["mode"].values.tolist()
-    predicted, said = (np.full((len(cases), len(modes)), None) for _ in range(2))
+    predicted: Any = np.full((len(cases), len(modes)), None)
+    said: Any = predicted.copy()
     if error != "max_point_error" or f"predicted_{error}" in cube:
         predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
     for case in dict.fromkeys(cases.tolist()):
