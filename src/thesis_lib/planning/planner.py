@@ -290,11 +290,9 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
             for each in (one.layout, layout)
         )
         averaged = sound.average_sound_error(sounds, one.scene, layout, width, goal)
-        changed = {"layout": layout, "predicted": own, "expected": float(averaged.max())}
-        point = errors.predict_errors(one.scene, layout, width)
-        found.append(
-            replace(one, **changed, point=point, bound=np.nan, instead=Instead(one, field))
-        )
+        point, worst = errors.predict_errors(one.scene, layout, width), float(averaged.max())
+        moved = replace(one, layout=layout, predicted=own, expected=worst, point=point)
+        found.append(replace(moved, bound=np.nan, instead=Instead(one, field)))
     return found
 
 
