@@ -16,7 +16,7 @@ from browser import open_offline
 
 from thesis_lib import files
 from thesis_lib.book import sample
-from thesis_lib.figure_sets import sample as example
+from thesis_lib.figure_sets import record as example
 from thesis_lib.measure.messages import ALL_MESSAGES
 from thesis_lib.measure.report.build import summarise_shape
 from thesis_lib.measure.report.warnings import check_shape

@@ -9,12 +9,11 @@ import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes.small import REQUESTS, small_cube
 from scipy.special import zeta
 from scipy.stats import qmc
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import dither
 from thesis_lib.figure_sets.design_law import shares as design_shares
@@ -22,10 +21,10 @@ from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.design_law.parameters import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
+from thesis_lib.figure_sets.display import draw_picture, fill_text
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import comparison, cubes, storage
 from thesis_lib.studies.published import read_published
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import cone_law, rounding, simulation
@@ -37,19 +36,18 @@ from thesis_lib.vision.triangulation import point_covariance, triangulate
 SIZE = (320, 180)
 distances, focals = st.floats(0.2, 20), st.floats(50, 5000)
 angles = st.floats(0.05, 1.5)
-FEW = {"trials": 60, "counts": [2, 3, 8, 24], "frame_rates_hz": [60, 480]}
 
 
 @pytest.fixture(scope="module")
 def study():
     """A smaller request."""
-    return validate_request("design-law", FEW)
+    return validate_request("design-law", REQUESTS["design-law"])
 
 
 @pytest.fixture(scope="module")
-def cube(study):
+def cube():
     """Its cube."""
-    return with_provenance(design_study.run(study), study, 0.0)
+    return small_cube("design-law")
 
 
 # Closed forms.
@@ -615,76 +613,15 @@ def test_a_further_estimator_is_drawn_beside_least_squares(monkeypatch):
     assert both["estimator"].values.tolist() == [*design_shares.ESTIMATORS]
     assert both["estimator"].values[-1] == "linear"
     assert np.all(both["drawn_frame_error"][0] != both["drawn_frame_error"][-1])
-    assert "linear" in design_tables.list_shares(both)
-    assert "linear" in figure_svg(figure_sets_display.draw_picture(both, "shares")).replace(
-        "<!-- ", ""
-    )
+    assert "linear" in fill_text(both, "shares")
+    assert "linear" in figure_svg(draw_picture(both, "shares")).replace("<!-- ", "")
 
 
-# The cube, its figures and tables.
-
-
-def test_cube_reads_back_and_is_compared_by_its_quantities(cube, tmp_path):
-    path = tmp_path / "design-law.nc"
-    storage.write_netcdf(cube, path, compact=True)
-    table = cubes.summarise_errors(cube_file.read_cube(path))
-    assert list(table) == ["quantity", "value", "unit"]
-    assert table["quantity"].is_unique
-    assert np.isfinite(table["value"]).all()
-    assert comparison.difference_lines(cube, cube, "itself")[0].startswith(
-        "no difference from itself"
-    )
-    other = cube.assign(value=cube["value"] * 1.01)
-    lines = comparison.difference_lines(other, cube, "x")
-    assert len(lines) == len(table)
-    storage.write_netcdf(cube.drop_vars("quantity"), path)
-    with pytest.raises(storage.CubeError, match="it lacks quantity"):
-        cube_file.read_cube(path)
-
-
-@pytest.mark.slow
-def test_same_request_gives_the_same_cube_and_another_seed_draws_anew_and_keeps_the_laws():
-    least = {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]}
-    one, same, other = (
-        design_study.run(validate_request("design-law", least | more))
-        for more in ({}, {}, {"seed": 5})
-    )
-    xr.testing.assert_equal(one, same)
-    for name in ("law_error", "cone_error", "expected_error", "frame_error"):
-        xr.testing.assert_equal(other[name], one[name])
-    for name in ("simulated_error", "cone_drawn_error", "drawn_frame_error", "drawn_fit_error"):
-        assert np.all(other[name] != one[name])
-
-
-@pytest.mark.few(3)
-@pytest.mark.parametrize("name", figure_sets_display.read_captions("design-law"))
-def test_figures_are_drawn_from_the_cube_alone(cube, name):
-    bare = cube.drop_attrs().assign_attrs(figure_set="design-law")
-    one, other = (figure_svg(figure_sets_display.draw_picture(part, name)) for part in (bare, cube))
-    assert one == other
-    assert len(figure_sets_display.draw_picture(cube, name).axes) >= 1
-
-
-FROM = {"motion": "motion_error", "settings": "law_error", "cone": "cone_error",
-        "exponents": "small_exponent", "pairs": "pair_error", "shares": "frame_error",
-    "estimators": "equidistant_rig_error", "noisy": "noisy_share_error",
-    "mistakes": "mistaken_error",
-    "refined": "unequal_distance_error",
-    "dither": "fitted_amplitude_error",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", design_tables.TABLES)
-def test_tables_have_the_numbers_of_the_cube(cube, name):
-    text = design_tables.TABLES[name](cube)
-    variable = FROM[name]
-    doctored = cube.assign({variable: 1.5 * cube[variable]})
-    assert design_tables.TABLES[name](doctored) != text
-    assert "nan" not in text
+# The texts.
 
 
 def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
-    text = design_tables.list_findings(cube)
+    text = fill_text(cube, "findings")
     best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
     assert f"least error at {best}°" in text
     assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
@@ -692,7 +629,7 @@ def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
 
 
 def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = " ".join(design_tables.PIECES["shares"](cube).split())
+    text = " ".join(fill_text(cube, "few-shares").split())
     slow = cube["frame_error"].sel(rate=60)
     assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
     centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
@@ -700,7 +637,7 @@ def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
 
 
 def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = " ".join(design_tables.few_noisy(cube).split())
+    text = " ".join(fill_text(cube, "few-noisy").split())
     at = {"count": 24, "image_noise": 0.05}
     interval, squares = (
         1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
@@ -733,9 +670,9 @@ def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     )
     below = (cube["least_share_error"].values - interval) / std
     conforms.sampled(below, below=3.5)
-    text = " ".join(design_tables.few_noisy(cube).split())
+    text = " ".join(fill_text(cube, "few-noisy").split())
     assert f"by {max(0.0, below.max()):.1f} standard errors at most" in text
-    for row in design_tables.list_noisy(cube).splitlines()[2 : 2 + cube.sizes["count"]]:
+    for row in fill_text(cube, "noisy").splitlines()[2 : 2 + cube.sizes["count"]]:
         assert row.count("±") == len(design_tables.SHOWN_NOISES_PX)
 
 
@@ -782,7 +719,7 @@ def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
 
 
 def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
-    text = design_tables.list_shares(cube)
+    text = fill_text(cube, "shares")
     assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
     for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
         rig = setting.cameras(24, 36)

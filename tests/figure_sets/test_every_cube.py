@@ -10,15 +10,15 @@ from importlib import import_module
 
 import pytest
 import xarray as xr
-from scenes.ledger import cube_of, own_cube
+from scenes.ledger import own_cube
+from scenes.small import OF_LEDGER, REQUESTS, small_cube
 
 from conftest import PROJECT
 from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.optics import compute as optics
-from thesis_lib.figure_sets.planner import compute as planner
-from thesis_lib.figure_sets.registry import STUDIES, validate_request
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.planning import results as plan_cube
+from thesis_lib.studies import schema, storage
 from thesis_lib.studies.schema import Variable
 
 # Words that point to another variable, which is not beside this one in a list of variables.
@@ -35,7 +35,7 @@ def declared() -> dict[str, Variable]:
     ]
     tables = [
         (module.__name__, table)
-        for module in (plan_cube, *(import_module(one.name) for one in found))
+        for module in (plan_cube, schema, *(import_module(one.name) for one in found))
         for table in vars(module).values()
         if isinstance(table, dict) and all(isinstance(one, Variable) for one in table.values())
     ]
@@ -80,19 +80,43 @@ def test_declared_variables_are_understood_alone():
     assert faults({name: one.attributes for name, one in declared().items()}) == []
 
 
-PLANS = {"counts": [2, 4], "resolutions_px": [[640, 360]], "starts": 1, "step_deg": 30}
-SMALL = {
-    "beam-arrays": lambda: cube_of("beam-arrays"),
-    "sound-distance": lambda: cube_of("sound-distance"),
-    "cameras": lambda: optics.run(validate_request("cameras", {})),
-    "planner": lambda: planner.run(validate_request("planner", PLANS)),
-    "claims-layouts": own_cube,
-}
+SMALL = [*REQUESTS, *OF_LEDGER, "claims-layouts"]
+
+
+def small(name: str) -> xr.Dataset:
+    return own_cube() if name == "claims-layouts" else small_cube(name)
 
 
 @pytest.mark.parametrize("name", SMALL)
 def test_small_cubes_have_units_and_long_names(name):
-    assert faults(attributes_of(SMALL[name]())) == []
+    assert faults(attributes_of(small(name))) == []
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_variables_are_numbers_or_words_along_the_declared_dimensions(name):
+    known: dict[str, list[tuple[set[str], str]]] = {}
+    for path, one in declared().items():
+        known.setdefault(path.rpartition(".")[2], []).append((set(one.dims), one.units))
+    cube = small(name)
+    for variable, values in cube.data_vars.items():
+        assert values.dtype.kind in "fiuU", variable  # no complex numbers, no objects
+        dims, units = set(map(str, values.dims)), values.attrs["units"]
+        over = {"setting", "question"}  # a table may be of one setting, or one question
+        told = known.get(str(variable), [(dims, units)])  # some are declared by other means
+        assert any(dims - over == own - over and units == unit for own, unit in told), variable
+
+
+@pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
+def test_file_opens_without_options_and_holds_the_cube(tmp_path, name):
+    cube, path = small_cube(name), tmp_path / "new" / "cube.nc"
+    storage.write_netcdf(cube, path)
+    with xr.open_dataset(path) as opened:
+        xr.testing.assert_identical(opened.load(), cube)
+        assert opened.attrs["Conventions"] == "CF-1.11"
+        assert opened.attrs["figure_set"] == name
+        assert {"title", "source", "references", "parameters_hash"} <= set(opened.attrs)
+    assert [one.name for one in path.parent.iterdir()] == ["cube.nc"]  # nothing temporary is left
+    xr.testing.assert_identical(cube_file.read_cube(path), cube)
 
 
 @pytest.mark.book

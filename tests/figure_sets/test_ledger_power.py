@@ -16,6 +16,7 @@ from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import claim_errors, meets_claim
 from thesis_lib.studies.schema import with_provenance
+from thesis_lib.templates import render
 
 CLAIMS = claims.claims_of("beam-distance")
 
@@ -87,7 +88,9 @@ def test_cubes_that_are_missing_are_left_out():
 
 
 def test_table_has_the_numbers_of_the_cube(power):
-    text = tables.power_table(power).data.replace("\n", " ")
+    text = render(tables.__file__, "power", cube=power, **tables.compare_power(power)).replace(
+        "\n", " "
+    )
     total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())
     assert f"In all {met} of {total} are met" in text
     assert "chapter 4" not in text
@@ -96,7 +99,7 @@ def test_table_has_the_numbers_of_the_cube(power):
 def test_the_page_says_what_the_numbers_of_the_ledger_say():
     """Its words on chapters 3, 4 and 6, from the table that its notebook holds."""
     notebook = json.loads((files.project_root() / "notebooks/claims.ipynb").read_text("utf-8"))
-    (cell,) = [c for c in notebook["cells"] if "power_table(" in "".join(c["source"])]
+    (cell,) = [c for c in notebook["cells"] if '"power")' in "".join(c["source"])]
     text = "".join(cell["outputs"][0]["data"]["text/markdown"])
     rows = [[one.strip() for one in line.split("|")[1:-1]] for line in text.splitlines()]
     found = {row[0]: dict(zip(rows[0][1:], row[1:], strict=True)) for row in rows[2:5]}

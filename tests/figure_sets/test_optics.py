@@ -10,16 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from refused import refusal
+from scenes.small import small_cube
 
-from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
-from thesis_lib.figure_sets.optics import tables as optics_tables
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import comparison, cubes, published
+from thesis_lib.studies import cubes
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics
@@ -351,8 +350,7 @@ def test_without_edges_colour_filters_cost_nothing(conforms, picture):
 
 @pytest.fixture(scope="module")
 def cube():
-    request = validate_request("cameras", {})
-    return with_provenance(optics_study.run(request), request, 0.0)
+    return small_cube("cameras")
 
 
 def test_the_asked_distances_are_among_those_of_the_curves(cube):
@@ -400,18 +398,6 @@ def test_values_of_the_cube_are_those_of_the_formulas(conforms, cube):
     conforms.closed_form(tan(radians(angle) / 2), 0.236, rtol=1e-6)
 
 
-def test_random_shifts_follow_seed_and_number_of_trials():
-    runs = [
-        optics_study.run(
-            validate_request("cameras", {"trials": 5, "seed": seed, "widths_px": [16]})
-        )
-        for seed in (0, 0, 1)
-    ]
-    same, again, other = (run["rounded_depth_error"].values for run in runs)
-    np.testing.assert_array_equal(same, again)
-    assert not np.array_equal(same, other)
-
-
 @pytest.mark.few(3)
 @pytest.mark.parametrize(
     "values",
@@ -430,8 +416,8 @@ def test_random_shifts_follow_seed_and_number_of_trials():
 def test_odd_requests_run_and_are_shown(values):
     request = validate_request("cameras", {**values, "trials": 2})
     made = with_provenance(optics_study.run(request), request, 0.0)
-    for name in optics_tables.TABLES:
-        assert "|" in optics_tables.show_table(made, name).data
+    for name in ("angles", "projections", "pixels", "colours", "focus", "stereo"):
+        assert "|" in figure_sets_display.fill_text(made, name)
     for name in figure_sets_display.read_captions("cameras"):
         assert "<svg" in figure_svg(figure_sets_display.draw_picture(made, name))
     assert cubes.summarise_errors(made)["quantity"].is_unique
@@ -457,64 +443,11 @@ def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
     assert refusal("cameras", **values).startswith(f"cameras: {words}")
 
 
-def test_runs_are_compared_quantity_by_quantity(cube, tmp_path, monkeypatch):
-    monkeypatch.setattr(published, "summary_path", lambda name: tmp_path / f"{name}.csv")
-    assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
-    published.publish_errors(cube)
-    number = cube.sizes["quantity"]
-    same = [f"no difference from published ({number} quantities compared)"]
-    assert comparison.difference_lines(cube) == same
-    changed = cube.assign(
-        value=cube["value"].where(cube["quantity"] != "centre shift by colour", 1)
-    )
-    (line,) = comparison.difference_lines(changed)
-    assert line.startswith("centre shift by colour: 0.0")
-    assert line.endswith(" → 1 px")
-    request = validate_request("cameras", {"distances_mm": [500], "circle_mm": 0.02})
-    other = with_provenance(optics_study.run(request), request, 0.0)
-    lines = comparison.difference_lines(other, cube, "old.nc")
-    assert lines
-    assert all(line.startswith(("hyperfocal", "near limit", "far limit")) for line in lines)
-
-
-def test_what_is_published_is_what_comes_out(cube):
-    number = cube.sizes["quantity"]
-    assert comparison.difference_lines(cube) == [
-        f"no difference from published ({number} quantities compared)"
-    ]
-
-
 # Tables, pictures, prose.
 
 
-def test_the_same_cube_gives_the_same_pictures(cube):
-    for name in figure_sets_display.read_captions("cameras"):
-        texts = {figure_svg(figure_sets_display.draw_picture(cube, name)) for _ in range(2)}
-        assert len(texts) == 1
-
-
-DOCTORED = {
-    "sensors": "crop_factor", "lens": "angle_of_view", "formats": "format_height",
-    "projections": "projection_error", "pixels": "marker_contrast", "colours": "centre_shift",
-    "focus": "far_limit", "stereo": "rounded_depth_error", "horizons": "vanishing_point",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", DOCTORED)
-def test_a_doctored_cube_changes_the_prose(cube, name):
-    variable = DOCTORED[name]
-    doctored = cube.assign({variable: 2 * cube[variable]})
-    piece = pieces_write.PIECES[f"cameras-{name}"]
-    assert piece({"cameras": cube}) != piece({"cameras": doctored})
-
-
-def test_every_piece_is_doctored_but_the_one_without_a_cube():
-    pieces = {n.removeprefix("cameras-") for n in pieces_write.PIECES if n.startswith("cameras-")}
-    assert pieces - {"flow"} == set(DOCTORED)
-
-
 def test_the_prose_says_what_was_printed_wrong(cube):
-    text = pieces_write.PIECES["cameras-lens"]({"cameras": cube})
+    text = figure_sets_display.fill_text(cube, "lens")
     assert "| up | 24.00 | 27.0 | 70 (a misprint) |" in text
     assert text.count("misprint") == 1
     assert "sees 360 mm" in text  # 500 mm × 36 / 50
@@ -522,6 +455,6 @@ def test_the_prose_says_what_was_printed_wrong(cube):
 
 
 def test_fewer_pixels_buy_frames_in_proportion(cube):
-    text = pieces_write.PIECES["cameras-flow"]({"cameras": cube})
+    text = figure_sets_display.fill_text(cube, "flow")
     assert "| 1920×1080 | 2.07 | 60 | 30 |" in text
     assert "| 320×180 | 0.06 | 2160 | 1080 |" in text

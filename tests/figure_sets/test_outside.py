@@ -13,8 +13,8 @@ import xarray as xr
 from command import refusal, thesis
 
 from conftest import PROJECT
-from thesis_lib.figure_sets import outside, registry
-from thesis_lib.figure_sets.digests import code_digest, request_key
+from thesis_lib.figure_sets import registry
+from thesis_lib.figure_sets.run import code_digest, request_key
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
 from thesis_lib.notebook.new_set import write_set
@@ -24,14 +24,14 @@ from thesis_lib.studies import storage
 @pytest.fixture
 def footprint(tmp_path, monkeypatch):
     """The folder that the command makes; nothing of it stays known."""
-    monkeypatch.setenv(outside.SETS_VARIABLE, "")
+    monkeypatch.setenv(registry.SETS_VARIABLE, "")
     known = dict(registry.FIGURE_SETS), dict(registry.STUDIES)
     folder, _ = write_set(str(tmp_path / "footprint"), "Footprint of a pixel")
     yield folder
     for now, before in zip((registry.FIGURE_SETS, registry.STUDIES), known, strict=True):
         now.clear()
         now.update(before)
-    outside._LOADED_FOLDERS.clear()
+    registry._LOADED_FOLDERS.clear()
     for name in [name for name in sys.modules if name.startswith("figure_set_")]:
         del sys.modules[name]
 
@@ -69,9 +69,9 @@ def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
 def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, monkeypatch):
     asked = ["run", footprint, "--out", tmp_path / "out"]
     assert thesis(*asked).status == 0
-    for known in (registry.FIGURE_SETS, registry.STUDIES, outside._LOADED_FOLDERS):
+    for known in (registry.FIGURE_SETS, registry.STUDIES, registry._LOADED_FOLDERS):
         known.pop("footprint")
-    monkeypatch.setenv(outside.SETS_VARIABLE, "")
+    monkeypatch.setenv(registry.SETS_VARIABLE, "")
     monkeypatch.chdir(tmp_path)
     cube = tmp_path / "out" / "footprint.nc"
     said = refusal(thesis("compare", cube))
@@ -80,7 +80,7 @@ def test_a_cube_of_it_is_known_where_its_folder_is_named(footprint, tmp_path, mo
     assert "for the folder here: thesis run ./footprint" in said
     monkeypatch.chdir(footprint)
     refusal(thesis("compare", cube))
-    monkeypatch.setenv(outside.SETS_VARIABLE, str(footprint))
+    monkeypatch.setenv(registry.SETS_VARIABLE, str(footprint))
     assert thesis("compare", cube).status == 0
 
 
@@ -119,13 +119,13 @@ def test_it_is_refused_as_others_are(footprint, tmp_path):
 
 
 def test_a_notebook_older_than_a_parameter_runs_with_its_default(footprint):
-    outside.load_sets(footprint)
+    registry.load_sets(footprint)
     asked = show.checked("footprint", {"focal_length_mm": 50.0})
     assert asked == registry.validate_request("footprint", {"focal_length_mm": 50.0})
 
 
 def test_its_controls_rerun_it(footprint):
-    outside.load_sets(footprint)
+    registry.load_sets(footprint)
     found = []
     made = live.controls(registry.validate_request("footprint", {}), found.append)
     made.inputs["focal_length_mm"].value = 36.0
@@ -137,7 +137,7 @@ def test_its_controls_rerun_it(footprint):
 
 
 def test_it_is_stale_when_what_it_rests_on_changes(footprint):
-    (name,) = outside.load_sets(footprint)
+    (name,) = registry.load_sets(footprint)
     one = registry.FIGURE_SETS[name]
     before = request_key(one, one.request())
     for file in ("parameters.py", "compute.py"):

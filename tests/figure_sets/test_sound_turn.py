@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from thesis_lib.figure_sets.display import fill_text
 from thesis_lib.figure_sets.parametric import figures, sound_turn
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.figure_sets.run import cube_of
@@ -64,7 +65,7 @@ def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
 
 
 def test_table_and_figure_show_the_planes_with_a_reference(cube):
-    rows = sound_turn.turn_table(cube).split("\n\n")[0].splitlines()[2:]
+    rows = fill_text(cube, "turn").split("\n\n")[0].splitlines()[2:]
     heard = ["1, XZ", "1, YZ", "2, XZ", "3, YZ"]
     assert [row.split("|")[1].strip() for row in rows] == [one for one in heard for _ in range(2)]
     titles = [axes.get_title() for axes in figures.turn(cube).axes]

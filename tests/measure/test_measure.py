@@ -32,7 +32,7 @@ from scenes.measure import (
 
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import sample
+from thesis_lib.figure_sets import record
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.fitting import result
@@ -171,16 +171,16 @@ def test_the_cameras_are_where_they_were(conforms, data, rig):
 
 def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(measured):
     """But for last digits, which another processor has otherwise."""
-    now = sample.measure_recording(measured / "manifest.yaml", measured / "measured" / ".steps")
-    data = sample.read_sample()
+    now = record.measure_recording(measured / "manifest.yaml", measured / "measured" / ".steps")
+    data = record.read_sample()
     assert set(now.variables) == set(data.variables)
     error = data["standard_error"].values
     far = np.abs(now["deflection"].values - data["deflection"].values) / error
     assert far.max() < 0.05
-    for name in sample.TRACK_VARIABLES:
+    for name in record.TRACK_VARIABLES:
         one, other = now[name].values, data[name].values
         assert np.array_equal(np.isnan(one), np.isnan(other)), name
-        assert np.nanquantile(np.abs(one - other), 0.99) < 20 * sample.TRACK_STEP_PX, name
+        assert np.nanquantile(np.abs(one - other), 0.99) < 20 * record.TRACK_STEP_PX, name
     assert [one.code for one in check_shape(now)] == [one.code for one in check_shape(data)]
 
 

@@ -9,13 +9,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-import xarray as xr
 from cpus import CPUS
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.planner import tables as planner_tables
-from thesis_lib.figure_sets.planner.compute import run
-from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, search
 from thesis_lib.planning.planner import plan
 from thesis_lib.planning.positions import Body, body_of
@@ -249,39 +245,6 @@ def test_the_worst_of_equal_markers_is_the_first_whatever_the_last_digit():
     errors = np.tile([1.0, 3.0, 3.0, 2.0, 3.0], (50, 1)) * (1 + 1e-13 * rng.uniform(-1, 1, (50, 5)))
     assert np.all(positions.first_most(errors) == 1)
     assert {positions.first_least(1 / row) for row in errors} == {1}
-
-
-@pytest.fixture(scope="module")
-def cube():
-    return run(
-        validate_request(
-            "planner",
-            {
-                "counts": [2, 4],
-                "resolutions_px": [[320, 180]],
-                "starts": 0,
-                "step_deg": 30,
-                "trials": 20,
-            },
-        )
-    ).assign_attrs(
-        parameters='{"target_percent": 5.0, "tilt_deg": 75.0, "resolutions_px": [[320, 180]], '
-        '"counts": [2, 4]}'
-    )
-
-
-@pytest.mark.few(1)
-@pytest.mark.parametrize("name", planner_tables.TABLES)
-def test_tables_do_not_hang_on_last_digits(cube, name):
-    expected = planner_tables.TABLES[name](cube)
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        other = cube.copy()
-        for variable in ("expected_error", "predicted_error", "simulated_error", "bound"):
-            other[variable] = cube[variable] * xr.DataArray(
-                1 + 1e-13 * rng.uniform(-1, 1, cube[variable].shape), dims=cube[variable].dims
-            )
-        assert planner_tables.TABLES[name](other) == expected
 
 
 KERNELS = {

@@ -9,12 +9,12 @@ from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.parameters import OwnRuns
-from thesis_lib.figure_sets.digests import code_digest
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
+from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.studies.schema import with_provenance
 
 TRIALS = 12

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thesis_lib.figure_sets import digests
+from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import shipped
 from thesis_lib.studies import cache, lock
@@ -28,14 +28,14 @@ def test_what_other_packages_computed_is_not_trusted(monkeypatch):
     product = FIGURE_SETS["beam-distance"]
 
     def trusted():
-        digests.code_digest.cache_clear()
-        return digests.code_digest(product), cache.key_of([1])
+        run.code_digest.cache_clear()
+        return run.code_digest(product), cache.key_of([1])
 
     before = trusted()
     assert trusted() == before
-    for module in (digests, cache):
+    for module in (run, cache):
         monkeypatch.setattr(module, "package_versions", lambda: OTHER)
     cube, step = trusted()
-    digests.code_digest.cache_clear()
+    run.code_digest.cache_clear()
     assert cube != before[0]
     assert step != before[1]

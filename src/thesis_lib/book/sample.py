@@ -18,12 +18,12 @@ SHAPE_FIGURE = "guide-shape.svg"
 
 def build_sample_report(data: xr.Dataset) -> str:
     """Return the report, written from the measured data."""
-    from thesis_lib.figure_sets import sample
+    from thesis_lib.figure_sets import record
     from thesis_lib.measure.feasibility.assess import assess_manifest
     from thesis_lib.measure.report.build import build_shape
 
-    manifest = sample.manifest_of(data)
-    return build_shape(data, data, manifest, assess_manifest(manifest), sample.first_frames()).page
+    manifest = record.manifest_of(data)
+    return build_shape(data, data, manifest, assess_manifest(manifest), record.first_frames()).page
 
 
 def format_sample_summary(data: xr.Dataset) -> str:
@@ -38,11 +38,11 @@ def format_sample_summary(data: xr.Dataset) -> str:
 
 def compare_smallest_deflection(data: xr.Dataset) -> str:
     """Compare the predicted smallest deflection of the example with the measured one."""
-    from thesis_lib.figure_sets import sample
+    from thesis_lib.figure_sets import record
     from thesis_lib.measure.feasibility.assess import assess_manifest
     from thesis_lib.measure.fitting.models import known_rms
 
-    predicted = assess_manifest(sample.manifest_of(data)).rig.smallest_mm
+    predicted = assess_manifest(record.manifest_of(data)).rig.smallest_mm
     measured = 3 * known_rms(1000 * data["standard_error"].values)
     return (
         f"`--check` predicts {predicted:.2g} mm as the smallest deflection of the example, and its "
@@ -62,14 +62,14 @@ SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE, *(f"{name}.md" for name in PIECES))
 
 def write_sample(folder: Path) -> None:
     """Write :data:`SAMPLE_FILES` into a folder."""
-    from thesis_lib.figure_sets import sample
+    from thesis_lib.figure_sets import record
     from thesis_lib.measure.report import figures as draw
     from thesis_lib.plotting.style import figure_svg
 
-    data = sample.read_sample()
+    data = record.read_sample()
     files.whole_text(folder / SAMPLE_PAGE, build_sample_report(data))
     files.whole_text(
-        folder / SHAPE_FIGURE, figure_svg(draw.draw_shape(data, sample.manifest_of(data)))
+        folder / SHAPE_FIGURE, figure_svg(draw.draw_shape(data, record.manifest_of(data)))
     )
     for name, piece in PIECES.items():
         files.whole_text(folder / f"{name}.md", piece(data))

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets import outside
-from thesis_lib.figure_sets.digests import code_digest
+from thesis_lib.figure_sets import registry
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
+from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.files import shipped, workplace
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import ParameterError, Study
@@ -112,8 +112,10 @@ def _refusal(path: Path, problem: str) -> CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
-    if not outside.is_known(name):
-        trusted = f"if you trust its code, name its folder: {outside.SETS_VARIABLE}=FOLDER thesis …"
+    if not registry.is_known(name):
+        trusted = (
+            f"if you trust its code, name its folder: {registry.SETS_VARIABLE}=FOLDER thesis …"
+        )
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)

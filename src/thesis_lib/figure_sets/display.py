@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -63,6 +64,7 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
     compute = getattr(figures, "TEXTS", {}).get(name)
     values = compute(cube, *which) if compute else {}
     shared = {"cube": cube, "slices": iterate_slices, "trials_are": trials_are(cube)}
+    shared["asked"] = json.loads(cube.attrs.get("parameters", "{}"))
     return render(str(figures.__file__), name, **shared, **values)
 
 

@@ -13,8 +13,8 @@ from pydantic_core import PydanticCustomError
 from thesis_lib.arrays import Array
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import (
+    combined_cost,
     exchange_cameras,
-    information_cost,
     layout_cost,
     lower_bound,
     normal_variances,
@@ -23,7 +23,6 @@ from thesis_lib.planning.errors import (
 )
 from thesis_lib.planning.positions import (
     Body,
-    Rules,
     Scene,
     candidate_positions,
     first_most,
@@ -49,8 +48,9 @@ class ImpossibleError(ParameterError):
     """A plan that cannot be; the message is one line and names the binding limit."""
 
 
-def without_limit(rules: Rules, field: str, reach: float) -> Rules:
+def ease_limit(scene: Scene, field: str) -> Scene:
     """Drop the limit that a parameter sets; distances keep clear of the body."""
+    reach, rules = scene.body.reach + max(scene.peaks), scene.rules
     full: dict[str, dict[str, object]] = {
         "tilt_deg": {"tilt": np.pi / 2},
         "in_view": {"in_view": 1e-6},  # one marker
@@ -62,13 +62,12 @@ def without_limit(rules: Rules, field: str, reach: float) -> Rules:
         "forbidden_sectors_deg": {"sectors": np.zeros((0, 4))},
         "separation_mm": {"separation": 0.0},
     }
-    return replace(rules, **full[field])  # type: ignore[arg-type]
+    return replace(scene, rules=replace(rules, **full[field]))  # type: ignore[arg-type]
 
 
 def binding_limits(scene: Scene, step: float) -> list[str]:
     """Return parameters each of which alone leaves no place: without its limit there are some."""
-    reach = scene.body.reach + max(scene.peaks)
-    eased = {f: replace(scene, rules=without_limit(scene.rules, f, reach)) for f in OPTION_FIELDS}
+    eased = {field: ease_limit(scene, field) for field in OPTION_FIELDS}
     eased["focal_lengths_mm"] = replace(scene, focals=(min(scene.focals) / 100,))
     return [field for field, one in eased.items() if len(candidate_positions(one, step))]
 
@@ -89,8 +88,7 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     bare = scene
     for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
-            reach = scene.body.reach + max(scene.peaks)
-            bare = replace(bare, rules=without_limit(bare.rules, field, reach))
+            bare = ease_limit(bare, field)
     if not np.any(sees_enough(bare, candidate_positions(bare, step))):
         return ImpossibleError(
             f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
@@ -112,7 +110,7 @@ def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> Impo
             f"places, and two cameras must see it; binding: {_text(request, 'tilt_deg')}, "
             f"{_text(request, 'elevations_deg')}, {_text(request, 'azimuths_deg')}"
         )
-    open_ = replace(scene, rules=without_limit(scene.rules, "separation_mm", 0))
+    open_ = ease_limit(scene, "separation_mm")
     layout, _ = exchange_cameras(
         place_information(open_, grid), too_near(open_, grid), [-1] * count, request.objective
     )
@@ -134,8 +132,7 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     eased: dict[str, float] = {}
     start = _grid_cost(scene, n, request)
     for field in ("separation_mm", *OPTION_FIELDS):
-        reach = scene.body.reach + max(scene.peaks)
-        free = replace(scene, rules=without_limit(scene.rules, field, reach))
+        free = ease_limit(scene, field)
         if field == "in_view" or _same(free, scene):
             continue
         eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
@@ -166,11 +163,7 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
         return np.inf
     known = place_information(scene, grid)
     chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
-    if -1 in chosen:
-        return np.inf
-    return float(
-        information_cost(normal_variances(known[:, chosen].sum(axis=1)), request.objective)
-    )
+    return np.inf if -1 in chosen else combined_cost(known[:, chosen], request.objective)
 
 
 _MAXIMUM_POWER = 40  # power of the variances that weigh markers in the bound of the largest
@@ -296,19 +289,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
             sound.predict_sound_errors(sounds, one.scene, each, width, goal)
             for each in (one.layout, layout)
         )
-        found.append(
-            replace(
-                one,
-                layout=layout,
-                predicted=own,
-                bound=np.nan,
-                instead=Instead(one, field),
-                expected=float(
-                    sound.average_sound_error(sounds, one.scene, layout, width, goal).max()
-                ),
-                point=errors.predict_errors(one.scene, layout, width),
-            )
-        )
+        averaged = sound.average_sound_error(sounds, one.scene, layout, width, goal)
+        point, worst = errors.predict_errors(one.scene, layout, width), float(averaged.max())
+        moved = replace(one, layout=layout, predicted=own, expected=worst, point=point)
+        found.append(replace(moved, bound=np.nan, instead=Instead(one, field)))
     return found
 
 
@@ -316,9 +300,8 @@ def _verified(one: Option, request: PlanRequest) -> Verified:
     drawn = max(request.trials, 1), request.seed, request.estimator
     asked = one.scene, one.layout, one.resolution[0], *drawn
     if request.goal != "shape":
-        return Verified(
-            *sound.simulate_sound_errors(request.sounds, errors.draw_errors(*asked), request.goal)
-        )
+        wrong = errors.draw_errors(*asked)
+        return Verified(*sound.simulate_sound_errors(request.sounds, wrong, request.goal))
     found, at = errors.simulate_layout(*asked), first_most(one.point)
     return Verified(found.error(request.objective, at), found.band(request.objective))
 
@@ -379,19 +362,11 @@ def _options(
             point = errors.predict_errors(scene, layout, width)
             pixels = len(layout) * width * height * rate
             price = len(layout) * request.prices[kind] if request.prices else pixels
+            expected, least = (factor * np.sqrt(each) / width for each in (value, bound))
+            own = errors.objective_error(point, request.objective)
+            size = (width, height)
             options.append(
-                Option(
-                    layout,
-                    (width, height),
-                    kind,
-                    rate,
-                    price,
-                    factor * np.sqrt(value) / width,
-                    point,
-                    errors.objective_error(point, request.objective),
-                    factor * np.sqrt(bound) / width,
-                    scene,
-                )
+                Option(layout, size, kind, rate, price, expected, point, own, least, scene)
             )
     return options
 

@@ -163,22 +163,8 @@ def _outline(plan: Plan) -> np.ndarray[Any, Any]:
     if plan.body.outline.size:
         return plan.body.outline
     low, high = plan.body.points.min(axis=1), plan.body.points.max(axis=1)
-    walk = [
-        (0, 0, 0),
-        (1, 0, 0),
-        (1, 1, 0),
-        (0, 1, 0),
-        (0, 0, 0),
-        (0, 0, 1),
-        (1, 0, 1),
-        (1, 0, 0),
-        (1, 0, 1),
-        (1, 1, 1),
-        (1, 1, 0),
-        (1, 1, 1),
-        (0, 1, 1),
-        (0, 1, 0),
-        (0, 1, 1),
-        (0, 0, 1),
-    ]
+    bottom = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    # around the bottom, up, and around the top, down and up again at each other corner
+    walk = [(*corner, 0) for corner in (*bottom, bottom[0])] + [(0, 0, 1)]
+    walk += [(*corner, up) for corner in bottom[1:] for up in (1, 0, 1)] + [(0, 0, 1)]
     return low[:, None] + np.array(walk).T * (high - low)[:, None]

@@ -2,7 +2,8 @@
 
 Four panels as in the thesis: (a) the setups, (b) reference and measured shape, (c) error of each
 marker, (d) mean error of each setting. Added here: the 5–95 % band of the trials, the prediction
-by the law of rounding, and what the thesis states. One colour stands for one setting throughout.
+by the law of rounding, and what the thesis states. Settings are ordered, and so are their colours;
+blue and vermilion are the best and the worst.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from matplotlib.path import Path
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
+from thesis_lib.facts.claims import Claim
 from thesis_lib.plotting.selection import (
     Bars,
     best_and_worst,
@@ -30,9 +32,11 @@ from thesis_lib.plotting.selection import (
 )
 from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
+    RANK_COLORS,
     REFERENCE_COLOR,
-    cycle_color,
     make_logarithmic,
+    name_styles,
+    ordered_colors,
     place_panels,
 )
 from thesis_lib.studies import cubes, schema
@@ -49,69 +53,32 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     the length of a bar means nothing.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    colors = [cycle_color(index) for index in range(n_settings)]
-    named, top = False, _top(groups)
+    colors, black = ordered_colors(n_settings), "#222222"
+    top = _top(groups)
     floor = _least(groups, top)
+    silent = [bars.name for bars in groups if np.isnan(bars.literal).all()]
     for g, bars in enumerate(groups):
-        position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
-        if np.isnan(bars.literal).all():
-            axes.plot([], [], " ", label=f"{bars.name}: nodal plane")
+        if bars.name in silent:
             continue
-        hidden, named = "_" if named else "", True  # in the legend once
+        position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
         low, median, high = bars.band
-        style: dict[str, Any] = {
-            "alpha": 0.4 if g else 0.75,
-            "label": bars.name or part.attrs["trial_0"],
-        }
+        style: dict[str, Any] = {"color": colors, "alpha": 0.4 if g else 0.75}
         if floor:
-            axes.scatter(position, bars.literal, 36, colors, marker="s", **style)
+            axes.scatter(position, bars.literal, 36, marker="s", **style)
         else:
-            axes.bar(position, bars.literal, 0.9 * width, color=colors, **style)
+            axes.bar(position, bars.literal, 0.9 * width, **style)
+        words, alone = bars.name or part.attrs["trial_0"], {"ls": "none", "marker": "s", "ms": 8}
+        name_styles(axes, {words: {"alpha": style["alpha"], **alone}})
         if np.isfinite(median).all():  # there were trials
-            axes.vlines(position, low, high, color="#222222", lw=1.2)
-            axes.plot(
-                [],
-                [],
-                "|",
-                color="#222222",
-                ms=10,
-                mew=1.2,
-                label=f"{hidden}5–95 % of {cubes.trials_are(part)}",
-            )
-            axes.plot(position, median, "o", color="#222222", ms=4, label=hidden + "median")
-        axes.plot(
-            position,
-            bars.predicted,
-            "_",
-            color="#222222",
-            ms=18 / len(groups),
-            label=hidden + part.attrs["predicts"],
-        )
-        given = [(i, claim) for i, claim in enumerate(bars.claims) if claim]
-        for i, claim in given:
-            at, (least, most) = position[i] + 0.54 * width, claim.ends
-            if least is None or most is None:  # a bound: the arrow points to what it allows
-                marker = "v" if least is None else "^"
-                axes.plot(
-                    [at - 0.3 * width, at + 0.3 * width],
-                    [claim.high] * 2,
-                    color=HIGHLIGHT_COLOR,
-                    lw=1.2,
-                )
-                axes.plot(
-                    at, claim.high, marker, color=HIGHLIGHT_COLOR, ms=5, label="thesis, bound"
-                )
-                continue
-            axes.plot([at, at], [least, most], color=HIGHLIGHT_COLOR, lw=1.2)
-            axes.plot(
-                at,
-                (least + most) / 2,
-                "D",
-                mfc="white",
-                color=HIGHLIGHT_COLOR,
-                ms=4,
-                label="thesis",
-            )
+            axes.vlines(position, low, high, color=black, lw=1.2)
+            words = f"5–95 % of {cubes.trials_are(part)}"
+            axes.plot([], [], "|", color=black, ms=10, mew=1.2, label=words)
+            axes.plot(position, median, "o", color=black, ms=4, label="median")
+        words = f"{part.attrs['predicts']}, rms"
+        axes.plot(position, bars.predicted, "_", color=black, ms=18 / len(groups), label=words)
+        for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
+            if claim:
+                _mark_claim(axes, at, claim, 0.3 * width)
     labels = [text.replace(" cameras", "") for text in part["label"].values]
     partial = part["in_view"].values < 1
     names = [f"{label}*" if cut else label for label, cut in zip(labels, partial, strict=True)]
@@ -119,19 +86,32 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     axes.set_xticks(np.arange(n_settings), names, fontsize=8, rotation=turn)
     unit = "number of cameras" if part["label"].values[0].endswith("cameras") else ""
     cut = "* markers leave the sensor" if partial.any() else ""
-    axes.set_xlabel("; ".join(filter(None, [unit, cut])))
+    nodal = f"{' and '.join(silent)}: nodal plane" if silent else ""
+    axes.set_xlabel("; ".join(filter(None, [unit, cut, nodal])))
     crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
     room = 1.5 if crowded else 1.35
     if floor:
-        make_logarithmic(
-            axes.yaxis, [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
-        )
+        ticks = [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
+        make_logarithmic(axes.yaxis, ticks)
         axes.set_ylim(floor / 1.5, top * (top / floor) ** (room - 1))
     else:
         axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
     once = {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     axes.legend(once.values(), once, ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
+
+
+def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
+    """Mark what the thesis states: a value or interval, or a bound and the side that it allows."""
+    least, most = claim.ends
+    style: dict[str, Any] = {"color": HIGHLIGHT_COLOR}
+    if least is None or most is None:
+        marker = "v" if least is None else "^"
+        axes.plot([at - reach, at + reach], [claim.high] * 2, lw=1.2, **style)
+        axes.plot(at, claim.high, marker, ms=5, label="thesis, bound", **style)
+        return
+    axes.plot([at, at], [least, most], lw=1.2, **style)
+    axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **style)
 
 
 def _top(groups: Sequence[Bars]) -> float:
@@ -165,14 +145,12 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
     axes.add_patch(PathPatch(closed, color="#9a9a9a", lw=1, zorder=3))
     seen: set[tuple[float, ...]] = set()
-    for index, places in enumerate(cameras):
+    for places, ink in zip(cameras, ordered_colors(len(cameras)), strict=True):
         for place in places:
-            key = tuple(np.round(place, 6))
-            if key in seen:
-                continue
-            seen.add(key)
-            _draw(axes, np.array([place, 0 * place]), color=cycle_color(index), lw=0.6, alpha=0.6)
-            axes.plot(*_view(place), "o", color=cycle_color(index), ms=5, zorder=4)
+            if (key := tuple(np.round(place, 6))) not in seen:
+                seen.add(key)
+                _draw(axes, np.array([place, 0 * place]), color=ink, lw=0.6, alpha=0.6)
+                axes.plot(*_view(place), "o", color=ink, ms=5, zorder=4)
     _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
     for end, name in (
         ([1.12 * half, 0, 0], "X"),
@@ -188,40 +166,40 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
 
 
 def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
+    """Mark the varied distance or aperture of the widest setting, or write the varied values."""
     style = {"color": HIGHLIGHT_COLOR, "lw": 1.6, "zorder": 5}
-    labels = [str(text) for text in part["label"].values]
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
         _draw(axes, np.array([0 * far, far]), **style)
         _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT_COLOR)
     elif varied == "aperture_deg":
-        first, second = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))[:2]
-        radius = float(np.linalg.norm(first))
-        if (
-            abs(first[2] - second[2]) < 1e-9
-            and np.linalg.norm((first + second)[:2]) > 1e-6 * radius
-        ):
-            # α is the difference of the azimuths: an arc at the cameras' elevation
-            start, stop = np.unwrap([np.arctan2(c[0], c[1]) for c in (first, second)]).tolist()
-            up = float(np.arcsin(first[2] / radius))
-            arc = (
-                0.45 * radius * hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
-            )
-            _draw(axes, arc, **style)
-            _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT_COLOR)
-            return
-        middle = first + second + [0, 0, 1e-9]
-        angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
-        middle /= np.linalg.norm(middle)
-        aside = first / radius - np.cos(angle) * middle
-        aside /= np.linalg.norm(aside)
-        turn = np.linspace(-angle, angle, 41)[:, None]
-        arc = 0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside)
+        widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
+        arc = _aperture_arc(*widest[:2])
         _draw(axes, arc, **style)
         _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT_COLOR)
     else:
+        labels = [str(text) for text in part["label"].values]
         text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
         axes.text(0.0, 0.0, text, color=HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
+
+
+def _aperture_arc(first: Array, second: Array) -> Array:
+    """Return an arc (41, 3) between the directions to two cameras, within their distance."""
+    radius = float(np.linalg.norm(first))
+    apart = np.linalg.norm((first + second)[:2]) > 1e-6 * radius
+    if abs(first[2] - second[2]) < 1e-9 and apart:
+        # α is the difference of the azimuths: an arc at the cameras' elevation
+        start, stop = np.unwrap([np.arctan2(c[0], c[1]) for c in (first, second)]).tolist()
+        up = float(np.arcsin(first[2] / radius))
+        turn = hemisphere_directions(np.linspace(start, stop, 41), np.full(41, up))
+        return np.asarray(0.45 * radius * turn)
+    middle = first + second + [0, 0, 1e-9]
+    angle = np.arccos(np.clip(first @ second / radius**2, -1, 1)) / 2
+    middle /= np.linalg.norm(middle)
+    aside = first / radius - np.cos(angle) * middle
+    aside /= np.linalg.norm(aside)
+    turn = np.linspace(-angle, angle, 41)[:, None]
+    return np.asarray(0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside))
 
 
 def _positions(setting: xr.Dataset) -> Array:
@@ -258,12 +236,12 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
     axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
-    for index, word in zip(chosen, rank_settings(part), strict=False):
+    for index, word, ink in zip(chosen, rank_settings(part), RANK_COLORS, strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
-        axes["b"].plot(x, measured, ".-", color=cycle_color(index), lw=1, label=name)
+        axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=name)
         error = part["point_error"].values[index]
-        axes["c"].plot(x, error, ".-", color=cycle_color(index), lw=1, label=labels[index])
+        axes["c"].plot(x, error, ".-", color=ink, lw=1, label=labels[index])
     axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
     axes["c"].set(
         title="(c) error of each marker",

@@ -94,41 +94,24 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
     if "case" not in cube:
         return table
     table = table.rename(columns={"label": "setting", "low": "low_5", "high": "high_95"})
-    extra: list[dict[str, Any]] = []
-    number = {name: 0 for name in cubes.cube_errors(cube)}
-    order = {name: _by_setting(cube, name) for name in number}
-    for row in table.itertuples():
-        extra.append(order[row.error][number[row.error]])
-        number[row.error] += 1
+    extra = [row for error in cubes.cube_errors(cube) for row in _by_setting(cube, error)]
     return pd.concat([table, pd.DataFrame(extra)], axis=1)
 
 
-def _by_setting(cube: xr.Dataset, error: str) -> list[dict[str, Any]]:
-    """Return prediction and claimed values of an error by setting and mode."""
-    modes = cube["mode"].values.tolist()
-    is_predicted = error != "max_point_error" or f"predicted_{error}" in cube
-    predicted = (
-        cubes.predicted_value(cube, error).transpose("setting", "mode").values
-        if is_predicted
-        else None
-    )
-    said: dict[tuple[int, int], Claim | None] = {}
-    for case in dict.fromkeys(cube["case"].values.tolist()):
-        rows = np.flatnonzero(cube["case"].values == case).tolist()
-        for mode in modes:
-            said |= {
-                (r, mode): c
-                for r, c in zip(rows, claimed_errors(cube, case, mode, error), strict=True)
-            }
-    return [
-        {
-            "parameter": str(cube["parameter"].values[s]),
-            "predicted": np.nan if predicted is None else float(predicted[s, m]),
-            **_claimed_value(said[s, mode]),
-        }
-        for s in range(cube.sizes["setting"])
-        for m, mode in enumerate(modes)
-    ]
+def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
+    """Yield prediction and claimed values of an error by setting and mode."""
+    cases, modes = cube["case"].values, cube["mode"].values.tolist()
+    predicted: Any = np.full((len(cases), len(modes)), None)
+    said: Any = predicted.copy()
+    if error != "max_point_error" or f"predicted_{error}" in cube:
+        predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
+    for case in dict.fromkeys(cases.tolist()):
+        for m, mode in enumerate(modes):
+            said[cases == case, m] = claimed_errors(cube, case, mode, error)
+    for s, m in np.ndindex(said.shape):
+        value = np.nan if predicted[s, m] is None else float(predicted[s, m])
+        here = {"parameter": str(cube["parameter"].values[s]), "predicted": value}
+        yield here | _claimed_value(said[s, m])
 
 
 def _claimed_value(claim: Claim | None) -> dict[str, Any]:
@@ -150,18 +133,11 @@ def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -
     part = select_settings(cube, case, mode)
     whole = errors[(errors["case"] == case) & (errors["mode"] == mode)]
     statistics = ("trial_0", "low_5", "median", "high_95", "predicted", *_CLAIMED_FIELDS[:2])
-    rows = [
-        {
-            "quantity": row["error"],
-            "statistic": name,
-            "setting": row["setting"],
-            "value": row[name],
-            "unit": "percent",
-        }
-        for row in whole.to_dict("records")
-        for name in statistics
-        if not pd.isna(row[name])
-    ]
+    rows = []
+    for row in whole.to_dict("records"):
+        about = {"quantity": row["error"], "setting": row["setting"], "unit": "percent"}
+        kept = [name for name in statistics if not pd.isna(row[name])]
+        rows += [{**about, "statistic": name, "value": row[name]} for name in kept]
     rows += [row for name in part.data_vars for row in _drawn_values(part, str(name))]
     columns = ["quantity", "statistic", "setting", "point", "x_mm", "y_mm", "value", "unit"]
     table = pd.DataFrame(rows, columns=columns)
@@ -193,18 +169,11 @@ def _drawn_values(part: xr.Dataset, name: str) -> Iterator[dict[str, Any]]:
 def _points(
     part: xr.Dataset, name: str, values: Any, unit: str, setting: str
 ) -> Iterator[dict[str, Any]]:
-    x, y = (part[axis].values * 1000 if axis in part else None for axis in ("x", "y"))
-    for point, value in enumerate(values):
-        if np.isfinite(value):
-            yield {
-                "quantity": name,
-                "setting": setting,
-                "point": point + 1,
-                "value": value,
-                "unit": unit,
-                "x_mm": None if x is None else x[point],
-                "y_mm": None if y is None else y[point],
-            }
+    places = {f"{a}_mm": part[a].values * 1000 for a in ("x", "y") if a in part}
+    for point in np.flatnonzero(np.isfinite(values)):
+        here = {axis: place[point] for axis, place in places.items()}
+        here |= {"quantity": name, "setting": setting, "unit": unit}
+        yield here | {"point": point + 1, "value": values[point]}
 
 
 def as_csv(table: pd.DataFrame) -> str:

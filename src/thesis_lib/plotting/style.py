@@ -11,7 +11,8 @@ import contextlib
 import io
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import matplotlib
 import numpy as np
@@ -19,17 +20,24 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.plotting.panel_boxes import find_panels
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom in fractions of the figure
+
+BELOW_PANEL = "below"
+"""Prefix of the name of a panel that belongs to the one above it, also on a phone."""
+MARGIN_PT = 3.0
+MAX_SCALE_WIDTH = 0.13  # fraction of the figure's width: what is narrower is a colour scale
 
 # Okabe and Ito's palette: distinct with any colour vision, mid-tone on white and on black.
 CYCLE_COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9")
+RANK_COLORS = BEST_COLOR, WORST_COLOR = CYCLE_COLORS[0], CYCLE_COLORS[4]
 REFERENCE_COLOR = "#8a8a8a"
 HIGHLIGHT_COLOR = "#B22222"
 INK_COLOR = "#444444"
@@ -69,8 +77,20 @@ _LAYOUT_FIELDS = (
 
 
 def cycle_color(index: int) -> str:
-    """Return the colour of the `index`-th setting of a case; they repeat after six."""
+    """Return the colour of the `index`-th of some kinds; they repeat after six."""
     return CYCLE_COLORS[index % len(CYCLE_COLORS)]
+
+
+def ordered_colors(count: int) -> list[str]:
+    """Return colours of ordered settings, of which a legend or an axis gives the order.
+
+    Examples
+    --------
+    >>> ordered_colors(3)
+    ['#3b528b', '#23898e', '#addc30']
+    """
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.2, 0.8, count))
+    return [to_hex(shade) for shade in shades]
 
 
 @contextlib.contextmanager
@@ -167,7 +187,7 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
     place = (box.x1 + 0.08 / width, box.y0 + 0.05 * box.height, 0.1 / width, 0.85 * box.height)
     bar = figure.colorbar(picture, cax=figure.add_axes(place))
     bar.ax.tick_params(labelsize=7)
-    bar.ax.text(0, 1.04, label, transform=bar.ax.transAxes, fontsize=8)
+    bar.ax.text(0, -0.05, label, transform=bar.ax.transAxes, fontsize=8, va="top")
 
 
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
@@ -197,6 +217,70 @@ def _lay_out(figure: Figure) -> None:
             axes.set_position(tuple(round(each, _BOX_DIGITS) for each in place))
 
 
+def find_panels(figure: Figure) -> str:
+    """Return the boxes of a figure's panels, ``left top width height`` in %, in reading order.
+
+    The text is empty if the panels stand in one column. The figure has been laid out.
+    """
+    boxes: list[Box] = []
+    for artist in (*figure.axes, *figure.legends, *figure.texts):
+        extent = artist.get_tightbbox()
+        if extent is None or not artist.get_visible():
+            continue
+        extent = extent.padded(MARGIN_PT * figure.dpi / 72).transformed(
+            figure.transFigure.inverted()
+        )
+        box = (max(extent.x0, 0), max(1 - extent.y1, 0), min(extent.x1, 1), min(1 - extent.y0, 1))
+        middle = (box[0] + box[2]) / 2
+        above = [one for one in boxes if one[0] < middle < one[2] and one[1] < box[1]]
+        if above and str(artist.get_gid() or "").startswith(BELOW_PANEL):
+            upper = max(above, key=lambda one: one[1])
+            boxes[boxes.index(upper)] = _join(upper, box)
+        else:
+            boxes.append(box)
+    boxes = _sort_for_reading(_join_scales(boxes))
+    if not any(_abreast(*two) for two in pairwise(boxes)):
+        return ""
+    return ";".join(
+        f"{100 * left:.1f} {100 * top:.1f} {100 * (right - left):.1f} {100 * (bottom - top):.1f}"
+        for left, top, right, bottom in boxes
+    )
+
+
+def _join_scales(boxes: list[Box]) -> list[Box]:
+    """Join each narrow box, a colour scale, with the panel on its left."""
+    panels = [one for one in boxes if one[2] - one[0] > MAX_SCALE_WIDTH]
+    for scale in (one for one in boxes if one not in panels):
+        left = [one for one in panels if one[0] < scale[0] and _abreast(one, scale)]
+        if left:
+            panels[panels.index(max(left))] = _join(max(left), scale)
+        else:
+            panels.append(scale)
+    return panels
+
+
+def _sort_for_reading(boxes: list[Box]) -> list[Box]:
+    """Sort boxes by row, and from left to right in each row."""
+    rows: list[list[Box]] = []
+    for box in sorted(boxes, key=lambda one: one[1]):
+        if rows and _abreast(rows[-1][0], box):
+            rows[-1].append(box)
+        else:
+            rows.append([box])
+    return [box for row in rows for box in sorted(row)]
+
+
+def _join(one: Box, other: Box) -> Box:
+    """Return the box around two boxes."""
+    return (*map(min, one[:2], other[:2]), *map(max, one[2:], other[2:]))  # type: ignore[return-value]
+
+
+def _abreast(one: Box, other: Box) -> bool:
+    """Return whether two boxes overlap vertically by more than half of the lower one's height."""
+    common = min(one[3], other[3]) - max(one[1], other[1])
+    return common > 0.5 * min(one[3] - one[1], other[3] - other[1])
+
+
 def figure_svg(figure: Figure, changed: Any = None) -> str:
     """Return a figure as SVG; equal figures give equal text."""
     return save_figure(figure, "svg", changed).decode()
@@ -212,36 +296,12 @@ def make_logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _diverging(count: int = 129) -> tuple[str, ...]:
-    """Compute colours from blue over near-white to orange, distinct with any colour vision.
-
-    Straight lines in Oklab from the ends to the middle; `count` is odd, the middle is zero.
-    """
-    ends = {-1: (0.42, -0.045, -0.145), 1: (0.47, 0.105, 0.09)}
-    middle = np.array([0.97, 0.0, 0.002])
-    steps = np.linspace(-1, 1, count)
-    lab = np.array([middle + abs(t) * (np.array(ends[1 if t > 0 else -1]) - middle) for t in steps])
-    to_lms = np.array(
-        [
-            [1, 0.3963377774, 0.2158037573],
-            [1, -0.1055613458, -0.0638541728],
-            [1, -0.0894841775, -1.2914855480],
-        ]
-    )
-    to_rgb = np.array(
-        [
-            [4.0767416621, -3.3077115913, 0.2309699292],
-            [-1.2684380046, 2.6097574011, -0.3413193965],
-            [-0.0041960863, -0.7034186147, 1.7076147010],
-        ]
-    )
-    linear = np.clip((lab @ to_lms.T) ** 3 @ to_rgb.T, 0, 1)
-    srgb = np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear)
-    return tuple("#" + "".join(f"{round(255 * c):02x}" for c in color) for color in srgb)
-
-
-DIVERGING_COLORS = _diverging()
-_DIVERGING_MAP = ListedColormap(list(DIVERGING_COLORS), "diverging")
+# From blue over near-white to orange, distinct with any colour vision: two even steps in Oklab to
+# each side of the middle, which is zero
+_DIVERGING_MAP = LinearSegmentedColormap.from_list(
+    "diverging", ["#004b9c", "#7ba0cb", "#f5f5f4", "#cb9683", "#98380c"], 129
+)
+DIVERGING_COLORS = tuple(to_hex(color) for color in _DIVERGING_MAP(range(129)))
 
 
 def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) -> Any:
@@ -265,7 +325,10 @@ TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
 
 
-def iterate_slices(cube: xr.Dataset, dim: str) -> Iterator[xr.Dataset]:
+_Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
+
+
+def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
     """Iterate over a cube along a dimension."""
     return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
 
@@ -292,6 +355,12 @@ def draw_curves(
 def draw_errors(axes: Axes, x: Any, y: Any, error: Any, ink: str, size: float = 3) -> None:
     """Draw values with error bars."""
     axes.errorbar(x, y, error, fmt="o", color=ink, ms=size, lw=1)
+
+
+def name_styles(axes: Axes, styles: Mapping[str, Mapping[str, Any]]) -> None:
+    """Give a panel's legend entries without data: the style of a line by its label."""
+    for label, style in styles.items():
+        axes.plot([], [], label=label, **{"color": INK_COLOR, "lw": 1, **style})
 
 
 def log_axes(axes: Axes, x: Sequence[float], y: Sequence[float] = TICK_STEPS) -> None:

@@ -54,7 +54,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
 
     A name that is a folder's stands for the figure sets in it.
     """
-    from thesis_lib.figure_sets import outside
+    from thesis_lib.figure_sets import registry
     from thesis_lib.figure_sets.registry import CHAPTER_SETS, model_of
     from thesis_lib.studies.request import ParameterError, check_names, validate_values
 
@@ -64,7 +64,9 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
             one
             for name in names
             for one in (
-                outside.load_sets(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
+                registry.load_sets(Path(name))
+                if is_folder(name)
+                else CHAPTER_SETS.get(name, [name])
             )
         ]
         models = [model_of(name) for name in dict.fromkeys(expanded)]

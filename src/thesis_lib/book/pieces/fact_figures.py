@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
-from thesis_lib.figure_sets.optics.tables import pixel_flows
+from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from thesis_lib import files
 from thesis_lib.book import missing
@@ -12,11 +13,8 @@ from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, rounding, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
-from thesis_lib.figure_sets.design_law import tables as design_tables
-from thesis_lib.figure_sets.optics import tables as optics_tables
-from thesis_lib.figure_sets.parametric import sound, sound_turn
-from thesis_lib.figure_sets.parametric import symmetry as shape_tables
-from thesis_lib.figure_sets.planner import tables as planner_tables
+from thesis_lib.figure_sets.parametric import sound
+from thesis_lib.figure_sets.parametric import tables as shape_tables
 
 
 def write_pieces(
@@ -45,7 +43,24 @@ def _render_piece(piece: Callable[[Cubes], str], opened: Opened) -> str:
     return text
 
 
-LABORATORY_PIECES = {  # pieces: figure set, and its template
+CUBE_PIECES: dict[
+    str, tuple[Any, ...]
+] = {  # pieces: figure set, its template, and what it is given
+    **{
+        f"cameras-{name}": ("cameras", name)
+        for name in ("flow", "formats", "sensors", "lens", "pixels", "colours", "horizons")
+    },
+    **{f"cameras-{name}": ("cameras", name, True) for name in ("projections", "focus", "stereo")},
+    **{
+        f"design-{name}": ("design-law", name)
+        for name in ("settings", "findings", "pairs", "estimators", "mistakes", "refined", "dither")
+    },
+    "design-shares": ("design-law", "few-shares"),
+    "design-noisy": ("design-law", "few-noisy"),
+    **{
+        f"planner-{name}": ("planner", name)
+        for name in ("thesis", "limits", "front", "targets", "verification", "sound")
+    },
     "lab-elevation-results": ("lab-elevation", "optima"),
     "lab-layout-results": ("lab-layout", "results"),
     "lab-equal-pixels-results": ("lab-equal-pixels", "results"),
@@ -54,17 +69,14 @@ LABORATORY_PIECES = {  # pieces: figure set, and its template
     "lab-radiation-results": ("lab-radiation", "results"),
     "lab-radiation-sentences": ("lab-radiation", "sentences"),
     "lab-radiation-tap": ("lab-radiation", "tap"),
+    "sound-turn": ("sound-aperture", "turn-summary"),
 }
 
 
-def _fill_laboratory(figure_set: str, template: str, opened: Cubes) -> str:
-    """Fill in a piece about what is rendered beyond chapter 5."""
-    return display.fill_text(opened[figure_set], template)
-
-
-def _fill_optics(name: str, opened: Cubes) -> str:
-    """Fill in a table of chapter 2 or its appendices, from the cube of ``cameras``."""
-    return optics_tables.PIECES[name](opened["cameras"])
+def _fill_piece(of: tuple[Any, ...], opened: Cubes) -> str:
+    """Fill in a piece from the cube of one figure set."""
+    figure_set, template, *which = of
+    return display.fill_text(opened[figure_set], template, *which)
 
 
 def _fill_benchmark(name: str, _: Cubes) -> str:
@@ -72,30 +84,16 @@ def _fill_benchmark(name: str, _: Cubes) -> str:
     return benchmark_tables.PIECES[name]()
 
 
-def _fill_design(name: str, opened: Cubes) -> str:
-    """Describe the law of rounding for design, from the cube of ``design-law``."""
-    return design_tables.PIECES[name](opened["design-law"])
-
-
-def _fill_planner(name: str, opened: Cubes) -> str:
-    """Describe planned layouts, from the cube of ``planner``."""
-    return planner_tables.PIECES[name](opened["planner"])
-
-
 OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conclusions-wishes")
 """Those that read the cube of the ledger, which comes after all others."""
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_tables.PIECES,
-    **{f"cameras-{name}": partial(_fill_optics, name) for name in optics_tables.PIECES},
-    **{f"design-{name}": partial(_fill_design, name) for name in design_tables.PIECES},
-    **{f"planner-{name}": partial(_fill_planner, name) for name in planner_tables.PIECES},
     **findings.PIECES,
     **structures.PIECES,
     **rounding.PIECES,
-    **{name: partial(_fill_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
+    **{name: partial(_fill_piece, of) for name, of in CUBE_PIECES.items()},
     "sound-sum": sound.compare_sums,
-    "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
     **conclusions.PIECES,
     **{name: partial(_fill_benchmark, name) for name in benchmark_tables.PIECES},
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -10,9 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from thesis_lib.figure_sets.claims.tables import TEXTS
 from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting.style import CYCLE_COLORS, REFERENCE_COLOR, subplots
 
+__all__ = ["TEXTS", "chapter", "readings"]
 VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
     "agrees": (CYCLE_COLORS[0], "o"),
     "within scatter": (CYCLE_COLORS[5], "D"),
@@ -36,75 +39,41 @@ def _against(axes: Axes, part: Sequence[Entry], bounds: int) -> None:
     span = np.array([0.7 * min(*ends, *(e.low for e in part)), 1.4 * max(ends)])
     axes.plot(span, span, color=REFERENCE_COLOR, lw=1, zorder=1)
     for verdict, (color, shape) in VERDICT_MARKS.items():
-        chosen = [e for e in part if e.verdict == verdict]
+        chosen = [(e.least, e.most, e.low, e.median, e.high) for e in part if e.verdict == verdict]
         if not chosen:
             continue
-        stated = np.array([np.sqrt(e.least * e.most) for e in chosen])
-        reach = np.array([[x - e.least, e.most - x] for x, e in zip(stated, chosen, strict=True)]).T
-        median = np.array([e.median for e in chosen])
-        band = np.array([[e.median - e.low, e.high - e.median] for e in chosen]).T
-        axes.errorbar(
-            stated,
-            median,
-            band,
-            reach,
-            ls="none",
-            marker=shape,
-            ms=4,
-            color=color,
-            elinewidth=0.6,
-            label=f"{verdict} ({len(chosen)})",
-        )
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlim=span,
-        ylim=span,
-        aspect="equal",
-        title="(a) stated against median and 5–95 % band",
-        xlabel="stated, %",
-        ylabel="this book, %",
-    )
-    _plain_ticks(axes)
+        least, most, low, median, high = np.array(chosen).T
+        stated = np.sqrt(least * most)
+        reach, band = (stated - least, most - stated), (median - low, high - median)
+        style: Any = {"ls": "none", "marker": shape, "ms": 4, "color": color, "elinewidth": 0.6}
+        words = f"{verdict} ({len(chosen)})"
+        axes.errorbar(stated, median, band, reach, label=words, **style)
+    axes.set(xscale="log", yscale="log", xlim=span, ylim=span, aspect="equal")
+    axes.set_title("(a) stated against median and 5–95 % band")
+    axes.set(xlabel="stated, %", ylabel="this book, %")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     title = f"without {bounds} bounds" if bounds else None
     axes.legend(loc="upper left", title=title, title_fontsize="small")
 
 
 def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
-    ratios = [np.log2(e.median / np.sqrt(e.least * e.most)) for e in part]
+    ratios = np.log2([e.median / np.sqrt(e.least * e.most) for e in part])
+    verdicts, median = np.array([e.verdict for e in part]), float(np.median(ratios))
     edge = max(1.0, np.ceil(4 * np.abs(ratios).max()) / 4)
-    bins = np.arange(-edge, edge + 0.01, 0.25)
-    stacks = [
-        [r for r, e in zip(ratios, part, strict=True) if e.verdict == v] for v in VERDICT_MARKS
-    ]
-    axes.hist(
-        stacks,
-        bins=list(bins),
-        stacked=True,
-        label=list(VERDICT_MARKS),
-        color=[color for color, _ in VERDICT_MARKS.values()],
-    )
+    bins = np.arange(-edge, edge + 0.01, 0.25).tolist()
+    stacks, names = [ratios[verdicts == v] for v in VERDICT_MARKS], list(VERDICT_MARKS)
+    colors = [color for color, _ in VERDICT_MARKS.values()]
+    axes.hist(stacks, bins=bins, stacked=True, label=names, color=colors)
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
     axes.axvline(0, color=REFERENCE_COLOR, lw=1)
-    axes.axvline(float(np.median(ratios)), color="#222222", lw=1, ls="--")
-    axes.text(
-        0.98,
-        0.96,
-        f"median ratio {2 ** float(np.median(ratios)):.2f}",
-        ha="right",
-        va="top",
-        transform=axes.transAxes,
-        fontsize=8,
-    )
+    axes.axvline(median, color="#222222", lw=1, ls="--")
+    where: Any = {"ha": "right", "va": "top", "transform": axes.transAxes, "fontsize": 8}
+    axes.text(0.98, 0.96, f"median ratio {2**median:.2f}", **where)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(title="(b) median over stated", xlabel="ratio", ylabel="stated values")
-
-
-def _plain_ticks(axes: Axes) -> None:
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
 
 
 def readings(cube: xr.Dataset) -> Figure:

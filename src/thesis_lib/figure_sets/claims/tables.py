@@ -1,4 +1,4 @@
-"""Tables and paragraphs of the ledger's page, from its cube."""
+"""The table of all claims, and what the other tables of the ledger's page need."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import anywidget
 import numpy as np
 import traitlets
 import xarray as xr
-from IPython.display import Markdown
 from scipy.stats import binomtest
 
 from thesis_lib.facts.readings import READINGS
@@ -26,7 +25,7 @@ from thesis_lib.ledger.verdicts import (
     WIDENING_POINTS,
     WIDENING_POINTS_BELOW_10,
 )
-from thesis_lib.templates import render
+from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.web.fragment import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
 _LEDGER_SCRIPT = join_modules("ledger")
@@ -76,11 +75,7 @@ class LedgerTable(anywidget.AnyWidget):
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
-def _fill(template: str, **values: Any) -> Markdown:
-    return Markdown(render(__file__, template, **values))
-
-
-def totals_table(cube: xr.Dataset) -> Markdown:
+def count_totals(cube: xr.Dataset) -> dict[str, Any]:
     """Count verdicts by chapter and kind; rendered recordings and bookkeeping stand apart."""
     found = from_cube(cube)
     rows = []
@@ -90,14 +85,14 @@ def totals_table(cube: xr.Dataset) -> Markdown:
             words = {"chapter": chapter, "kind": KIND_WORDS[kind], "counted": counted}
             rows.append(words | _count(part))
     every = _count([entry for entry in found if entry.counted])
-    return _fill("totals", rows=rows, every=every, verdicts=VERDICTS)
+    return {"rows": rows, "every": every, "verdicts": VERDICTS}
 
 
 def _count(found: list[Entry]) -> dict[str, Any]:
     return {"count": len(found), "verdicts": ledger.count_verdicts(found)}
 
 
-def power_table(cube: xr.Dataset) -> Markdown:
+def compare_power(cube: xr.Dataset) -> dict[str, Any]:
     """Show how many claimed values the model meets and would meet, also with other errors."""
     own = int(np.flatnonzero(cube["factor"].values == 1)[0])
     rows: list[dict[str, Any]] = [
@@ -108,36 +103,26 @@ def power_table(cube: xr.Dataset) -> Markdown:
             "met": int(part["power_scaled"][own]),
             "scaled": part["power_scaled"].values,
         }
-        for part in (cube.isel(chapter=i) for i in range(cube.sizes["chapter"]))
+        for part in iterate_slices(cube, "chapter")
         if part["power_claims"]
     ]
     claims, met, expected = (sum(row[key] for row in rows) for key in ("claims", "met", "expected"))
-    return _fill(
-        "power",
-        rows=rows,
-        factors=cube["factor"].values,
-        claims=claims,
-        met=met,
-        expected=expected / claims,
-    )
+    return {"rows": rows, "claims": claims, "met": met, "expected": expected / claims}
 
 
-def list_rules() -> Markdown:
-    """List the tolerances, which are equal for all claims."""
-    return _fill(
-        "rules",
-        wider=WIDENING_POINTS,
-        wider_below_10=WIDENING_POINTS_BELOW_10,
-        effect=f"{trends.MIN_MATERIAL_FALL:.0%}",
-        confident=trends.MIN_CONFIDENCE,
-        resamples=RESAMPLE_COUNT,
-        unchanged=UNCHANGED,
-        one_run_flat=trends.ONE_RUN_FLAT,
-        alike=trends.MAX_ALIKE_RATIO,
-    )
+RULES = {  # tolerances, which are equal for all claims
+    "wider": WIDENING_POINTS,
+    "wider_below_10": WIDENING_POINTS_BELOW_10,
+    "effect": f"{trends.MIN_MATERIAL_FALL:.0%}",
+    "confident": trends.MIN_CONFIDENCE,
+    "resamples": RESAMPLE_COUNT,
+    "unchanged": UNCHANGED,
+    "one_run_flat": trends.ONE_RUN_FLAT,
+    "alike": trends.MAX_ALIKE_RATIO,
+}
 
 
-def list_differing(cube: xr.Dataset) -> Markdown:
+def list_differing(cube: xr.Dataset) -> dict[str, Any]:
     """List the claims that differ by what they have in common; bookkeeping is folded away."""
     found = [e for e in from_cube(cube) if e.verdict in ("differs", "undefined")]
     groups = {}
@@ -147,11 +132,10 @@ def list_differing(cube: xr.Dataset) -> Markdown:
     apart = {
         words: [e for e in found if e.kind in kinds] for words, kinds in _SEPARATE_ENTRIES.items()
     }
-    return _fill(
-        "differing",
-        groups={words: part for words, part in groups.items() if part},
-        apart={words: part for words, part in apart.items() if part},
-    )
+    return {
+        "groups": {words: part for words, part in groups.items() if part},
+        "apart": {words: part for words, part in apart.items() if part},
+    }
 
 
 def _is_mean(entry: Entry) -> bool:
@@ -198,16 +182,14 @@ def _importance(entry: Entry) -> tuple[bool, int, bool, int, float]:
 
 def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     """Return the agreement under each interpretation, the adopted one first."""
-    claims = cube["reading_claims"].sum("outcome")
     rows = []
-    for name in cube["reading"].values.tolist():
-        part = cube.sel(reading=name)
+    for part in iterate_slices(cube, "reading"):
         gained, lost = int(part["gained"]), int(part["lost"])
         rows.append(
             {
-                "name": name,
+                "name": part["reading"].item(),
                 "met": part["reading_inside"].values,
-                "claims": claims.sel(reading=name).values,
+                "claims": part["reading_claims"].sum("outcome").values,
                 "gained": gained,
                 "lost": lost,
                 "chance": binomtest(gained, gained + lost).pvalue if gained + lost else 1.0,
@@ -217,26 +199,30 @@ def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def readings_table(cube: xr.Dataset) -> Markdown:
-    """Compare the agreement under each interpretation with the adopted one."""
-    rows = _interpretations(cube)
-    return _fill("interpretations", rows=rows, chapters=cube["chapter"].values)
-
-
-def readings_commands(cube: xr.Dataset) -> Markdown:
+def list_commands(cube: xr.Dataset) -> dict[str, Any]:
     """List the command that runs chapter 3 under each interpretation."""
     names = cube["reading"].values.tolist()
-    commands = {name: readings.format_command(READINGS[name]) for name in names}
-    return _fill("commands", commands=commands)
+    return {"commands": {name: readings.format_command(READINGS[name]) for name in names}}
 
 
-def best_reading(cube: xr.Dataset) -> Markdown:
+def best_reading(cube: xr.Dataset) -> dict[str, Any]:
     """State whether an interpretation agrees better than the adopted one, beyond chance."""
-    rows = _interpretations(cube)
+    adopted, *others = rows = _interpretations(cube)
     met = [row["met"].sum() for row in rows]
     better = [
         row["name"]
-        for row, number in zip(rows, met, strict=True)
+        for row, number in zip(others, met[1:], strict=True)
         if number > met[0] and row["chance"] < 0.05
     ]
-    return _fill("best", adopted=rows[0], best=rows[int(np.argmax(met))], better=better)
+    return {"adopted": adopted, "best": rows[int(np.argmax(met))], "better": better}
+
+
+TEXTS = {
+    "totals": count_totals,
+    "power": compare_power,
+    "rules": lambda _: RULES,
+    "differing": list_differing,
+    "interpretations": lambda cube: {"rows": _interpretations(cube)},
+    "commands": list_commands,
+    "best": best_reading,
+}

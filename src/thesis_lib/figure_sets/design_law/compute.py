@@ -320,6 +320,11 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     def add_quantity(words: str, value: Any, unit: str = "1") -> None:
         rows.append((words, float(value), unit))
 
+    def add_along(words: str, values: xr.DataArray, unit: str) -> None:
+        """Add each value of a variable along one dimension, whose coordinate is in the words."""
+        for one in values:
+            add_quantity(words.format(one[values.dims[0]].item()), one, unit)
+
     law, naive, simulated = (cube[f"{kind}_error"].values for kind in ("law", "naive", "simulated"))
     for one in STRUCTURES:
         at = cube["of_structure"].values == one
@@ -336,22 +341,16 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
         add_quantity(f"pairs, drawn over closed form, {words}", np.sqrt(np.mean(over**2)))
     for one in STRUCTURES:
         part = cube.sel(structure=one)
+        where = {"expected": "", "centre": " at the centre", "small": " far below a pixel"}
         for finding in SWEPT_FINDINGS[:-1]:
-            add_quantity(
-                f"exponent of {finding}, {one}", part["expected_exponent"].sel(finding=finding)
-            )
-            add_quantity(f"exponent of {finding} at the centre, {one}",
-               part["centre_exponent"].sel(finding=finding))  # fmt: skip
-            add_quantity(f"exponent of {finding} far below a pixel, {one}",
-               part["small_exponent"].sel(finding=finding))  # fmt: skip
+            for kind, words in where.items():
+                exponent = part[f"{kind}_exponent"].sel(finding=finding)
+                add_quantity(f"exponent of {finding}{words}, {one}", exponent)
         for kind in cube["amplitudes"].values:
             taken, words = part.sel(amplitudes=kind), f"amplitudes {kind}, {one}"
             add_quantity(f"best aperture, {words}", taken["best_aperture"], "degree")
             add_quantity(f"error at 60 degrees over the least, {words}", taken["wide_gain"])
-        for array in setups.camera_pairs():
-            add_quantity(
-                f"exponent of number in {array}, {one}", part["array_exponent"].sel(array=array)
-            )
+        add_along(f"exponent of number in {{}}, {one}", part["array_exponent"], "1")
     for count in study.counts:
         for rate in study.frame_rates_hz:
             here, part = f"{count} cameras, {rate:g} Hz", cube.sel(count=count, rate=rate)
@@ -359,52 +358,26 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
             add_quantity(f"error of one frame by the law, {here}", part["frame_error"], "percent")
             add_quantity(f"error of the fit by the law, {here}", part["fit_error"], "percent")
             for name in ESTIMATORS:
-                drawn = part.sel(estimator=name)
-                add_quantity(
-                    f"error of one frame, {name}, {here}", drawn["drawn_frame_error"], "percent"
-                )
-                add_quantity(
-                    f"error of the fit, {name}, {here}", drawn["drawn_fit_error"], "percent"
-                )
+                for words, kind in (("one frame", "frame"), ("the fit", "fit")):
+                    drawn = part[f"drawn_{kind}_error"].sel(estimator=name)
+                    add_quantity(f"error of {words}, {name}, {here}", drawn, "percent")
     for name in simulation.ESTIMATORS:
         part = cube.sel(rule=name)
-        power = simulation.fit_exponent(
-            cube["equidistant_rig"].values, part["equidistant_rig_error"].values
-        )
+        errors = part["equidistant_rig_error"].values
+        power = simulation.fit_exponent(cube["equidistant_rig"].values, errors)
         add_quantity(f"exponent of number, random layouts, {name}", power)
-        for along, unit in (
-            ("equidistant_rig", "cameras"),
-            ("noise", "px noise"),
-            ("unequal_distance", "m"),
-        ):
-            for value, error in zip(cube[along].values, part[f"{along}_error"].values, strict=True):
-                add_quantity(f"error, {name}, {value} {unit}", 1e6 * error, "um")
-    for count, noise in zip(
-        cube["equidistant_rig"].values, cube["tolerated_noise"].values, strict=True
-    ):
-        add_quantity(f"noise that halves the gain, {count} cameras", noise, "px")
+        along = {"equidistant_rig": "cameras", "noise": "px noise", "unequal_distance": "m"}
+        for dim, unit in along.items():
+            add_along(f"error, {name}, {{}} {unit}", 1e6 * part[f"{dim}_error"], "um")
+    add_along("noise that halves the gain, {} cameras", cube["tolerated_noise"], "px")
     for count in study.counts:
-        part = cube.sel(count=count)
-        for noise, error in zip(
-            part["image_noise"].values, part["noisy_share_error"].sel(approach="interval").values,
-            strict=True,
-        ):  # fmt: skip
-            add_quantity(f"error, interval, {count} cameras, {noise:g} px noise", 1e6 * error, "um")
-        for name, noise in zip(
-            part["approach"].values, part["equal_pixels_tolerated_noise"].values, strict=True
-        ):
-            if np.isfinite(noise):
-                add_quantity(
-                    f"noise that halves the gain at equal pixels, {name}, {count} cameras",
-                    noise,
-                    "px",
-                )
-    for along, unit in (
-        ("fitted_amplitude", "amplitude"),
-        ("shake", "shake"),
-        ("disc", "diameter"),
-    ):
-        ratio = cube[f"drawn_{along}_error"] / cube[f"{along}_error"]
-        add_quantity(f"dither by {unit}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
-    names, numbers, units = (list(column) for column in zip(*rows, strict=True))
-    return {"quantity": names, "value": numbers, "unit": units}
+        part, here = cube.sel(count=count), f"{count} cameras"
+        interval = part["noisy_share_error"].sel(approach="interval")
+        add_along(f"error, interval, {here}, {{:g}} px noise", 1e6 * interval, "um")
+        known = part["equal_pixels_tolerated_noise"].dropna("approach")
+        add_along(f"noise that halves the gain at equal pixels, {{}}, {here}", known, "px")
+    along = {"fitted_amplitude": "amplitude", "shake": "shake", "disc": "diameter"}
+    for dim, words in along.items():
+        ratio = cube[f"drawn_{dim}_error"] / cube[f"{dim}_error"]
+        add_quantity(f"dither by {words}, drawn over closed form", np.sqrt(np.mean(ratio**2)))
+    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))

@@ -27,13 +27,15 @@ from thesis_lib.facts import setups
 from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import (
+    BEST_COLOR,
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
-    cycle_color,
+    WORST_COLOR,
     draw_curves,
     iterate_slices,
     make_logarithmic,
+    ordered_colors,
     subplots,
 )
 from thesis_lib.studies.cubes import trials_are
@@ -261,7 +263,7 @@ def _draw_along(axes: Axes, part: xr.Dataset) -> None:
         for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
             one = part.isel(setting=index)
             name = "best" if index == np.nanargmin(error) else "worst"
-            style: Any = {"color": cycle_color(index), "linewidth": 1}
+            style: Any = {"color": BEST_COLOR if name == "best" else WORST_COLOR, "linewidth": 1}
             label = f"{one['label'].item()} ({name})"
             axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **style)
         axes.legend()
@@ -284,7 +286,8 @@ def draw_sets(part: xr.Dataset) -> Figure:
     parts = drawing.subfigures(2, 2, squeeze=False, height_ratios=[1.0, 1.05])
     _draw_plans(parts[0, 0], part)
     count = part["n_cameras"].values
-    tones = {int(n): cycle_color(i) for i, n in enumerate(np.unique(count))}
+    numbers = np.unique(count).tolist()
+    tones = dict(zip(numbers, ordered_colors(len(numbers)), strict=True))
     _against_the_law(parts[0, 1].subplots(), part, tones)
     _draw_ratio(parts[1, 0].subplots(), part)
     _by_number(parts[1, 1].subplots(), part)

@@ -16,6 +16,7 @@ from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_setti
 from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     MATH_STYLE,
+    RANK_COLORS,
     REFERENCE_COLOR,
     cycle_color,
     iterate_slices,
@@ -38,10 +39,10 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     axis, bending = rows[len(rows) // 2], axes[0, 1]
     true = 1000 * part["reference_deflection"].values[axis]
     bending.plot(x[axis], true, color=REFERENCE_COLOR, linewidth=3, label="true")
-    for index, word in zip(chosen, rank_settings(part), strict=False):
+    for index, word, ink in zip(chosen, rank_settings(part), RANK_COLORS, strict=False):
         measured = 1000 * part["measured_deflection"].values[index, 0, axis]
         label = f"{part['label'].values[index]}, {word}"
-        bending.plot(x[axis], measured, ".-", color=cycle_color(index), linewidth=1, label=label)
+        bending.plot(x[axis], measured, ".-", color=ink, linewidth=1, label=label)
     bending.set(title="(b) at the maximum of bending", xlabel="x in mm", ylabel="w in mm")
     bending.legend()
     _torsion_panel(axes[1, 0], part, rows, chosen)
@@ -57,9 +58,9 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
     axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
     for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
         axes.plot(x[row], true[row], color=REFERENCE_COLOR, linewidth=2)
-        for index in chosen:
+        for index, ink in zip(chosen, RANK_COLORS, strict=False):
             measured = part["quadrature_deflection"].values[index] * 1e6
-            axes.plot(x[row], measured[row], mark, color=cycle_color(index), markersize=3.5)
+            axes.plot(x[row], measured[row], mark, color=ink, markersize=3.5)
         axes.plot([], [], mark, color=grey, markersize=4, label=name)
     axes.plot([], [], color=REFERENCE_COLOR, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():

@@ -252,8 +252,8 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
 
     for sensor in study.sensors_mm:
         add_quantity(f"crop factor, {sensor}", cube["crop_factor"].sel(sensor=sensor), "1")
-        for i, focal in enumerate(study.focal_lengths_mm):
-            angle = cube["angle_of_view"].sel(sensor=sensor, side="width")[i]
+        across = cube["angle_of_view"].sel(sensor=sensor, side="width")
+        for focal, angle in zip(study.focal_lengths_mm, across, strict=True):
             add_quantity(f"angle of view across, {sensor}, {focal:g} mm", angle, "degree")
     for i, width in enumerate(study.widths_px):
         add_quantity(f"marker contrast, {width} px", cube["marker_contrast"][i], "percent")
@@ -264,16 +264,14 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     for i, N in enumerate(study.f_numbers):
         add_quantity(f"hyperfocal distance, f/{N:g}", cube["hyperfocal_distance"][i], "mm", 1000)
     for distance in study.distances_mm:
-        at = cube.sel(distance=round(distance / 1000, 9))
-        add_quantity(f"error of one depth, {distance:g} mm", at["projection_error"], "px")
+        at, here = cube.sel(distance=round(distance / 1000, 9)), f"{distance:g} mm"
+        add_quantity(f"error of one depth, {here}", at["projection_error"], "px")
         for i, N in enumerate(study.f_numbers):
-            add_quantity(f"near limit, f/{N:g}, {distance:g} mm", at["near_limit"][i], "mm", 1000)
-            add_quantity(f"far limit, f/{N:g}, {distance:g} mm", at["far_limit"][i], "mm", 1000)
+            for words in ("near", "far"):
+                limit = at[f"{words}_limit"][i]
+                add_quantity(f"{words} limit, f/{N:g}, {here}", limit, "mm", 1000)
         for i, b in enumerate(study.baselines_mm):
-            place = f"{b:g} mm apart, {distance:g} mm"
-            add_quantity(f"depth error, {place}", at["depth_error"][i], "mm", 1000)
-            add_quantity(
-                f"depth error in whole pixels, {place}", at["rounded_depth_error"][i], "mm", 1000
-            )
-    words, values, units = (list(column) for column in zip(*rows, strict=True))
-    return {"quantity": words, "value": values, "unit": units}
+            for words, name in (("", "depth_error"), (" in whole pixels", "rounded_depth_error")):
+                error = at[name][i]
+                add_quantity(f"depth error{words}, {b:g} mm apart, {here}", error, "mm", 1000)
+    return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))

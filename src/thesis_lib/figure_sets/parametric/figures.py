@@ -9,33 +9,43 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.parametric.sound import audible_planes
+from thesis_lib.figure_sets.parametric.sound_turn import turn_summary
+from thesis_lib.figure_sets.parametric.tables import compare_frequencies
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
-from thesis_lib.plotting.style import bar_beside, cycle_color, draw_map, place_panels, subplots
+from thesis_lib.plotting.style import (
+    bar_beside,
+    draw_map,
+    iterate_slices,
+    ordered_colors,
+    place_panels,
+    subplots,
+)
 from thesis_lib.studies import schema
+
+TEXTS = {
+    "turn": lambda cube: {"audible": audible_planes(cube)},
+    "turn-summary": turn_summary,
+    "modes": compare_frequencies,
+}
 
 
 def turn(cube: xr.Dataset) -> Figure:
     """Plot field errors against the turn: lines by the law, dots simulated."""
     pairs = audible_planes(cube)
-    drawing, axes = subplots(
-        1,
-        len(pairs),
-        figsize=(2.1 * len(pairs) + 1, 2.8),
-        layout="constrained",
-        squeeze=False,
-        sharey=True,
-    )
+    size, how = (2.1 * len(pairs) + 1, 3.1), {"squeeze": False, "sharey": True}
+    drawing, axes = subplots(1, len(pairs), figsize=size, layout="constrained", **how)
     for panel, (mode, plane) in zip(axes[0], pairs, strict=True):
         one = cube.sel(mode=mode, plane=plane)
-        for i, elevation in enumerate(cube["elevation"].values):
-            part = one.sel(elevation=elevation)
-            law = part["turned_law_error"]
-            panel.plot(cube["law_turn"], law, color=cycle_color(i), lw=1, label=f"{elevation:g}°")
-            panel.plot(cube["turn"], part["turned_simulated"], "o", color=cycle_color(i), ms=4)
+        inks = ordered_colors(cube.sizes["elevation"])
+        for part, ink in zip(iterate_slices(one, "elevation"), inks, strict=True):
+            law, words = part["turned_law_error"], f"elevation {part['elevation'].item():g}°"
+            panel.plot(cube["law_turn"], law, color=ink, lw=1, label=words)
+            panel.plot(cube["turn"], part["turned_simulated"], "o", color=ink, ms=4)
         panel.set(title=f"mode {mode}, {plane}", xlabel="turned by, °")
     axes[0, 0].set(ylabel="field error, %", ylim=(0, None))
-    axes[0, -1].legend(title="elevation", fontsize=7)
+    once = axes[0, 0].get_legend_handles_labels()
+    drawing.legend(*once, loc="outside lower center", ncols=4, fontsize=7)
     return drawing
 
 
@@ -92,6 +102,7 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     nodal = part["independent_ratio"].isnull()
     ideal = part["pressure_reference_real"]
     loudest = float(abs(ideal).max())
+    scale, unit = (1000, "kPa") if loudest >= 1000 else (1, "Pa")
     for letter, row, plane in zip("bc", ("cde", "fgh"), ("XZ", "YZ"), strict=True):
         silent = bool(nodal.sel(plane=plane))
         true = ideal.sel(plane=plane)
@@ -104,9 +115,10 @@ def sound_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         )
         pictures = []
         for name, (title, values, limit) in zip(row, fields, strict=True):
-            pictures.append(draw_map(axes[name], values.values.T, u, z, limit))
+            of = scale if values is true else 1
+            pictures.append(draw_map(axes[name], values.values.T / of, u, z, limit / of))
             axes[name].set(title=title, xlabel=f"{plane[0]} in mm")
         axes[row[0]].set_ylabel("Z in mm")
-        bar_beside(axes[row[0]], pictures[0], "Re p in Pa")
+        bar_beside(axes[row[0]], pictures[0], f"Re p in {unit}")
         bar_beside(axes[row[2]], pictures[2], "error in Pa")
     return drawing

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import Markdown
 
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.arrays import Array
@@ -115,13 +114,8 @@ def run(
     return plain.assign(label_values(values, VARIABLES))
 
 
-def turn_table(cube: xr.Dataset) -> str:
-    """List errors of the field against the turn, for each elevation, mode and plane."""
-    return render(__file__, "turn", cube=cube, audible=audible_planes(cube))
-
-
-def turn_summary(cube: xr.Dataset) -> str:
-    """List these errors over all elevations, and state the effect of a turn on the shape."""
+def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
+    """Return errors of the field over all elevations by turn, and its effect on the shape."""
     rows = []
     for mode, plane in audible_planes(cube):
         one = cube[["turned_error", "turned_coherence"]].sel(mode=mode, plane=plane)
@@ -133,20 +127,17 @@ def turn_summary(cube: xr.Dataset) -> str:
     before, after = (part.sel(turn=turn) for turn in (0, BEST_DEG[0]))
     at = {"elevation": int((before["turned_error"] - after["turned_error"]).values.argmax())}
     shape = cube["turned_deflection"] / cube["turned_deflection"].sel(turn=0) - 1
-    return render(
-        __file__,
-        "turn-summary",
-        cube=cube,
-        rows=rows,
-        mode=mode,
-        plane=plane,
-        turn=BEST_DEG[0],
-        before=before.isel(at),
-        after=after.isel(at),
-        shape=100 * np.abs(shape).max(),
-        elevations=[f"{value:g}°" for value in cube["elevation"].values],
-        advice=turn_advice(cube),
-    )
+    return {
+        "rows": rows,
+        "mode": mode,
+        "plane": plane,
+        "turn": BEST_DEG[0],
+        "before": before.isel(at),
+        "after": after.isel(at),
+        "shape": 100 * np.abs(shape).max(),
+        "elevations": [f"{value:g}°" for value in cube["elevation"].values],
+        "advice": turn_advice(cube),
+    }
 
 
 def turn_advice(cube: xr.Dataset) -> str:
@@ -165,8 +156,3 @@ def turn_advice(cube: xr.Dataset) -> str:
         plane=plane,
     )
     return " ".join(text.split())
-
-
-def show_turns(cube: xr.Dataset) -> Markdown:
-    """Show :func:`turn_table` in a notebook."""
-    return Markdown(turn_table(cube))

@@ -1,18 +1,29 @@
-"""Tables of errors, and of claimed values next to the results."""
+"""Tables of errors and claimed values; modes without symmetry, and the effect of a mirror.
+
+Let cameras and plate be each other's mirror image in X = 0. Two markers at ±x then have mirrored
+images, whole pixels included, and measured deflections of the same size: the nominal run draws
+half as many errors as there are markers. Random shifts of the pixel grids undo that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from IPython.display import Markdown
 
-from thesis_lib.facts import claims
+from thesis_lib.arrays import IntArray
+from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies import cubes
+from thesis_lib.studies import cubes, schema
 from thesis_lib.templates import render
+from thesis_lib.vibration.finite_elements import plate_modes
+from thesis_lib.vibration.polygons import mesh_outline
 
 
 def error_table(cube: xr.Dataset) -> Markdown:
@@ -83,3 +94,138 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
         short=cubes.SHORT_LABELS,
     )
     return Markdown(text)
+
+
+PLATE_SET = "plate-arrays"
+SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}
+MIRRORED_CASES = (
+    "4a",
+    "4a'",
+    "4b",
+    "4d",
+)  # sets of cameras that are their own mirror image in X = 0
+MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
+SIZES_MM = (40.0, 20.0, 10.0)
+
+
+def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
+    """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
+    asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
+    structure, plate = asked.structure, setups.thesis_plate()
+    highest = max(cube["mode"].values.tolist())
+    rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
+    rows = [
+        {
+            "mode": mode,
+            "frequency": cube["frequency"].values[m],
+            "rectangle": rectangle[mode - 1],
+            "peak": structure.shape_peak(mode),
+            "mean": _mean_deflection(cube, m),
+        }
+        for m, mode in enumerate(cube["mode"].values.tolist())
+    ]
+    return {"rows": rows, "markers": cube.sizes["point"]}
+
+
+def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
+    """Return the mean deflection of the markers in a mode in % of the largest."""
+    moved = np.abs(cube["reference_deflection"].values[mode])
+    return float(100 * np.mean(moved) / np.max(moved))
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Effect of a mirror on one case of one structure."""
+
+    #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
+    #: same size as their partner's
+    same: float
+    #: Root mean square of ln(error / law), of the nominal runs and of the trials
+    literal: float
+    drawn: float
+    #: Error over that of the rectangle, median over settings and modes, by trials and by the law
+    simulated: float
+    predicted: float
+
+
+def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
+    """Compare cases of a cube with the same cases of the rectangle's cube."""
+    rows, rows_ = (np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate))
+    part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
+    one, other = _partners(part)
+    size = np.abs(part["measured_deflection"].isel(trial=0).values)
+    off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
+    rms = [np.sqrt(np.mean((c["mean_error"].values[..., 1:]) ** 2, axis=-1)) for c in (part, whole)]
+    law = part["predicted_error"].values / whole["predicted_error"].values
+    return Symmetry(
+        float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
+        float(np.sqrt(np.mean(off[..., 0] ** 2))),
+        float(np.sqrt(np.mean(off[..., 1:] ** 2))),
+        float(np.median(rms[0] / rms[1])),
+        float(np.median(law)),
+    )
+
+
+def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
+    """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
+    half = np.array(schema.structure_extent(cube)) / 2
+    x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
+    one, other = np.nonzero(
+        (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9) & (x[:, None] < -1e-9)
+    )
+    return one, other
+
+
+def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
+    """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
+    rows = []
+    for case in dict.fromkeys(opened[PLATE_SET]["case"].values.tolist()):
+        found = [compare_cases(opened[name], opened[PLATE_SET], [case]) for name in SHAPE_NAMES]
+        rows.append({"case": case, "mirrored": case in MIRRORED_CASES, "found": found})
+    return render(__file__, "symmetries", rows=rows, names=SHAPE_NAMES.values())
+
+
+def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
+    """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
+    plate, rows = opened[PLATE_SET], []
+    for name, word in list(SHAPE_NAMES.items())[1:]:
+        both = opened[name], plate
+        rms = [np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in both]
+        laws = [c["predicted_error"].values for c in both]
+        for m, mode in enumerate(both[0]["mode"].values.tolist()):
+            ratio, off = rms[0][:, m] / rms[1][:, m], rms[0][:, m] / laws[0][:, m] - 1
+            rows.append(
+                {
+                    "shape": word,
+                    "mode": mode,
+                    "mean": [_mean_deflection(cube, m) for cube in both],
+                    "ratio": np.median(ratio),
+                    "law": np.median(laws[0][:, m] / laws[1][:, m]),
+                    "ratios": (ratio.min(), ratio.max()),
+                    "off": (100 * off.min(), 100 * off.max()),
+                }
+            )
+    return render(__file__, "accuracies", rows=rows, settings=plate.sizes["setting"])
+
+
+def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
+    """Compare the rectangle by finite elements with its closed form, and show the order."""
+    plate = setups.thesis_plate()
+    outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
+    exact = plate.angular_frequencies(3)
+    off = []
+    for size in SIZES_MM:
+        mesh = mesh_outline(outline, (), size / 1000)
+        edge = mesh.boundary_facets()
+        found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
+        ratio = plate.bending_stiffness / plate.mass_per_area
+        off.append(1 - np.sqrt(found.eigenvalues * ratio) / exact)
+    orders = np.polyfit(np.log(SIZES_MM), np.log(np.array(off)), 1)[0]
+    return render(__file__, "convergence", sizes=SIZES_MM, errors=off, orders=orders)
+
+
+PIECES = {
+    "shapes-convergence": compare_convergence,
+    "shapes-accuracy": compare_accuracy,
+    "shapes-symmetry": list_mirrors,
+}

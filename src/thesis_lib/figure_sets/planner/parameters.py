@@ -31,6 +31,7 @@ from thesis_lib.studies.request import Study
 THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
 READABLE_QUESTION = "plate: markers that can be read"  # which is planned for its sound, too
 WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
+BLOCKED_QUESTIONS = {"beam: a wall behind it": "wall", "plate: a machine beside it": "machine"}
 MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
 
 

@@ -1,20 +1,21 @@
-"""Tables of ``planner``, from its cube."""
+"""What the tables of ``planner`` need besides its cube."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from IPython.display import HTML, Markdown
+from IPython.display import HTML
 
 from thesis_lib.figure_sets.planner.compute import cheapest_option
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.figures import layout_view
 from thesis_lib.planning.positions import MAX_TIE_RATIO
+from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.templates import render
 
 FRONT_QUESTION = "beam: nearer or farther, too"  # of which the front is drawn
@@ -29,33 +30,28 @@ def table_parameter(cube: xr.Dataset, name: str) -> Any:
 def coarse_options(cube: xr.Dataset, question: str) -> xr.Dataset:
     """Return the options of a question with the first of the resolutions."""
     one = cube.sel(question=question)
-    return one.isel(
-        option=np.flatnonzero(one["width_px"] == table_parameter(cube, "resolutions_px")[0][0])
-    )
+    return one.isel(option=one["width_px"].values == table_parameter(cube, "resolutions_px")[0][0])
 
 
 def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset | None]:
     """Yield the thesis's layout with the least averaged error for each count, if it has any."""
-    part = cube.sel(structure=body)
-    for i in range(cube.sizes["count"]):
-        one = part.isel(count=i)
+    for one in iterate_slices(cube.sel(structure=body), "count"):
         expected = one["thesis_expected"].values
         known = np.isfinite(expected).any()
         yield one.isel(thesis_case=int(np.nanargmin(expected))) if known else None
 
 
-def compare_with_thesis(cube: xr.Dataset) -> str:
+def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
     """Compare planned layouts with the best of the thesis with as many cameras."""
     rows: list[dict[str, Any]] = []
     for body, question in THESIS_QUESTIONS.items():
-        plan = coarse_options(cube, question)
-        for i, own in enumerate(_best_of_thesis(cube, body)):
+        plans = iterate_slices(coarse_options(cube, question), "option")
+        for planned, own in zip(plans, _best_of_thesis(cube, body), strict=True):
             error = np.nan if own is None else float(own["thesis_expected"])
-            planned = plan.isel(option=i)
             rows.append(
                 {
                     "body": body,
-                    "count": cube["count"][i],
+                    "count": planned["n_cameras"],
                     "case": "—" if own is None else own["thesis_case"].item(),
                     "own": error,
                     "planned": planned["expected_error"],
@@ -65,12 +61,11 @@ def compare_with_thesis(cube: xr.Dataset) -> str:
                     "simulated": planned["simulated_error"].max(),
                 }
             )
-    size = table_parameter(cube, "resolutions_px")[0]
-    return render(__file__, "thesis", rows=rows, size=size, readable=with_readable(cube))
+    return {"rows": rows, "readable": with_readable(cube)}
 
 
 def with_readable(cube: xr.Dataset) -> str:
-    """Compare the plan whose markers can be read with the thesis's best layouts."""
+    """Compare the plan whose markers can be read with the thesis's best layouts, in words."""
     worse, shares = [], []
     for body in THESIS_QUESTIONS:
         plan = coarse_options(cube, f"{body}: markers that can be read")["expected_error"].values
@@ -78,84 +73,68 @@ def with_readable(cube: xr.Dataset) -> str:
             if own is not None and np.isfinite(planned):
                 worse.append(bool(planned > own["thesis_expected"]))
                 shares.append(100 * float(own["thesis_read_fraction"]))
-    tilt = table_parameter(cube, "tilt_deg")
-    return render(
-        __file__, "readable", worse=sum(worse), pairs=len(worse), shares=shares, tilt=tilt
-    )
+    tilt, counted = table_parameter(cube, "tilt_deg"), {"worse": sum(worse), "pairs": len(worse)}
+    return render(__file__, "readable", **counted, shares=shares, tilt=tilt)
 
 
-def list_limits(cube: xr.Dataset) -> str:
-    """Show the cost of limits on places."""
+def compare_limits(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the errors under limits on places, and how much they exceed those without."""
     rows = []
     for question in cube["question"].values.tolist():
-        free = coarse_options(cube, THESIS_QUESTIONS[question.partition(":")[0]])[
-            "expected_error"
-        ].values
-        own = coarse_options(cube, question)["expected_error"].values
+        free, own = (
+            coarse_options(cube, one)["expected_error"].values
+            for one in (THESIS_QUESTIONS[question.partition(":")[0]], question)
+        )
         more = own / free - 1
-        changes = [one if abs(one) >= MAX_TIE_RATIO else np.nan for one in more]
+        changes = np.where(np.abs(more) >= MAX_TIE_RATIO, more, np.nan)
         rows.append({"question": question, "cells": list(zip(own, changes, strict=True))})
-    counts, tilt = cube["count"].values, table_parameter(cube, "tilt_deg")
-    return render(__file__, "limits", rows=rows, counts=counts, tilt=tilt)
+    return {"rows": rows}
 
 
-def list_front(cube: xr.Dataset) -> str:
-    """List the options on the front of one question."""
-    one = cube.sel(question=FRONT_QUESTION)
-    order = np.argsort(one["cost"].values, kind="stable")
-    options = [one.isel(option=i) for i in order if one["on_front"].values[i] == 1]
-    return render(__file__, "front", options=options) if options else ""
+def list_front(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the options on the front of one question."""
+    one = cube.sel(question=FRONT_QUESTION).sortby("cost")
+    return {"options": [part for part in iterate_slices(one, "option") if part["on_front"] == 1]}
 
 
-def list_targets(cube: xr.Dataset) -> str:
-    """List the cheapest layout that reaches the target, question by question."""
-    target = table_parameter(cube, "target_percent")
+def list_targets(cube: xr.Dataset) -> dict[str, Any]:
+    """Return the cheapest layout that reaches the target, question by question."""
     best = {}
-    for question in cube["question"].values.tolist():
-        one = cube.sel(question=question)
-        at = cheapest_option(one, target)
-        best[question] = None if at is None else one.isel(option=at)
-    return render(__file__, "targets", best=best, target=target)
+    for one in iterate_slices(cube, "question"):
+        at = cheapest_option(one, table_parameter(cube, "target_percent"))
+        best[one["question"].item()] = None if at is None else one.isel(option=at)
+    return {"best": best}
 
 
-def compare_simulated(cube: xr.Dataset) -> str:
+def compare_simulated(cube: xr.Dataset) -> dict[str, Any]:
     """Compare simulated with predicted errors, over all options and modes of a structure."""
-    ratios = {}
-    for body in THESIS_QUESTIONS:
-        part = cube.sel(question=[q for q in cube["question"].values if q.startswith(body)])
-        ratio = (part["simulated_error"] / part["predicted_error"]).values.ravel()
-        ratios[body] = np.sort(ratio[np.isfinite(ratio)])
-    planned, own = (
-        np.sort(cube[name].values[np.isfinite(cube[name].values)])
-        for name in ("averaged_law_ratio", "thesis_averaged_law_ratio")
-    )
-    return render(
-        __file__,
-        "verification",
-        ratios=ratios,
-        median=np.median,
-        amplitudes=AMPLITUDE_RANGE,
-        planned=planned,
-        own=own,
-    )
+    ratio, of_body = cube["simulated_error"] / cube["predicted_error"], cube["question"].str
+    return {
+        "ratios": {
+            body: _sort_finite(ratio[of_body.startswith(body)]) for body in THESIS_QUESTIONS
+        },
+        "median": np.median,
+        "amplitudes": AMPLITUDE_RANGE,
+        "planned": _sort_finite(cube["averaged_law_ratio"]),
+        "own": _sort_finite(cube["thesis_averaged_law_ratio"]),
+    }
 
 
-def for_sound(cube: xr.Dataset) -> str:
+def _sort_finite(values: xr.DataArray) -> Any:
+    return np.sort(values.values[np.isfinite(values.values)])
+
+
+def compare_sound(cube: xr.Dataset) -> dict[str, Any]:
     """Compare layouts planned for the shape and for the sound by their errors of both."""
     rows = []
-    for i in range(cube.sizes["count"]):
-        one = cube.isel(count=i)
-        field = one["sound_error"].max("mode").values
-        simulated = one["sound_simulated"].max("mode").values
-        rows.append(
-            {
-                "count": one["count"],
-                "fields": list(zip(field, simulated, strict=True)),
-                "change": field[1] / field[0] - 1,
-                "shapes": one["sound_shape_error"].values,
-            }
+    for one in iterate_slices(cube, "count"):
+        field, simulated = (
+            one[name].max("mode").values for name in ("sound_error", "sound_simulated")
         )
-    return render(__file__, "sound", rows=rows, size=table_parameter(cube, "resolutions_px")[0])
+        fields, change = list(zip(field, simulated, strict=True)), field[1] / field[0] - 1
+        row = {"count": one["count"], "fields": fields, "change": change}
+        rows.append(row | {"shapes": one["sound_shape_error"].values})
+    return {"rows": rows}
 
 
 def nearest_option(cube: xr.Dataset, question: str, count: int) -> int:
@@ -164,28 +143,21 @@ def nearest_option(cube: xr.Dataset, question: str, count: int) -> int:
     return int(np.argmin(np.abs(counts - count)))
 
 
-TABLES: dict[str, Callable[[xr.Dataset], str]] = {
+TEXTS = {
     "thesis": compare_with_thesis,
-    "limits": list_limits,
+    "limits": compare_limits,
     "front": list_front,
     "targets": list_targets,
     "verification": compare_simulated,
-    "sound": for_sound,
+    "sound": compare_sound,
 }
-PIECES = TABLES
-
-
-def show_table(cube: xr.Dataset, name: str) -> Markdown:
-    """Show one of :data:`TABLES` in a notebook."""
-    return Markdown(TABLES[name](cube))
 
 
 def show_layouts(cube: xr.Dataset) -> HTML:
     """Show every planned layout in a notebook, to be turned."""
     plans = []
-    for question in cube["question"].values.tolist():
-        one = cube.sel(question=question)
-        found = np.flatnonzero(np.isfinite(one["cost"].values))
+    for one in iterate_slices(cube, "question"):
+        question, found = one["question"].item(), np.flatnonzero(np.isfinite(one["cost"].values))
         first = int(np.searchsorted(found, nearest_option(cube, question, SHOWN_CAMERAS)))
         plans.append((str(question), one.isel(option=found), first))
     return HTML(layout_view(plans))

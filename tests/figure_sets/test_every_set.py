@@ -1,0 +1,213 @@
+"""What all figure sets keep: figures from their cubes alone, and texts with the cubes' numbers."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.container import BarContainer
+from matplotlib.figure import Figure
+from scenes.small import OF_LEDGER, REQUESTS, small_cube
+
+from thesis_lib.figure_sets import cube_file, display
+from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
+from thesis_lib.plotting.panels import case_captions
+from thesis_lib.plotting.style import figure_svg, ordered_colors
+from thesis_lib.studies import comparison, cubes, published, storage
+
+WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
+
+
+def drawings(cube: xr.Dataset) -> dict[str, Figure]:
+    """Return the figures of a cube: those shown by name, and the first and last of its cases."""
+    name = cube.attrs["figure_set"]
+    found = {
+        f"{one} {which}": display.draw_picture(cube, one, *which)
+        for one in display.read_captions(name)
+        for which in WHICH.get((name, one), [()])
+    }
+    if FIGURE_SETS[name].figure:
+        cases = list(case_captions(cube))
+        found |= {str(one): display.draw_figure(cube, *one) for one in (cases[0], cases[-1])}
+    return {one: drawing for one, drawing in found.items() if drawing is not None}
+
+
+# No bar where its length means nothing, and no two names that look alike.
+
+
+def misleading(drawing: Figure) -> list[str]:
+    """Return what a reader of a figure would read wrongly."""
+    faults = []
+    for axes in drawing.axes:
+        for bars in (one for one in axes.containers if isinstance(one, BarContainer)):
+            scale = axes.get_yscale() if bars.orientation == "vertical" else axes.get_xscale()
+            if scale == "log":
+                faults.append("bars on a logarithmic axis")
+            inks = {patch.get_facecolor() for patch in bars}
+            if len(inks) not in (1, len(bars)):
+                faults.append("bars of one colour that are not one setting")
+        looks: dict[tuple[object, ...], set[str]] = defaultdict(set)
+        for line in axes.get_lines():
+            if not (label := str(line.get_label())).startswith("_"):
+                style = line.get_linestyle(), line.get_marker(), line.get_linewidth()
+                sizes = line.get_markersize(), str(line.get_markerfacecolor()), line.get_alpha()
+                looks[(str(line.get_color()), *style, *sizes)].add(label)
+        faults += [f"alike: {sorted(names)}" for names in looks.values() if len(names) > 1]
+    return faults
+
+
+def test_what_misleads_is_found():
+    drawing = Figure()
+    left, right = drawing.subplots(1, 2)
+    left.bar([1, 2, 3], [1, 10, 100], color=["b", "r", "b"])
+    left.set_yscale("log")
+    right.plot([1, 2], label="two cameras", color="b")
+    right.plot([2, 3], label="eight cameras", color="b")
+    assert misleading(drawing) == [
+        "bars on a logarithmic axis",
+        "bars of one colour that are not one setting",
+        "alike: ['eight cameras', 'two cameras']",
+    ]
+
+
+@pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
+def test_no_figure_misleads(name):
+    made = drawings(small_cube(name))
+    assert made
+    assert {one: misleading(drawing) for one, drawing in made.items() if misleading(drawing)} == {}
+
+
+@pytest.mark.book
+@pytest.mark.parametrize("name", STUDIES)
+def test_no_figure_of_the_book_misleads(name):
+    cube = cube_file.read_built(STUDIES[name]())
+    assert not isinstance(cube, str), cube
+    found = {one: misleading(drawing) for one, drawing in drawings(cube).items()}
+    assert {one: faults for one, faults in found.items() if faults} == {}
+
+
+def test_ordered_settings_have_as_many_colours_from_dark_to_light():
+    for count in (1, 2, 7, 24):
+        inks = ordered_colors(count)
+        light = [sum(int(ink[i : i + 2], 16) for i in (1, 3, 5)) for ink in inks]
+        assert len(set(inks)) == count
+        assert light == sorted(light)
+
+
+# Figures and texts are made from the cube alone, and hold its numbers.
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_figures_are_drawn_from_the_cube_alone(name):
+    cube = small_cube(name)
+    bare = cube.drop_attrs().assign_attrs(
+        figure_set=name, parameters=cube.attrs["parameters"], cost_is="pixels per second"
+    )
+    for one in display.read_captions(name):
+        texts = {figure_svg(display.draw_picture(part, one)) for part in (cube, cube, bare)}
+        assert len(texts) == 1, one
+
+
+FROM = {
+    "cameras": {
+        "angles": "angle_of_view", "sensors": "crop_factor", "lens": "angle_of_view",
+        "formats": "format_height", "projections": "projection_error", "pixels": "marker_contrast",
+        "colours": "centre_shift", "focus": "far_limit", "stereo": "rounded_depth_error",
+        "horizons": "vanishing_point",
+    },
+    "design-law": {
+        "motion": "motion_error", "settings": "law_error", "cone": "cone_error",
+        "exponents": "small_exponent", "findings": "best_aperture", "pairs": "pair_error",
+        "shares": "frame_error", "few-shares": "frame_error", "noisy": "noisy_share_error",
+        "few-noisy": "noisy_share_error", "estimators": "equidistant_rig_error",
+        "mistakes": "mistaken_error", "refined": "unequal_distance_error",
+        "dither": "fitted_amplitude_error",
+    },
+    "planner": {
+        "thesis": "bound", "limits": "expected_error", "front": "predicted_error",
+        "targets": "cost", "verification": "simulated_error", "sound": "sound_error",
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "variable"),
+    [(name, *one) for name, texts in FROM.items() for one in texts.items()],
+)
+def test_texts_have_the_numbers_of_the_cube(name, text, variable):
+    cube = small_cube(name)
+    told = display.fill_text(cube, text)
+    assert "nan" not in told
+    factor = xr.DataArray(1.5 + 0.1 * np.arange(cube.sizes.get("question", 1)), dims="question")
+    changed = cube[variable] * (factor if "question" in cube[variable].dims else 1.5)
+    assert display.fill_text(cube.assign({variable: changed}), text) != told
+
+
+@pytest.mark.parametrize("text", FROM["planner"])
+def test_texts_of_plans_do_not_hang_on_last_digits(text):
+    cube, rng = small_cube("planner"), np.random.default_rng(0)
+    expected = display.fill_text(cube, text)
+    for _ in range(5):
+        other = cube.copy()
+        for name in ("expected_error", "predicted_error", "simulated_error", "bound"):
+            noise = 1 + 1e-13 * rng.uniform(-1, 1, cube[name].shape)
+            other[name] = cube[name] * xr.DataArray(noise, dims=cube[name].dims)
+        assert display.fill_text(other, text) == expected
+
+
+# Cubes of single quantities are compared by them.
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monkeypatch):
+    cube, path = small_cube(name), tmp_path / "cube.nc"
+    storage.write_netcdf(cube, path, compact=True)
+    table = cubes.summarise_errors(cube_file.read_cube(path))
+    assert list(table) == ["quantity", "value", "unit"]
+    assert table["quantity"].is_unique
+    monkeypatch.setattr(published, "summary_path", lambda name: tmp_path / f"{name}.csv")
+    assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
+    published.publish_errors(cube)
+    number = cube.sizes["quantity"]
+    same = [f"no difference from published ({number} quantities compared)"]
+    assert comparison.difference_lines(cube) == same
+    first = cube["quantity"].values[0]
+    changed = cube.assign(value=cube["value"].where(cube["quantity"] != first, 1e9))
+    (line,) = comparison.difference_lines(changed)
+    assert line.startswith(f"{first}: ")
+    storage.write_netcdf(cube.drop_vars("quantity"), path)
+    with pytest.raises(storage.CubeError, match="it lacks quantity"):
+        cube_file.read_cube(path)
+
+
+def test_cameras_come_out_as_published():
+    cube = small_cube("cameras")
+    number = cube.sizes["quantity"]
+    same = [f"no difference from published ({number} quantities compared)"]
+    assert comparison.difference_lines(cube) == same
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "stays", "changes"),
+    [
+        ("cameras", {"trials": 5, "widths_px": [16]}, ["depth_error"], ["rounded_depth_error"]),
+        pytest.param(
+            "design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]},
+            ["law_error", "cone_error", "expected_error", "frame_error"],
+            ["simulated_error", "cone_drawn_error", "drawn_frame_error", "drawn_fit_error"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+)  # fmt: skip
+def test_another_seed_draws_again_and_keeps_the_laws(name, values, stays, changes):
+    one, same, other = (
+        FIGURE_SETS[name].compute(validate_request(name, values | more), {})
+        for more in ({}, {}, {"seed": 5})
+    )
+    xr.testing.assert_equal(one, same)
+    for variable in stays:
+        xr.testing.assert_equal(other[variable], one[variable])
+    for variable in changes:
+        assert not np.array_equal(other[variable], one[variable], equal_nan=True)

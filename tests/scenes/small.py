@@ -1,0 +1,26 @@
+"""Small cubes of figure sets, computed once in a process."""
+
+from functools import cache
+
+from scenes import ledger
+
+from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
+from thesis_lib.studies.schema import with_provenance
+
+REQUESTS = {
+    "cameras": {},
+    "design-law": {"trials": 60, "counts": [2, 3, 8, 24], "frame_rates_hz": [60, 480]},
+    "planner": {
+        "counts": [2, 4], "resolutions_px": [[320, 180]], "starts": 0, "step_deg": 30, "trials": 20
+    },
+}  # fmt: skip
+OF_LEDGER = ("beam-arrays", "plate-aperture", "sound-distance", "experiment-cameras")
+
+
+@cache
+def small_cube(name):
+    """The cube of a figure set with few trials."""
+    if name in OF_LEDGER:
+        return ledger.cube_of(name)
+    request = validate_request(name, REQUESTS[name])
+    return with_provenance(FIGURE_SETS[name].compute(request, {}), request, 0.0)
