@@ -340,6 +340,7 @@ def count_verdicts(found: Iterable[Entry], **where: object) -> dict[str, int]:
 
 EXCLUSION_LINK = "../errata.html#errata-a9"  # on stated numbers that exclude each other
 INTERPRETATIONS_LINK = "claims.html#other-readings"
+_DIFFERING_HEAD = "differs: place, what: stated → computed  ×computed over nearest stated; reason"
 NOT_FOUND = "No explanation was found."
 
 
@@ -408,13 +409,16 @@ def _link(page: str) -> str:
     return target + (f"#{anchor}" if anchor else "")
 
 
+KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
+
+
 def format_report(found: Sequence[Entry]) -> str:
     """Format the ledger as text: counts by chapter, then entries that differ or are undefined."""
     lines = []
     for chapter in THESIS_CHAPTERS:
         of_chapter = [entry for entry in found if entry.chapter == chapter]
         lines.append(f"chapter {chapter}")
-        for kind in ("figure", "trend", "number"):
+        for kind, words in KIND_WORDS.items():
             part = [entry for entry in of_chapter if entry.kind == kind]
             if part:
                 counts = ", ".join(
@@ -423,12 +427,13 @@ def format_report(found: Sequence[Entry]) -> str:
                 apart = sum(not entry.counted for entry in part)
                 why = "bookkeeping" if kind == "number" else "by rendered recordings"
                 mark = f"   ({apart} {why})" if apart else ""
-                lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
+                words = words if len(part) > 1 else words[:-1]
+                lines.append(f"  {len(part):3} {words:13}  {counts}{mark}")
     counted = [entry for entry in found if entry.counted]
     counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(counted).items())
     lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
     differing = [entry for entry in found if entry.verdict == "differs"]
-    lines += ["\ndiffers:"] if differing else []
+    lines += [f"\n{_DIFFERING_HEAD}"] if differing else []
     for entry in differing:
         ratio = f"  ×{entry.ratio:.2f}" if np.isfinite(entry.ratio) else ""
         modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""

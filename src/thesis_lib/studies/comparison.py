@@ -13,6 +13,7 @@ import xarray as xr
 
 from thesis_lib.studies.cubes import (
     ERROR_VARIABLES,
+    LABEL_MEANINGS,
     LISTED_VARIABLES,
     ROW_KEYS,
     SHORT_LABELS,
@@ -43,7 +44,7 @@ def compare_summaries(
     """
     for key in ("claim", "quantity"):
         if key in new:
-            return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
+            return new.merge(old, how, on=key, suffixes=("", "_old"), validate="one_to_one")
     keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
     table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
@@ -86,8 +87,17 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
             f"{' *' if row.apart else ''}"
         )
-    lines.append("errors in % of the largest reference value; * the bands do not meet")
-    return lines
+    return [*lines, _legend(table)]
+
+
+def _legend(table: pd.DataFrame) -> str:
+    """Explain the columns of a table of errors, and the short names in it."""
+    labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
+    meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
+    return (
+        "errors in % of the largest reference value; trial 0 is the nominal run; * the bands do "
+        f"not meet; {meanings}"
+    )
 
 
 def difference_lines(
@@ -104,16 +114,23 @@ def difference_lines(
     return comparison_lines(compare_summaries(summarise_errors(cube), published), "published")
 
 
+def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
+    """Return what a run found, with what is published of it; NaN where nothing is."""
+    table = summarise_errors(cube)
+    if table.empty:
+        return table
+    published = read_published(cube.attrs["figure_set"])
+    return compare_summaries(table, table.iloc[:0] if published is None else published, "left")
+
+
 def error_lines(cube: xr.Dataset) -> list[str]:
     """Return a line per setting and mode with the errors of a run, and those published for it.
 
     Empty for a cube without errors of settings and modes.
     """
-    table = summarise_errors(cube)
-    if "trial_0" not in table or "claim" in table or "quantity" in table:
+    table = published_comparison(cube)
+    if "trial_0" not in table:
         return []
-    published = read_published(cube.attrs["figure_set"])
-    table = compare_summaries(table, table.iloc[:0] if published is None else published, "left")
     header = (
         f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {'trial 0':>7} | "
         f"{'median (5–95 %)':>20} | {'published':>20}"
@@ -126,8 +143,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
         f"{' *' if row.apart else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
-    legend = "errors in % of the largest reference value; trial 0 is the nominal run"
-    return [*lines, f"{legend}; * the bands do not meet"]
+    return [*lines, _legend(table)]
 
 
 def all_difference_lines(
