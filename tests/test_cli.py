@@ -257,7 +257,7 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
         ("figure_set,seconds\nbeam-distance,1\n", 1),
         ("figure_set,seconds,peak_memory_mb,cube_mb\nbeam-distance,1,much,1\n", 2),
         ("figure_set,seconds,peak_memory_mb,cube_mb\na,1,2,3\nb,1\n", 3),
-        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 1),
+        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 2),
     ],
 )
 def test_damaged_efforts_are_named_with_their_line(tmp_path, monkeypatch, text, line):
