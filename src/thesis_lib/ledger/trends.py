@@ -122,11 +122,14 @@ def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Findin
             shares.append(float(np.mean(TREND_TESTS[name](evidence, argument))))
         except LookupError:  # what it is compared with is missing
             return None
+    confidence, single = shares
     if name not in TREND_DIRECTIONS:
-        return Finding(*shares)
+        return Finding(confidence, single)
     expected = {key: draws.mean(axis=1) for key, draws in mean.named}
     least, most = _effects(expected.values(), TREND_DIRECTIONS[name])
-    return Finding(*shares, least, most, _step_back(expected, mean.values, TREND_DIRECTIONS[name]))
+    return Finding(
+        confidence, single, least, most, _step_back(expected, mean.values, TREND_DIRECTIONS[name])
+    )
 
 
 def _are_unchanged(effects: Array) -> bool:
