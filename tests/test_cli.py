@@ -6,6 +6,8 @@ this one, and once by the command.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 import shutil
@@ -14,14 +16,17 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
+from thesis_lib.asides import echo
 from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
+from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe_parameters
 
@@ -35,6 +40,13 @@ def refused(cwd: Path, *arguments: str | Path) -> str:
     line = refusal(thesis(*arguments, cwd=cwd))
     assert sorted(cwd.rglob("*")) == before
     return line
+
+
+def as_json(*arguments: str) -> list:
+    """What a command prints as JSON; nothing in it is not a number."""
+    done = thesis(*arguments, "--json")
+    assert (done.status, done.err) == (0, "")
+    return json.loads(done.out, parse_constant=pytest.fail)
 
 
 class Loads(HTMLParser):
@@ -73,6 +85,15 @@ def test_a_group_alone_prints_its_help(group):
 def test_help_names_every_command_once():
     listed = [name for names in COMMAND_GROUPS.values() for name in names]
     assert sorted(listed) == sorted(cli.commands)
+
+
+@pytest.mark.parametrize("group", [(), ("print",)])
+def test_help_has_a_whole_line_for_every_command(group):
+    commands = cli.commands["print"].commands if group else cli.commands
+    lines = [line.split(maxsplit=1) for line in thesis(*group, "--help").out.splitlines() if line]
+    words = {line[0]: line[1] for line in lines if line[0] in commands}
+    assert words.keys() == set(commands)
+    assert all(text.endswith(".") and not text.endswith("...") for text in words.values())
 
 
 @pytest.mark.parametrize(("old", "new"), RENAMED_COMMANDS.items())
@@ -122,6 +143,17 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(name):
             assert f"    {row['meaning']}: {second}\n" in shown
 
 
+def test_json_lists_sets_and_parameters():
+    assert {row["figure_set"]: row["title"] for row in as_json("list")} == {
+        name: model.title for name, model in STUDIES.items()
+    }
+    for row in as_json("list", "ch3"):
+        defaults = STUDIES[row["figure_set"]]().model_dump(mode="json")
+        assert {one["name"]: one["default"] for one in row["parameters"]} == defaults
+    defaults = PlanRequest().model_dump(mode="json")
+    assert {one["name"]: one["default"] for one in as_json("plan", "--parameters")} == defaults
+
+
 # The ledger.
 
 
@@ -129,7 +161,7 @@ def test_list_of_a_set_or_chapter_shows_every_parameter(name):
 def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
     done = checkout.thesis("claims", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert re.search(r"chapter 4\n\s+(\d+) figures +\1 undefined", done.stdout)
+    assert re.search(r"chapter 4\n\s+(\d+) stated values +\1 undefined", done.stdout)
     for name in ("beam-distance", "plate-arrays", "sound-aperture", "experiment-cameras"):
         assert f"cube {name}.nc is missing: run `thesis book`" in done.stdout
     assert list(tmp_path.iterdir()) == []
@@ -137,13 +169,35 @@ def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
 
 @pytest.mark.slow
 def test_claims_as_json_has_every_claim_once():
-    done = thesis("claims", "--json")
-    assert (done.status, done.err) == (0, "")
-    entries = json.loads(done.out)
+    entries = as_json("claims")
     ids = [entry["id"] for entry in entries]
     assert len(set(ids)) == len(ids) > 400
     assert {entry["kind"] for entry in entries} == {"figure", "trend", "number"}
     assert all(entry["note"] for entry in entries if entry["verdict"] == "undefined")
+
+
+VERDICT_LINE = "3 agrees, 2 within scatter, 1 differs, 0 undefined"
+
+
+@pytest.mark.parametrize(
+    ("screen", "no_color", "verdicts", "coloured"),
+    [
+        (True, "", True, True),
+        (True, "1", True, False),
+        (False, "", True, False),
+        (True, "", False, False),
+    ],
+)
+def test_verdicts_are_coloured_on_a_screen_alone(monkeypatch, screen, no_color, verdicts, coloured):
+    stream = io.StringIO()
+    stream.isatty = lambda: screen
+    monkeypatch.setattr(sys, "stdout", stream)
+    monkeypatch.setenv("NO_COLOR", no_color)
+    echo(VERDICT_LINE, verdicts=verdicts)
+    told = stream.getvalue().rstrip("\n")
+    assert click.unstyle(told) == VERDICT_LINE
+    assert ("\x1b[31mdiffers\x1b[0m" in told) == coloured
+    assert told.count("\x1b[0m") == 3 * coloured
 
 
 def test_other_readings_are_refused_by_name(tmp_path):
@@ -162,7 +216,7 @@ def test_other_readings_are_refused_by_name(tmp_path):
         (["run", "beam-aperture2"], ["did you mean beam-aperture?", "`thesis list`"]),
         (["run", "ch33"], ["ch33: no such figure set", "did you mean ch3?"]),
         (["run", "beam-distance", "nosuch", "-p", "layouts={}"], ["nosuch: no such figure set"]),
-        (["run"], ["NAME"]),
+        (["run"], ["NAME...", "`thesis list` names"]),
         (["run", "beam-distance", "--nosuch"], ["--nosuch"]),
         (["nosuch"], ["nosuch"]),
         (["run", "beam-distance", "-p", "trials"], ["-p", "'trials'", "KEY=VALUE"]),
@@ -203,7 +257,7 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
         ("figure_set,seconds\nbeam-distance,1\n", 1),
         ("figure_set,seconds,peak_memory_mb,cube_mb\nbeam-distance,1,much,1\n", 2),
         ("figure_set,seconds,peak_memory_mb,cube_mb\na,1,2,3\nb,1\n", 3),
-        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 1),
+        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 2),
     ],
 )
 def test_damaged_efforts_are_named_with_their_line(tmp_path, monkeypatch, text, line):
@@ -265,6 +319,31 @@ def test_run_tells_errors_and_those_published_where_there_are_some(ran):
     ]
 
 
+def test_tables_explain_their_short_names(ran):
+    _, done = ran
+    legend = next(line for line in done.stdout.splitlines() if line.startswith("errors in %"))
+    assert all(f"{word}:" in legend for word in ("mean", "peak"))
+    assert "XZ:" not in legend
+
+
+def test_another_run_takes_the_place_of_the_first_and_its_json_has_the_errors_of_the_cube(
+    ran, checkout, tmp_path
+):
+    folder = shutil.copytree(ran[0], tmp_path / "out")
+    done = checkout.thesis(*RUN, "-p", "seed=1", "--out", folder, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (run,) = json.loads(done.stdout, parse_constant=pytest.fail)
+    request = {"trials": 3, "distances_mm": [500, 800], "seed": 1}
+    assert run["parameters"] == validate_request("beam-distance", request).request
+    assert (run["figure_set"], run["page"]) == ("beam-distance", str(folder / "beam-distance.html"))
+    with xr.open_dataset(folder / "beam-distance.nc") as cube:
+        assert cube.attrs["seed"] == 1
+        nominal = cube["mean_error"].isel(trial=0).values.ravel()
+    rows = [row for row in run["results"] if row["error"] == "mean_error"]
+    np.testing.assert_allclose([row["trial_0"] for row in rows], nominal)
+    assert [row["median_old"] is None for row in rows] == [False] * 3 + [True] * 3
+
+
 def test_cube_opens_plainly_and_says_what_it_is(ran):
     study = validate_request("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
     with xr.open_dataset(ran[0] / "beam-distance.nc") as cube:
@@ -292,15 +371,6 @@ def test_nothing_tells_where_it_was_made(ran, checkout):
         for place in (folder.parent, checkout.root, checkout.root.parent, Path.home()):
             assert str(place).encode() not in content, kind
         assert b".staging-" not in content, kind
-
-
-def test_a_second_run_with_another_parameter_takes_the_place_of_the_first(ran, checkout, tmp_path):
-    folder = shutil.copytree(ran[0], tmp_path / "out")
-    changed = checkout.thesis(*RUN, "-p", "seed=1", "--out", folder, cwd=tmp_path)
-    assert changed.returncode == 0
-    assert "beam-distance: done in" in changed.stderr
-    with xr.open_dataset(folder / "beam-distance.nc") as cube:
-        assert cube.attrs["seed"] == 1
 
 
 @pytest.mark.slow
@@ -383,6 +453,29 @@ def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp
     assert done.stdout == ""
     assert files(tmp_path / "out") == []
     assert not list((tmp_path / "out").glob(".staging-*"))
+
+
+# A plan.
+
+PLAN = ["plan", "-p", "starts=0", "-p", "step_deg=30", "-p", "counts=[2]", "-p", "trials=2"]
+
+
+def test_plan_as_json_has_the_cameras_of_its_table(tmp_path):
+    done = thesis(*PLAN, "-p", "target_percent=40", "--out", "out", "--json", cwd=tmp_path)
+    assert done.status == 0, done.err
+    made = json.loads(done.out, parse_constant=pytest.fail)
+    table = list(csv.DictReader((tmp_path / "out" / "plan.csv").open(encoding="utf-8")))
+    assert [{name: float(value) for name, value in row.items()} for row in table] == made["cameras"]
+    assert [row["mode"] for row in made["errors"]] == [1, 2, 3]
+    assert all(0 < row["predicted_error"] <= 40 for row in made["errors"])
+    assert made["page"] == str(tmp_path / "out" / "plan.html")
+
+
+def test_a_plan_out_of_reach_gives_every_error_its_unit(tmp_path):
+    done = thesis(*PLAN, "-p", "target_percent=0.1", "--out", "out", cwd=tmp_path)
+    assert (done.status, done.out) == (2, "")
+    line = done.err.splitlines()[-1]
+    assert re.search(r"given 0\.1 %, .* reaches [\d.]+ %; .*\(without it about [\d.]+ %\)$", line)
 
 
 # Two cubes.

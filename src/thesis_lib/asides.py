@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 
@@ -12,6 +13,8 @@ from thesis_lib.text import message, visible
 
 QUIET_VARIABLE = "THESIS_QUIET"
 """Set in the environment of kernels, whose standard error would be an output of the notebook."""
+VERDICT_COLOURS = {"agrees": "green", "within scatter": "yellow", "differs": "red"}
+_VERDICT_PATTERN = re.compile("|".join(VERDICT_COLOURS))
 
 
 def aside(text: str) -> None:
@@ -20,13 +23,18 @@ def aside(text: str) -> None:
         say(message(text))
 
 
-def echo(*lines: str, err: bool = False) -> None:
-    """Print lines on standard output, or on standard error.
+def echo(*lines: str, err: bool = False, verdicts: bool = False) -> None:
+    """Print lines on standard output, or on standard error; on a screen with coloured verdicts.
 
     Names of files are anybody's: what could act on a screen is written out, a line feed too.
     """
-    for line in lines:
-        click.echo(visible(line), err=err)
+    coloured = verdicts and not err and sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    for line in map(visible, lines):
+        click.echo(_VERDICT_PATTERN.sub(_colour_verdict, line) if coloured else line, err=err)
+
+
+def _colour_verdict(found: re.Match[str]) -> str:
+    return click.style(found[0], fg=VERDICT_COLOURS[found[0]])
 
 
 def live() -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -123,3 +124,41 @@ def damaged(path: Path, line: int, problem: str) -> str:
     """Return what is said of a published file that is not as it was."""
     mend = f"`git checkout {path}`, or installing the library again, restores it"
     return f"{path}: damaged: line {line} {problem}; {mend}"
+
+
+Columns = Mapping[str, Callable[[str], Any]]
+"""Columns of a table, and what reads a value of each; it raises ValueError."""
+
+
+def read_table(
+    path: Path, columns: Columns, refusal: type[ValueError] = ValueError
+) -> dict[str, list[Any]]:
+    """Return the columns of a published CSV file, by name.
+
+    Raises
+    ------
+    ValueError
+        Or `refusal`, in one line: the file, the line, what is wrong with it, what restores it.
+    """
+    found: dict[str, list[Any]] = {name: [] for name in columns}
+    number = 0  # of the last line that could be read
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = csv.reader(stream, strict=True)
+            header, number = next(rows, []), 1
+            if sorted(header) != sorted(columns):
+                raise refusal(damaged(path, 1, f"names other columns than {', '.join(columns)}"))
+            for number, row in enumerate(rows, 2):
+                if len(row) != len(header):
+                    count = f"has {len(row)} values, not {len(header)}"
+                    raise refusal(damaged(path, number, count))
+                for name, given in zip(header, row, strict=True):
+                    try:
+                        found[name].append(columns[name](given))
+                    except ValueError:
+                        bad = f"has {name} = {one_line(repr(given))}"
+                        raise refusal(damaged(path, number, bad)) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        why = f"cannot be read ({type(error).__name__})"
+        raise refusal(damaged(path, number + 1, why)) from None
+    return found

@@ -68,10 +68,6 @@ def test_no_value_is_without_its_number():
     assert {number.value_of for number in NUMBERS} == set(CORRECT_VALUES)
 
 
-def test_places_and_words_are_short():
-    assert all(number.place and 10 < len(number.words) <= 100 for number in NUMBERS)
-
-
 @pytest.mark.parametrize(
     ("stated", "low", "high"),
     [

@@ -70,12 +70,9 @@ BAD = [
     (DISTANCE, "azimuth_deg", 360.5, "", "360.5"),
     (DISTANCE, "azimuth_deg", {"a": [1]}, "", '{"a": [1]}'),
     (DISTANCE, "elevation_deg", 0, "", "0"),
-    (DISTANCE, "elevation_deg", -5, "", "-5"),
     (DISTANCE, "elevation_deg", 91, "", "91"),
-    (DISTANCE, "elevation_deg", NAN, "", "NaN"),
     (DISTANCE, "distances_mm", [], "", "[]"),
     (DISTANCE, "distances_mm", 500, "", "500"),
-    (DISTANCE, "distances_mm", None, "", "null"),
     (DISTANCE, "distances_mm", [500, "750"], "[1]", '"750"'),
     (DISTANCE, "distances_mm", [500, [750]], "[1]", "[750]"),
     (DISTANCE, "distances_mm", [500, NAN], "[1]", "NaN"),
@@ -83,10 +80,7 @@ BAD = [
     (DISTANCE, "distances_mm", [500, 100_001], "[1]", "100001"),
     (DISTANCE, "distances_mm", [500, 750, 500.0], "", "[500.0, 750.0, 500.0]"),
     (DISTANCE, "resolution_px", [0, 180], "[0]", "0"),
-    (DISTANCE, "resolution_px", [320, 1], "[1]", "1"),
-    (DISTANCE, "resolution_px", [-320, 180], "[0]", "-320"),
     (DISTANCE, "resolution_px", [320, 20_001], "[1]", "20001"),
-    (DISTANCE, "resolution_px", [320, 10**12], "[1]", "1000000000000"),
     (DISTANCE, "resolution_px", [320.5, 180], "[0]", "320.5"),
     (DISTANCE, "resolution_px", [320], "", "[320]"),
     (DISTANCE, "resolution_px", [320, 180, 3], "", "[320, 180, 3]"),
@@ -99,42 +93,26 @@ BAD = [
     (DISTANCE, "trials", 1_000_001, "", "1000001"),
     (DISTANCE, "seed", -1, "", "-1"),
     (DISTANCE, "seed", 2**63, "", "9223372036854775808"),
-    (DISTANCE, "seed", 0.5, "", "0.5"),
     (DISTANCE, "modes", [], "", "[]"),
     (DISTANCE, "modes", [0], "[0]", "0"),
     (DISTANCE, "modes", [1, 31], "[1]", "31"),
     (DISTANCE, "modes", [1, 2.0], "[1]", "2.0"),
     (DISTANCE, "modes", [2, 1, 2], "", "[2, 1, 2]"),
-    (DISTANCE, "modes", 1, "", "1"),
     (DISTANCE, "amplitude_mm", 0, "", "0"),
-    (DISTANCE, "amplitude_mm", -5.5, "", "-5.5"),
-    (DISTANCE, "amplitude_mm", INF, "", "Infinity"),
     (DISTANCE, "amplitude_mm", "Force", "", '"Force"'),
-    (DISTANCE, "amplitude_mm", "forse", "", '"forse"'),
     (DISTANCE, "amplitude_mm", True, "", "true"),
     (DISTANCE, "amplitude_mm", [5.5, -1, 2], "", "[5.5, -1, 2]"),
     (DISTANCE, "focal_length_mm", 0, "", "0"),
-    (DISTANCE, "focal_length_mm", [24], "", "[24]"),
-    (DISTANCE, "sensor_width_mm", -36, "", "-36"),
     (DISTANCE, "rest", "rebuild", "", '"rebuild"'),
-    (DISTANCE, "rest", None, "", "null"),
     (DISTANCE, "cube", "out.txt", "", '"out.txt"'),
-    (DISTANCE, "cube", "folder/", "", '"folder/"'),
     (DISTANCE, "cube", 3, "", "3"),
     (APERTURE, "cases", [], "", "[]"),
     (APERTURE, "cases", ["2e"], "[0]", '"2e"'),
     (APERTURE, "cases", ["2a", "2b", "2a"], "", '["2a", "2b", "2a"]'),
     (APERTURE, "cases", "2a", "", '"2a"'),
     (APERTURE, "half_apertures_deg", [8, 180], "[1]", "180"),
-    (APERTURE, "half_apertures_deg", [0], "[0]", "0"),
-    (APERTURE, "half_apertures_deg", [8, 8], "", "[8.0, 8.0]"),
     (APERTURE, "elevations_deg", [5, 91], "[1]", "91"),
-    (APERTURE, "elevations_deg", [], "", "[]"),
     (RESOLUTION, "widths_px", [320, 1], "[1]", "1"),
-    (RESOLUTION, "widths_px", [320, 0], "[1]", "0"),
-    (RESOLUTION, "widths_px", [-320], "[0]", "-320"),
-    (RESOLUTION, "widths_px", [320, 20_001], "[1]", "20001"),
-    (RESOLUTION, "widths_px", [320, 320], "", "[320, 320]"),
     (RESOLUTION, "widths_px", [320.0], "[0]", "320.0"),
     (ARRAYS, "cases", ["4f"], "[0]", '"4f"'),
     (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
@@ -153,67 +131,33 @@ BAD = [
     (ARRAYS, "layouts", {"x" * 41: [PAIR]}, f'["{"x" * 41}"]', '"' + "x" * 41 + '"'),
     (ARRAYS, "layouts", [PAIR], "", "[[[80, 10], [-80, 10]]]"),
     (DISTANCE, "azimuth_zero", "Z", "", '"Z"'),
-    (DISTANCE, "azimuth_zero", "x", "", '"x"'),
-    (DISTANCE, "azimuth_zero", None, "", "null"),
     (DISTANCE, "estimator", "least_squares", "", '"least_squares"'),
-    (DISTANCE, "estimator", None, "", "null"),
-    (DISTANCE, "estimator", "intervals", "", '"intervals"'),
     (DISTANCE, "noise_px", -0.1, "", "-0.1"),
     (DISTANCE, "noise_px", 10.5, "", "10.5"),
-    (DISTANCE, "noise_px", NAN, "", "NaN"),
-    (DISTANCE, "noise_px", INF, "", "Infinity"),
-    (DISTANCE, "noise_px", "0.1", "", '"0.1"'),
     (DISTANCE, "principal_offset_px", 0.51, "", "0.51"),
     (DISTANCE, "principal_offset_px", -0.51, "", "-0.51"),
-    (DISTANCE, "principal_offset_px", NAN, "", "NaN"),
-    (DISTANCE, "principal_offset_px", [0, 0], "", "[0, 0]"),
     (DISTANCE, "first_marker_mm", -1, "", "-1"),
     (DISTANCE, "first_marker_mm", 23.1, "", "23.1"),
-    (DISTANCE, "first_marker_mm", "11.5", "", '"11.5"'),
     (PLATE, "grid", [1, 10], "[0]", "1"),
     (PLATE, "grid", [15, 61], "[1]", "61"),
-    (PLATE, "grid", [15], "", "[15]"),
-    (PLATE, "grid", [15, 10, 1], "", "[15, 10, 1]"),
-    (PLATE, "grid", [15.0, 10], "[0]", "15.0"),
-    (PLATE, "grid", 15, "", "15"),
-    (SOUND, "grid", [15, 0], "[1]", "0"),
     (SOUND, "speed_of_sound_m_s", 0, "", "0"),
-    (SOUND, "speed_of_sound_m_s", -343, "", "-343"),
-    (SOUND, "speed_of_sound_m_s", NAN, "", "NaN"),
-    (SOUND, "speed_of_sound_m_s", "343", "", '"343"'),
     (SOUND, "air_density_kg_m3", 0, "", "0"),
-    (SOUND, "air_density_kg_m3", -1.21, "", "-1.21"),
-    (SOUND, "air_density_kg_m3", INF, "", "Infinity"),
     (SOUND, "plane_half_width_mm", 0, "", "0"),
-    (SOUND, "plane_half_width_mm", 100_001, "", "100001"),
     (SOUND, "plane_bottom_mm", 0, "", "0"),
-    (SOUND, "plane_bottom_mm", -44.5, "", "-44.5"),
     (SOUND, "plane_top_mm", 0, "", "0"),
     (SOUND, "plane_shape", [1, 99], "[0]", "1"),
-    (SOUND, "plane_shape", [149, 1], "[1]", "1"),
     (SOUND, "plane_shape", [149, 501], "[1]", "501"),
-    (SOUND, "plane_shape", [149], "", "[149]"),
-    (SOUND, "plane_shape", 149, "", "149"),
     (LAW, "cone_deg", 0, "", "0"),
     (LAW, "cone_deg", 90, "", "90"),
-    (LAW, "cone_deg", NAN, "", "NaN"),
     (LAW, "cone_cameras", 2, "", "2"),
-    (LAW, "cone_cameras", 6.0, "", "6.0"),
     (LAW, "cone_cameras", 101, "", "101"),
-    (LAW, "counts", [], "", "[]"),
     (LAW, "counts", [1, 2], "[0]", "1"),
-    (LAW, "counts", [2, 2], "", "[2, 2]"),
     (LAW, "counts", [2, 101], "[1]", "101"),
-    (LAW, "frame_rates_hz", [], "", "[]"),
     (LAW, "frame_rates_hz", [60, 0], "[1]", "0"),
-    (LAW, "frame_rates_hz", [60, INF], "[1]", "Infinity"),
-    (LAW, "frame_rates_hz", [60, 60.0], "", "[60.0, 60.0]"),
     (LAW, "pixels_per_second", 0, "", "0"),
-    (LAW, "pixels_per_second", "many", "", '"many"'),
     (LAW, "duration_s", 0, "", "0"),
     (LAW, "amplitude_mm", "force", "", '"force"'),
     (LAW, "small_amplitude_mm", 0, "", "0"),
-    (LAW, "resolution_px", [320, 1], "[1]", "1"),
     (LAW, "trials", 1, "", "1"),
     (SHAPE, "outline_mm", [[0, 0], [1, 0]], "", "[[0, 0], [1, 0]]"),
     (SHAPE, "outline_mm", [[0, 0], [500, 0], [500, -1]], "[2][1]", "-1"),
@@ -226,11 +170,9 @@ BAD = [
     (SHAPE, "edge_supports", {"0": "free"}, '["0"]', '"0"'),
     (SHAPE, "edge_supports", {"1": "loose"}, '["1"]', '"loose"'),
     (SHAPE, "element_mm", 0, "", "0"),
-    (SHAPE, "element_mm", INF, "", "Infinity"),
     (SHAPE, "force_mm", [1], "", "[1]"),
     (LEDGER, "trials", 1, "", "1"),
     (LEDGER, "trials", 10_001, "", "10001"),
-    (LEDGER, "seed", -1, "", "-1"),
     (LEDGER, "readings", "rest known", "", '"rest known"'),
     (LEDGER, "readings", [1], "[0]", "1"),
     (LEDGER, "readings", ["1 N", "1 N"], "", '["1 N", "1 N"]'),
@@ -282,10 +224,6 @@ def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
     assert "(did you mean beam-distance?)" in message
     assert "`thesis list` names them all" in message
     assert "did you mean" not in refusal("42")
-
-
-def test_a_parameter_of_another_set_is_refused():
-    assert "no parameter widths_px" in refusal(DISTANCE, widths_px=[320])
 
 
 @pytest.mark.parametrize(
@@ -499,11 +437,6 @@ def test_describe_covers_every_parameter(name):
     for row in rows:
         assert row["meaning"]
         assert row["allowed"]
-        assert validate_request(name, {row["name"]: json.loads(row["default"])}) == STUDIES[name]()
-        suffixes = {"mm": "_mm", "°": "_deg", "px": "_px", "m/s": "_m_s", "kg/m³": "_kg_m3",
-                    "Hz": "_hz", "ms": "_ms", "dB": "_db", "s": "_s"}  # fmt: skip
-        assert row["name"].endswith(suffixes.get(row["unit"], ""))
-        assert row["unit"] or not row["name"].endswith(tuple(suffixes.values()))
 
 
 def kinds(annotation: object) -> set[type]:
@@ -558,22 +491,6 @@ def outcome(name, values):
 
 
 @settings(max_examples=300, derandomize=True)
-@given(
-    st.sampled_from(list(STUDIES)),
-    st.dictionaries(st.sampled_from(FIELDS) | st.text(max_size=8), JUNK, max_size=3),
-)
-def test_junk_is_refused_in_one_line_or_valid(name, values):
-    study, message = outcome(name, values)
-    if study is None:
-        assert message.startswith(f"{name}: ")
-        assert message.isprintable()
-        assert len(message) < 500
-    else:
-        assert study.settings() or name in WITHOUT_SETTINGS
-        assert validate_request(name, study.request).digest == study.digest
-
-
-@settings(max_examples=300, derandomize=True)
 @given(st.data())
 def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
     name = data.draw(st.sampled_from(list(STUDIES)))
@@ -590,5 +507,7 @@ def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
             fields += ["cone_distance_mm", "frame_rates_hz", "duration_s", "frequency_hz"]
         assert message.startswith(tuple(f"{name}: {field}" for field in fields))
         assert message.isprintable()
+        assert len(message) < 500
     else:
         assert study.settings() or name in WITHOUT_SETTINGS
+        assert validate_request(name, study.request).digest == study.digest

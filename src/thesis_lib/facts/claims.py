@@ -1,117 +1,103 @@
 """Claims of the thesis, read from tables of ``data/thesis``: values, trends, reasons.
 
-Each field of a row is read by its kind; a malformed one is refused with its line. The rules for
-judging values stand in :mod:`thesis_lib.ledger.verdicts`, those for trends in
+A row is a dataclass, whose types say what its fields may be; a malformed one is refused with its
+line. The rules for judging values stand in :mod:`thesis_lib.ledger.verdicts`, those for trends in
 :mod:`thesis_lib.ledger.trends`.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from thesis_lib.facts.setups import data_folder
 
-Kind = Callable[[str], object]
-"""What a field's text means; it raises an error for what means nothing."""
+Row = TypeVar("Row")
+Text = Annotated[str, Field(min_length=1)]
+Integer = Annotated[int, BeforeValidator(int)]  # of digits alone: pydantic takes 1.0, too
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Names = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split(";"))])]
+SomeNames = Annotated[Names, Field(min_length=1)]
 
 
-def read_rows(name: str, kinds: Mapping[str, Kind], key: str = "id") -> Iterator[dict[str, Any]]:
-    """Read the rows of a table of which no two share a key.
+def matching(pattern: str) -> AfterValidator:
+    """Return the check that a text matches a regular expression."""
+
+    def check(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise ValueError(text)
+        return text
+
+    return AfterValidator(check)
+
+
+def list_of(pattern: str) -> BeforeValidator:
+    """Return the reader of texts with "; " between them that all match a regular expression."""
+    check = matching(pattern).func
+    return BeforeValidator(lambda text: [*map(check, text.split("; "))] if text else [])  # type: ignore[arg-type]
+
+
+def read_rows(
+    name: str,
+    model: type[Row],
+    derived: Mapping[str, Callable[[Mapping[str, str]], object]] | None = None,
+) -> Iterator[Row]:
+    """Read the rows of a table of ``data/thesis``, of which no two share the first field.
 
     Parameters
     ----------
     name : str
         The file.
-    kinds : mapping
-        Kind of each of its columns, in their order.
-    key : str
-        Column whose fields all differ.
+    model : type
+        Dataclass of a row; its fields are the columns in their order, and their types what is
+        allowed.
+    derived : mapping, optional
+        Fields that are no columns, and how they follow from a row.
 
     Raises
     ------
     ValueError
         Naming the line and the field of a malformed row.
     """
+    derived = derived or {}
+    columns = [COLUMN_NAMES.get(f.name, f.name) for f in fields(model) if f.name not in derived]  # type: ignore[arg-type]
+    check = TypeAdapter(model).validate_python
     with (data_folder() / name).open(encoding="utf-8", newline="") as file:
         rows, seen = csv.DictReader(file, restkey="more"), set[str]()
-        if rows.fieldnames != list(kinds):
+        if rows.fieldnames != columns:
             given = ", ".join(rows.fieldnames or ())
-            raise ValueError(f"{name}, line 1: given {given}, allowed: {', '.join(kinds)}")
+            raise ValueError(f"{name}, line 1: given {given}, allowed: {', '.join(columns)}")
         for line, row in enumerate(rows, 2):
-            values: dict[str, Any] = {}
-            for field, text in row.items():
-                given = f"{name}, line {line}: {field}: given {text!r}"
-                try:
-                    values[field] = kinds[field](_text(text))
-                except (ArithmeticError, LookupError, TypeError, ValueError):
-                    raise ValueError(given) from None
-            if values[key] in seen:
-                raise ValueError(f"{name}, line {line}: {key}: given {row[key]!r} a second time")
-            seen.add(values[key])
-            yield values
+            # A row that is too short has no text for a column; one that is too long has more.
+            bad = next((f for f, text in row.items() if not isinstance(text, str)), "")
+            try:
+                found = None if bad else check(row | {f: of(row) for f, of in derived.items()})
+            except ValidationError as error:
+                bad = str(error.errors(include_url=False)[0]["loc"][0])
+            if found is None or bad:
+                raise ValueError(f"{name}, line {line}: {bad}: given {row[bad]!r}")
+            key = row[columns[0]]
+            if key in seen:
+                raise ValueError(f"{name}, line {line}: {columns[0]}: given {key!r} a second time")
+            seen.add(key)
+            yield found
 
 
-def _text(text: object) -> str:
-    if not isinstance(text, str):  # of a row that is too short or too long
-        raise TypeError
-    return text
+COLUMN_NAMES = {"values": "value"}  # columns that are not called as their fields
+Relation = Literal["about", "range", "max", "less_than", "min"]
+Quantity = Literal["mean_error", "max_point_error", "plane_error_xz", "plane_error_yz"]
 
-
-def read_text(text: str) -> str:
-    """Read a text that is not empty."""
-    if not text:
-        raise ValueError
-    return text
-
-
-def read_number(text: str) -> float:
-    """Read a finite number."""
-    if not math.isfinite(float(text)):
-        raise ValueError
-    return float(text)
-
-
-def read_names(text: str) -> tuple[str, ...]:
-    """Read names with semicolons between them, or none."""
-    return tuple(filter(None, text.split(";")))
-
-
-def one_of(allowed: Collection[str]) -> Callable[[str], str]:
-    """Return a reader of one of some texts."""
-
-    def checked(text: str) -> str:
-        if text not in allowed:
-            raise ValueError
-        return text
-
-    return checked
-
-
-def pattern_reader(pattern: str) -> Callable[[str], str]:
-    """Return a reader of texts that match a regular expression."""
-
-    def checked(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            raise ValueError
-        return text
-
-    return checked
-
-
-def list_reader(pattern: str) -> Callable[[str], tuple[str, ...]]:
-    """Return a reader of texts with "; " between them that all match a regular expression."""
-    one = pattern_reader(pattern)
-    return lambda text: tuple(map(one, text.split("; "))) if text else ()
-
-
-RELATIONS = ("about", "range", "max", "less_than", "min")
-QUANTITIES = ("mean_error", "max_point_error", "plane_error_xz", "plane_error_yz")
+Values = Annotated[
+    tuple[Number, ...],
+    BeforeValidator(lambda text: () if text == "all" else text.split(";")),
+    Field(alias=COLUMN_NAMES["values"]),
+]
 
 
 @dataclass(frozen=True)
@@ -119,26 +105,26 @@ class Claim:
     """One figure that the thesis states."""
 
     #: Where it stands
-    id: str
-    figure_set: str
-    section: str
+    id: Text
+    figure_set: Text
+    section: Text
     figure: str
     panel: str
     case: str
-    mode: int  #: Mode it speaks of
-    quantity: str  #: ``mean_error``, ``max_point_error``, ``plane_error_xz`` or ``plane_error_yz``
+    mode: Integer  #: Mode it speaks of
+    quantity: Quantity  #: Which error
     #: Values of the varied parameter; empty if it speaks of all settings of the case
-    values: tuple[float, ...]
-    relation: str  #: ``about``, ``range``, ``max``, ``less_than`` or ``min``
+    values: Values
+    relation: Relation  #: How the interval is meant
     #: The stated interval in %; equal for a single value
-    low: float
-    high: float
-    excepted: int  #: How many markers the text leaves out
+    low: Number
+    high: Number
+    excepted: Integer  #: How many markers the text leaves out
     #: Order of adding pairs that it speaks of; empty for the one that the study runs
     pair_order: str = ""
     #: Half a unit of the last printed digit of `low` and of `high`
     rounding: tuple[float, float] = (0.0, 0.0)
-    conflicts: tuple[str, ...] = ()  #: Ids of claims that cannot be true together with this one
+    conflicts: Names = ()  #: Ids of claims that cannot be true together with this one
     conflict_why: str = ""  #: Why not
 
     @property
@@ -176,12 +162,9 @@ def read_claims() -> list[Claim]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    claims = []
-    for row in read_rows("claims.csv", _CLAIM_KINDS):
-        row["values"] = row.pop("value")
-        (row["low"], low), (row["high"], high) = row["low"], row["high"]
-        claims.append(Claim(**row, rounding=(low, high)))
-    return claims
+    ends = "low", "high"
+    rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ends]}
+    return [*read_rows("claims.csv", Claim, rounding)]
 
 
 def half_digit(text: str) -> float:
@@ -193,35 +176,6 @@ def half_digit(text: str) -> float:
     (0.5, 0.05)
     """
     return 0.5 * 10.0 ** -len(text.partition(".")[2])
-
-
-def _values(text: str) -> tuple[float, ...]:
-    return () if text == "all" else tuple(map(read_number, text.split(";")))
-
-
-def _read_printed(text: str) -> tuple[float, float]:
-    """Read a number, and half a unit of its last digit."""
-    return read_number(text), half_digit(text)
-
-
-_CLAIM_KINDS: dict[str, Kind] = {
-    "id": read_text,
-    "figure_set": read_text,
-    "section": read_text,
-    "figure": str,
-    "panel": str,
-    "case": str,
-    "mode": int,
-    "quantity": one_of(QUANTITIES),
-    "value": _values,
-    "relation": one_of(RELATIONS),
-    "low": _read_printed,
-    "high": _read_printed,
-    "excepted": int,
-    "pair_order": str,
-    "conflicts": read_names,
-    "conflict_why": str,
-}
 
 
 @cache
@@ -247,54 +201,36 @@ RELATION_WORDS = {  # what is stated, and what has to be said with it
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Trend:
-    """One trend that the thesis states."""
-
-    id: str  #: Its name
-    chapter: int  #: Chapter of the thesis
-    section: str  #: Section of the thesis
-    cases: tuple[str, ...]  #: Cases it speaks of; none means all of the source
-    modes: tuple[int, ...]  #: Modes it speaks of
-    quantities: tuple[str, ...]  #: Errors it speaks of
-    kind: str  #: How it goes, such as ``increasing_with``
-    parameter: str  #: What varies
-    words: str  #: What it says
-    source: tuple[str, ...]  #: Figure sets, or runs of the ledger's own, that it is judged by
-    test: str  #: One of ``WORDS``, and its argument
+Modes = Annotated[tuple[Integer, ...], BeforeValidator(lambda text: text.split(";"))]
 
 
-def read_trends() -> list[Trend]:
-    """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
-    kinds: dict[str, Kind] = {
-        "id": read_text,
-        "chapter": int,
-        "section": read_text,
-        "cases": read_names,
-        "modes": _numbers,
-        "quantities": _some_of,
-        "kind": str,
-        "parameter": str,
-        "words": read_text,
-        "source": _some_of,
-        "test": _read_known,
-    }
-    return [Trend(**row) for row in read_rows("trends.csv", kinds)]
-
-
-def _some_of(text: str) -> tuple[str, ...]:
-    return read_names(read_text(text))
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    return tuple(map(int, _some_of(text)))
-
-
-def _read_known(text: str) -> str:
+def _check_relation(text: str) -> str:
     name, _, argument = text.partition(" ")
     if name not in RELATION_WORDS or not re.fullmatch(RELATION_WORDS[name], argument):
         raise ValueError(text)
     return text
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One trend that the thesis states."""
+
+    id: Text  #: Its name
+    chapter: Integer  #: Chapter of the thesis
+    section: Text  #: Section of the thesis
+    cases: Names  #: Cases it speaks of; none means all of the source
+    modes: Modes  #: Modes it speaks of
+    quantities: SomeNames  #: Errors it speaks of
+    kind: str  #: How it goes, such as ``increasing_with``
+    parameter: str  #: What varies
+    words: Text  #: What it says
+    source: SomeNames  #: Figure sets, or runs of the ledger's own, that it is judged by
+    test: Annotated[str, AfterValidator(_check_relation)]  #: Relation and its argument
+
+
+def read_trends() -> list[Trend]:
+    """Read the stated trends, from ``data/thesis/trends.csv``, refused line by line."""
+    return [*read_rows("trends.csv", Trend)]
 
 
 _PAGE_PATTERN = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an anchor
@@ -304,9 +240,10 @@ _PAGE_PATTERN = r"[\w/-]+(#[\w-]+)?"  # a document of the book, perhaps with an 
 class Reason:
     """Why the book gets something else than a claim of the thesis."""
 
-    id: str  #: Name of the claim
-    reason: str  #: One sentence
-    page: str  #: Document of the book that tells more, such as ``errata#errata-a6``
+    id: Text  #: Name of the claim
+    reason: Annotated[str, matching(r"\S.*\.")]  #: One sentence
+    #: Document of the book that tells more, such as ``errata#errata-a6``
+    page: Annotated[str, matching(_PAGE_PATTERN)]
 
 
 def read_reasons() -> dict[str, Reason]:
@@ -317,41 +254,30 @@ def read_reasons() -> dict[str, Reason]:
     ValueError
         Naming the line and the field of a malformed row.
     """
-    kinds: dict[str, Kind] = {
-        "id": read_text,
-        "reason": pattern_reader(r"\S.*\."),
-        "page": pattern_reader(_PAGE_PATTERN),
-    }
-    return {row["id"]: Reason(**row) for row in read_rows("reasons.csv", kinds)}
+    return {one.id: one for one in read_rows("reasons.csv", Reason)}
 
 
 @dataclass(frozen=True)
 class IndexEntry:
     """One figure, table or equation of the thesis: its place here, or why it has none."""
 
-    item: str  #: Name in the thesis, such as ``figure 3.4``
-    what: str  #: Subject, in our words
-    page: str  #: Document of the book, such as ``beam#eq-modal``
-    function: tuple[str, ...]  #: Names in the library
-    cube: tuple[str, ...]  #: Variables of figure sets, such as ``beam-distance: mean_error``
-    test: tuple[str, ...]  #: Names of tests
-    reason: str  #: Why nothing here is about it
-    errata: tuple[str, ...]  #: Errata on it
+    #: Name in the thesis, such as ``figure 3.4``
+    item: Annotated[str, matching(r"(figure|table|equation) \w\.\d+[ab]?")]
+    what: Annotated[str, matching(r"\S.*")]  #: Subject, in our words
+    #: Document of the book, such as ``beam#eq-modal``
+    page: Annotated[str, matching(rf"({_PAGE_PATTERN})?")]
+    function: Annotated[tuple[str, ...], list_of(r"thesis_lib(\.\w+)+")]  #: Names in the library
+    #: Variables of figure sets, such as ``beam-distance: mean_error``
+    cube: Annotated[tuple[str, ...], list_of(r"[\w-]+: \w+(, \w+)*")]
+    #: Names of tests
+    test: Annotated[tuple[str, ...], list_of(r"tests/(\w+/)*test_\w+\.py::test_\w+")]
+    reason: Annotated[str, matching(r"(\S.*)?")]  #: Why nothing here is about it
+    errata: Annotated[tuple[str, ...], list_of(r"errata#errata-[a-e]\d+")]  #: Errata on it
 
 
 def read_index() -> list[IndexEntry]:
     """Read the index, from ``data/thesis/index.csv``, refused line by line."""
-    kinds: dict[str, Kind] = {
-        "item": pattern_reader(r"(figure|table|equation) \w\.\d+[ab]?"),
-        "what": pattern_reader(r"\S.*"),
-        "page": pattern_reader(rf"({_PAGE_PATTERN})?"),
-        "function": list_reader(r"thesis_lib(\.\w+)+"),
-        "cube": list_reader(r"[\w-]+: \w+(, \w+)*"),
-        "test": list_reader(r"tests/(\w+/)*test_\w+\.py::test_\w+"),
-        "reason": pattern_reader(r"(\S.*)?"),
-        "errata": list_reader(r"errata#errata-[a-e]\d+"),
-    }
-    entries = [IndexEntry(**row) for row in read_rows("index.csv", kinds, "item")]
+    entries = [*read_rows("index.csv", IndexEntry)]
     for one in entries:
         if bool(one.reason) == any((one.page, one.function, one.cube, one.test)):
             allowed = "one if there is no page, function, cube or test, else none"

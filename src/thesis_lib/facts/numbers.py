@@ -11,12 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from thesis_lib.acoustics.sources import outgoing_wave
 from thesis_lib.facts import setups
-from thesis_lib.facts.claims import Kind, one_of, read_rows, read_text
+from thesis_lib.facts.claims import Integer, Text, read_rows
 from thesis_lib.facts.setups import Direction, camera_pairs
 from thesis_lib.vibration import structure as structures
 from thesis_lib.vibration.beam import cantilever_roots
@@ -31,18 +33,35 @@ THESIS_BEAM, THESIS_PLATE, THESIS_RIG = (
 )
 
 
+def _check_stated(text: str) -> str:
+    try:
+        finite = all(map(math.isfinite, _interval(text)))
+    except ArithmeticError:
+        finite = False
+    if not finite:
+        raise ValueError(text)
+    return text
+
+
+def _check_known(text: str) -> str:
+    if text not in CORRECT_VALUES:
+        raise ValueError(text)
+    return text
+
+
 @dataclass(frozen=True)
 class StatedNumber:
     """One number that the thesis prints and that can be computed."""
 
-    id: str  #: Its name
-    chapter: int  #: Chapter of the thesis; an appendix counts as the chapter that refers to it
-    place: str  #: Where it stands
-    words: str  #: What it is
+    id: Text  #: Its name
+    #: Chapter of the thesis; an appendix counts as the chapter that refers to it
+    chapter: Annotated[Integer, Field(ge=1, le=7)]
+    place: Text  #: Where it stands
+    words: Text  #: What it is
     #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
-    stated: str
+    stated: Annotated[str, AfterValidator(_check_stated)]
     unit: str  #: Its unit, empty if it has none
-    value_of: str  #: Key of ``VALUES``
+    value_of: Annotated[str, AfterValidator(_check_known)]  #: Key of :data:`CORRECT_VALUES`
 
     @property
     def low(self) -> float:
@@ -67,26 +86,7 @@ class StatedNumber:
 
 def read_numbers() -> list[StatedNumber]:
     """Read the stated numbers, from ``data/thesis/numbers.csv``, refused line by line."""
-    kinds: dict[str, Kind] = {
-        "id": read_text,
-        "chapter": _chapter,
-        "place": read_text,
-        "words": read_text,
-        "stated": _claimed_number,
-        "unit": str,
-        "value_of": one_of(CORRECT_VALUES),
-    }
-    return [StatedNumber(**row) for row in read_rows("numbers.csv", kinds)]
-
-
-def _chapter(text: str) -> int:
-    return int(one_of([*"1234567"])(text))
-
-
-def _claimed_number(text: str) -> str:
-    if not all(map(math.isfinite, _interval(text))):
-        raise ValueError
-    return text
+    return [*read_rows("numbers.csv", StatedNumber)]
 
 
 def _interval(text: str) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study, study_command
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import Variable, label_values
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
@@ -52,37 +52,45 @@ QUANTITY_WORDS = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the ledger; the numbers are NaN where a claim has none."""
+    """One line of the ledger; its fields are the variables of the cube, with their meanings.
 
-    id: str  #: Name of the claim
-    kind: str  #: ``figure``, ``trend`` or ``number``
-    chapter: int  #: Chapter of the thesis
-    place: str  #: Place in the thesis, such as ``figure 3.4``
-    case: str  #: Case of the thesis that it speaks of
-    modes: tuple[int, ...]  #: Modes that it speaks of
-    what: str  #: Subject, in a few words
-    stated: str  #: Claimed value or trend, in a few words
-    got: str  #: Computed value or trend, in a few words
-    verdict: str  #: One of ``verdicts.VERDICTS``
-    #: Whether the totals count it: not if it is judged by rendered recordings or is bookkeeping
-    counted: bool
-    note: str = ""  #: Reason, or remark
-    note_href: str = ""  #: Page that explains the reason
-    href: str = ""  #: Page with its figure
-    command: str = ""  #: Commands that build the cubes by which it is judged, line by line
-    ratio: float = NAN  #: Median over the nearest claimed value
-    least: float = NAN  #: Least claimed value, NaN at the open end of a bound
-    most: float = NAN  #: Largest claimed value
-    literal: float = NAN  #: Value of the nominal run, or the computed number
-    median: float = NAN  #: Median of the trials
-    low: float = NAN  #: 5 % quantile of the trials
-    high: float = NAN  #: 95 % quantile of the trials
-    #: Of a trend, see :class:`thesis_lib.ledger.trends.Finding`
-    confidence: float = NAN
-    single: float = NAN
-    effect: float = NAN
-    largest_effect: float = NAN
-    step_back: str = ""  #: Largest step against a trend that is not monotonic
+    The numbers are NaN where a claim has none, or at the open end of a bound; those of a trend are
+    of its :class:`thesis_lib.ledger.trends.Finding`.
+    """
+
+    id: Annotated[str, "name of a claim"]
+    kind: Annotated[str, "figure, trend or number"]
+    chapter: Annotated[int, "chapter of the claim"]
+    place: Annotated[str, "place of a claim in the thesis"]
+    case: Annotated[str, "case of the thesis that a claim speaks of"]
+    modes: Annotated[tuple[int, ...], "modes that a claim speaks of"]
+    what: Annotated[str, "subject of a claim"]
+    stated: Annotated[str, "claimed value or trend"]
+    got: Annotated[str, "value or trend that the book computes"]
+    verdict: Annotated[str, "verdict on a claim"]
+    counted: Annotated[bool, "1 if the totals count a claim"]  # not if bookkeeping or rendered
+    note: Annotated[str, "reason why a claim differs, or remark"] = ""
+    note_href: Annotated[str, "page that explains the reason"] = ""
+    href: Annotated[str, "page with the figure of a claim"] = ""
+    command: Annotated[str, "commands that build the result files by which a claim is judged"] = ""
+    ratio: Annotated[float, "median over the nearest claimed value"] = NAN
+    least: Annotated[float, "least claimed value"] = NAN
+    most: Annotated[float, "largest claimed value"] = NAN
+    literal: Annotated[float, "value of the nominal run, or computed number"] = NAN
+    median: Annotated[float, "median of the trials"] = NAN
+    low: Annotated[float, "5 % quantile of the trials"] = NAN
+    high: Annotated[float, "95 % quantile of the trials"] = NAN
+    confidence: Annotated[float, "share of resampled expectations in which a trend holds"] = NAN
+    single: Annotated[float, "share of single trials in which a trend holds"] = NAN
+    effect: Annotated[float, "expected error at the last setting over the first, least change"] = (
+        NAN
+    )
+    largest_effect: Annotated[
+        float, "expected error at the last setting over the first, largest change"
+    ] = NAN
+    step_back: Annotated[
+        str, "largest material step against a trend, which is then not monotonic"
+    ] = ""
 
     @property
     def record(self) -> dict[str, object]:
@@ -97,50 +105,24 @@ class Entry:
         return {name: value for name, value in self.record.items() if name not in NUMBER_FIELDS}
 
 
-LEDGER_COLUMNS = parse_variables("""
-    kind(claim) [1] figure, trend or number
-    place(claim) [1] place of a claim in the thesis
-    case(claim) [1] case of the thesis that a claim speaks of
-    modes(claim) [1] modes that a claim speaks of
-    what(claim) [1] subject of a claim
-    stated(claim) [1] claimed value or trend
-    got(claim) [1] value or trend that the book computes
-    verdict(claim) [1] verdict on a claim
-    note(claim) [1] reason why a claim differs, or remark
-    href(claim) [1] page with the figure of a claim
-    command(claim) [1] commands that build the result files by which a claim is judged
-    note_href(claim) [1] page that explains the reason
-    step_back(claim) [1] largest material step against a trend, which is then not monotonic
-    least(claim) [1] least claimed value
-    most(claim) [1] largest claimed value
-    literal(claim) [1] value of the nominal run, or computed number
-    median(claim) [1] median of the trials
-    low(claim) [1] 5 % quantile of the trials
-    high(claim) [1] 95 % quantile of the trials
-    confidence(claim) [1] share of resampled expectations in which a trend holds
-    single(claim) [1] share of single trials in which a trend holds
-    effect(claim) [1] expected error at the last setting over the first, least change
-    largest_effect(claim) [1] expected error at the last setting over the first, largest change
-    ratio(claim) [1] median over the nearest claimed value
-    claim_chapter(claim) [1] chapter of the claim
-    counted(claim) [1] 1 if the totals count a claim
-    claim(claim) [1] name of the claim
-""")
-FIELD_OF_COLUMN = {"claim": "id", "claim_chapter": "chapter"}  # of columns with other names
+_COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
+LEDGER_COLUMNS = {
+    field: Variable(("claim",), "1", hint.__metadata__[0])
+    for field, hint in get_type_hints(Entry, include_extras=True).items()
+}
 
 
 def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
     """Return the ledger as a cube: a variable for each field, and those of `interpretations`."""
-
-    def cell(value: Any) -> Any:
-        return ";".join(map(str, value)) if isinstance(value, tuple) else value
-
-    values: dict[str, Any] = {
-        name: [cell(getattr(entry, FIELD_OF_COLUMN.get(name, name))) for entry in found]
-        for name in LEDGER_COLUMNS
+    values: dict[str, list[Any]] = {
+        field: [getattr(entry, field) for entry in found] for field in LEDGER_COLUMNS
     }
+    values["modes"] = [";".join(map(str, modes)) for modes in values["modes"]]
     values["counted"] = [int(counted) for counted in values["counted"]]
-    columns = label_values(values, LEDGER_COLUMNS)
+    columns: dict[str, Any] = {
+        _COLUMN_NAMES.get(field, field): variable
+        for field, variable in label_values(values, LEDGER_COLUMNS).items()
+    }
     names = {"claim": columns.pop("claim")}
     return interpretations.drop_attrs(deep=False).assign_coords(names).assign(columns)
 
@@ -148,7 +130,7 @@ def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
 def from_cube(cube: xr.Dataset) -> list[Entry]:
     """Return the entries that a cube of :func:`as_cube` holds."""
     columns = {
-        FIELD_OF_COLUMN.get(name, name): cube[name].values.tolist() for name in LEDGER_COLUMNS
+        field: cube[_COLUMN_NAMES.get(field, field)].values.tolist() for field in LEDGER_COLUMNS
     }
     columns["modes"] = [tuple(map(int, filter(None, m.split(";")))) for m in columns["modes"]]
     columns["counted"] = [bool(counted) for counted in columns["counted"]]
@@ -340,6 +322,7 @@ def count_verdicts(found: Iterable[Entry], **where: object) -> dict[str, int]:
 
 EXCLUSION_LINK = "../errata.html#errata-a9"  # on stated numbers that exclude each other
 INTERPRETATIONS_LINK = "claims.html#other-readings"
+_DIFFERING_HEAD = "differs: place, what: stated → computed  ×computed over nearest stated; reason"
 NOT_FOUND = "No explanation was found."
 
 
@@ -408,13 +391,16 @@ def _link(page: str) -> str:
     return target + (f"#{anchor}" if anchor else "")
 
 
+KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
+
+
 def format_report(found: Sequence[Entry]) -> str:
     """Format the ledger as text: counts by chapter, then entries that differ or are undefined."""
     lines = []
     for chapter in THESIS_CHAPTERS:
         of_chapter = [entry for entry in found if entry.chapter == chapter]
         lines.append(f"chapter {chapter}")
-        for kind in ("figure", "trend", "number"):
+        for kind, words in KIND_WORDS.items():
             part = [entry for entry in of_chapter if entry.kind == kind]
             if part:
                 counts = ", ".join(
@@ -423,12 +409,13 @@ def format_report(found: Sequence[Entry]) -> str:
                 apart = sum(not entry.counted for entry in part)
                 why = "bookkeeping" if kind == "number" else "by rendered recordings"
                 mark = f"   ({apart} {why})" if apart else ""
-                lines.append(f"  {len(part):3} {kind + 's':8} {counts}{mark}")
+                words = words if len(part) > 1 else words[:-1]
+                lines.append(f"  {len(part):3} {words:13}  {counts}{mark}")
     counted = [entry for entry in found if entry.counted]
     counts = ", ".join(f"{n} {verdict}" for verdict, n in count_verdicts(counted).items())
     lines.append(f"in all, without rendered recordings and bookkeeping: {counts}")
     differing = [entry for entry in found if entry.verdict == "differs"]
-    lines += ["\ndiffers:"] if differing else []
+    lines += [f"\n{_DIFFERING_HEAD}"] if differing else []
     for entry in differing:
         ratio = f"  ×{entry.ratio:.2f}" if np.isfinite(entry.ratio) else ""
         modes = f" mode {', '.join(map(str, entry.modes))}" if entry.modes else ""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache, partial
-from typing import TypeVar
+from functools import cache, lru_cache
 
 import numpy as np
 import xarray as xr
@@ -88,34 +87,26 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     return found
 
 
-T = TypeVar("T")
 Key = tuple[str, str, int]  # quantity, case, mode
-
-
-class Drawn(Mapping[Key, Array]):
-    """Draws of errors, made of those series alone that are asked for."""
-
-    def __init__(self, series: Mapping[Key, T], draw: Callable[[T], Array]) -> None:
-        self._made = {key: partial(draw, one) for key, one in series.items()}
-
-    def __getitem__(self, key: Key) -> Array:
-        return self._made[key]()
-
-    def __iter__(self) -> Iterator[Key]:
-        return iter(self._made)
-
-    def __len__(self) -> int:
-        return len(self._made)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a trend is tested on: errors of shape (settings, draws) by quantity, case and mode."""
+    """What a trend is tested on: series by quantity, case and mode, and draws of their errors."""
 
     trend: Trend
-    errors: Mapping[Key, Array]
-    values: Mapping[str, Array]
+    known: Mapping[Key, Series]
+    draw: Callable[[Series], Array]  #: Returns errors of shape (settings, draws)
     one_run: bool = False  #: Whether each draw is a single run, not an expectation
+
+    def errors(self, quantity: str, case: str, mode: int) -> Array:
+        """Return the draws of one error, of shape (settings, draws); KeyError if it is missing."""
+        return self.draw(self.known[quantity, case, mode])
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """Return the varied parameter by case."""
+        return {case: one.values for (_, case, _), one in self.known.items()}
 
     @property
     def cases(self) -> tuple[str, ...]:
@@ -126,8 +117,8 @@ class Evidence:
     def named(self) -> list[tuple[Key, Array]]:
         """Errors of all that the trend speaks of and that has a reference, and what they are of."""
         spoken_of = [
-            ((quantity, case, mode), self.errors[quantity, case, mode])
-            for quantity, case, mode in self.errors
+            ((quantity, case, mode), self.errors(quantity, case, mode))
+            for quantity, case, mode in self.known
             if case in self.cases and mode in self.trend.modes and quantity in self.trend.quantities
         ]
         return [(key, errors) for key, errors in spoken_of if np.isfinite(errors).all()]
@@ -140,9 +131,9 @@ class Evidence:
     def of_modes(self, quantity: str) -> dict[int, Array]:
         """Return the geometric mean over all settings of the cases, by mode: shape (draws,)."""
         by: dict[int, list[Array]] = {}
-        for name, case, mode in self.errors:
+        for name, case, mode in self.known:
             if name == quantity and case in self.cases:
-                errors = self.errors[name, case, mode]
+                errors = self.errors(name, case, mode)
                 if np.isfinite(errors).all():
                     by.setdefault(mode, []).append(np.log(errors))
         return {mode: np.exp(np.concatenate(logs).mean(axis=0)) for mode, logs in by.items()}
@@ -151,7 +142,7 @@ class Evidence:
         """Yield the errors of the trend's own case and of another, for each quantity and mode."""
         for quantity in self.trend.quantities:
             for mode in self.trend.modes:
-                own = self.errors[quantity, self.cases[0], mode]
-                second = self.errors[quantity, other, mode]
+                own = self.errors(quantity, self.cases[0], mode)
+                second = self.errors(quantity, other, mode)
                 if np.isfinite(own).all() and np.isfinite(second).all():
                     yield own, second, quantity

@@ -45,7 +45,7 @@ from scipy.stats import rankdata
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts.claims import Trend
-from thesis_lib.ledger.series import Drawn, Evidence, Key, Series
+from thesis_lib.ledger.series import Evidence, Key, Series
 from thesis_lib.ledger.verdicts import UNCHANGED
 
 MIN_CONFIDENCE = 0.95
@@ -104,29 +104,31 @@ def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Findin
     kept = {(s.quantity, s.case, s.mode): s for s in series if s.errors.shape[1]}
     if not kept:
         return None
-    values = {s.case: s.values for s in kept.values()}
     common = min((n for s in kept.values() if (n := s.errors.shape[1]) > 1), default=1)
-    mean = Drawn(kept, lambda one: one.means(seed))
+    mean = Evidence(trend, kept, lambda one: one.means(seed))
     # Paired, trial by trial; what is equal in all trials stands next to each of them.
-    each = Drawn(
-        kept, lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common))
+    each = Evidence(
+        trend,
+        kept,
+        lambda one: np.broadcast_to(one.errors[:, :common], (len(one.errors), common)),
+        one_run=True,
     )
     name, _, argument = trend.test.partition(" ")
     shares = []
-    for errors in (mean, each):
-        evidence = Evidence(trend, errors, values, one_run=errors is each)
+    for evidence in (mean, each):
         if not evidence.series:
             return None
         try:
             shares.append(float(np.mean(TREND_TESTS[name](evidence, argument))))
         except LookupError:  # what it is compared with is missing
             return None
+    confidence, single = shares
     if name not in TREND_DIRECTIONS:
-        return Finding(shares[0], shares[1])
-    expected = {key: draws.mean(axis=1) for key, draws in Evidence(trend, mean, values).named}
+        return Finding(confidence, single)
+    expected = {key: draws.mean(axis=1) for key, draws in mean.named}
     least, most = _effects(expected.values(), TREND_DIRECTIONS[name])
     return Finding(
-        shares[0], shares[1], least, most, _step_back(expected, values, TREND_DIRECTIONS[name])
+        confidence, single, least, most, _step_back(expected, mean.values, TREND_DIRECTIONS[name])
     )
 
 
@@ -333,8 +335,8 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
         by = evidence.of_modes(f"plane_error_{plane.lower()}")
         empty = "plane_error_yz" if plane == "XZ" else "plane_error_xz"
         nodal = [
-            np.isnan(evidence.errors[key]).all()
-            for key in evidence.errors
+            np.isnan(evidence.errors(*key)).all()
+            for key in evidence.known
             if key[0] == empty and key[2] == int(mode)
         ]
         return _close(by[int(mode)], by[int(other)]) & all(nodal)
@@ -381,7 +383,7 @@ def _best_case(evidence: Evidence, argument: str) -> Mask:
     for quantity in evidence.trend.quantities:
         for mode in evidence.trend.modes:
             mean = {
-                case: np.log(evidence.errors[quantity, case, mode]).mean(axis=0)
+                case: np.log(evidence.errors(quantity, case, mode)).mean(axis=0)
                 for case in evidence.cases
             }
             holds += [mean[argument] < mean[case] for case in mean if case != argument]
@@ -394,7 +396,7 @@ def _test_unrelated(evidence: Evidence, argument: str) -> Mask:
     for quantity in evidence.trend.quantities:
         for mode in evidence.trend.modes:
             both = [
-                [evidence.errors[q, case, mode] for q in (quantity, argument)]
+                [evidence.errors(q, case, mode) for q in (quantity, argument)]
                 for case in evidence.cases
             ]
             known = [pair for pair in both if np.isfinite(pair[0]).all()]

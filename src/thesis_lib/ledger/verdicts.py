@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts.claims import Claim
@@ -94,13 +93,7 @@ def claim_from_errors(claim: Claim, values: Array) -> Claim:
     An interval from the least to the largest, an upper bound rounded up, a lower one down; one
     value is the middle. All with the digits of the real claim.
     """
-    low, high = round_as_printed(claim, np.min(values), np.max(values))
-    return replace(claim, low=float(low), high=float(high))
-
-
-def round_as_printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[Array, Array]:
-    """Return both ends of the interval it would have printed for least and largest errors in %."""
-    low, high = np.asarray(least, float), np.asarray(most, float)
+    low, high = np.min(values), np.max(values)
     digit = 2 * np.array(claim.rounding)
     if claim.relation == "about":
         low = high = (low + high) / 2
@@ -108,17 +101,14 @@ def round_as_printed(claim: Claim, least: ArrayLike, most: ArrayLike) -> tuple[A
         high = high + digit[1] / 2  # so that rounding leaves it above
     up = np.ceil if claim.relation in ("max", "less_than") else np.rint
     down = np.floor if claim.relation == "min" else np.rint
-    return digit[0] * down(low / digit[0]), digit[1] * up(high / digit[1])
-
-
-def band_margin(high: ArrayLike) -> Array:
-    """Return by how many points a band is widened for a claim up to some value."""
-    return np.where(np.asarray(high) < 10, WIDENING_POINTS_BELOW_10, WIDENING_POINTS)
+    ends = digit[0] * down(low / digit[0]), digit[1] * up(high / digit[1])
+    return replace(claim, low=float(ends[0]), high=float(ends[1]))
 
 
 def meets_claim(claim: Claim, low: float, high: float) -> bool:
     """Return whether a band in % meets the claim by the rule of this module."""
-    return bool(_gap(claim, low, high) <= band_margin(claim.high))
+    margin = WIDENING_POINTS_BELOW_10 if claim.high < 10 else WIDENING_POINTS
+    return bool(_gap(claim, low, high) <= margin)
 
 
 def _exact(claim: Claim, literal: float) -> bool:

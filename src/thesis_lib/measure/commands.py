@@ -108,7 +108,7 @@ def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
 
-@print_.command()
+@print_.command(short_help="Draw a calibration board.")
 @click.argument("file", type=_FILE_TYPE, default=Path("board.pdf"), required=False)
 @click.option("--columns", type=_TILE_RANGE, default=7, show_default=True, help="Tiles along.")
 @click.option("--rows", type=_TILE_RANGE, default=5, show_default=True, help="Tiles across.")
@@ -134,7 +134,7 @@ def board(
     echo(*said.split("\n"))
 
 
-@print_.command()
+@print_.command(short_help="Draw markers, on as many pages as needed.")
 @click.argument("file", type=_FILE_TYPE, default=Path("markers.pdf"), required=False)
 @click.option("--columns", type=_COUNT_RANGE, default=10, show_default=True, help="Markers along.")
 @click.option("--rows", type=_COUNT_RANGE, default=6, show_default=True, help="Markers across.")
@@ -169,7 +169,7 @@ def markers(
     echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
 
-@print_.command()
+@print_.command(short_help="Draw where the cameras of a manifest stand.")
 @click.argument("manifest", type=click.Path(path_type=Path), metavar="MANIFEST.yaml")
 @click.argument("file", type=_FILE_TYPE, default=Path("stand.pdf"), required=False)
 @_PAPER_OPTION

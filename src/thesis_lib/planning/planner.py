@@ -138,13 +138,13 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
         eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
     most = min(eased, key=lambda field: eased[field], default="")
     text = (
-        f"plan: target_percent: given {target:g}, but the best of these plans ({n} cameras, "
-        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.error:.3g}; binding: "
+        f"plan: target_percent: given {target:g} %, but the best of these plans ({n} cameras, "
+        f"{best.resolution[0]}×{best.resolution[1]} px) reaches {best.error:.3g} %; binding: "
         f"resolutions_px and counts (it takes about {best.resolution[0] * ratio:.0f} px across, or "
         f"{int(np.ceil(n * ratio**2))} cameras)"
     )
     if most and eased[most] < 0.99 * best.error:
-        least = f"(without it about {eased[most]:.3g})"
+        least = f"(without it about {eased[most]:.3g} %)"
         text += f"; of the limits on places {_text(request, most)} costs most {least}"
     return ImpossibleError(text)
 

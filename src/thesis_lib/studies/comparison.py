@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ import xarray as xr
 
 from thesis_lib.studies.cubes import (
     ERROR_VARIABLES,
+    LABEL_MEANINGS,
     LISTED_VARIABLES,
     ROW_KEYS,
     SHORT_LABELS,
@@ -43,7 +43,7 @@ def compare_summaries(
     """
     for key in ("claim", "quantity"):
         if key in new:
-            return new.merge(old, on=key, suffixes=("", "_old"), validate="one_to_one")
+            return new.merge(old, how, on=key, suffixes=("", "_old"), validate="one_to_one")
     keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
     table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
     table["difference"] = table["median"] - table["median_old"]
@@ -86,8 +86,17 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
             f"{' *' if row.apart else ''}"
         )
-    lines.append("errors in % of the largest reference value; * the bands do not meet")
-    return lines
+    return [*lines, _legend(table)]
+
+
+def _legend(table: pd.DataFrame) -> str:
+    """Explain the columns of a table of errors, and the short names in it."""
+    labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
+    meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
+    return (
+        "errors in % of the largest reference value; trial 0 is the nominal run; * the bands do "
+        f"not meet; {meanings}"
+    )
 
 
 def difference_lines(
@@ -104,16 +113,23 @@ def difference_lines(
     return comparison_lines(compare_summaries(summarise_errors(cube), published), "published")
 
 
+def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
+    """Return what a run found, with what is published of it; NaN where nothing is."""
+    table = summarise_errors(cube)
+    if table.empty:
+        return table
+    published = read_published(cube.attrs["figure_set"])
+    return compare_summaries(table, table.iloc[:0] if published is None else published, "left")
+
+
 def error_lines(cube: xr.Dataset) -> list[str]:
     """Return a line per setting and mode with the errors of a run, and those published for it.
 
     Empty for a cube without errors of settings and modes.
     """
-    table = summarise_errors(cube)
-    if "trial_0" not in table or "claim" in table or "quantity" in table:
+    table = published_comparison(cube)
+    if "trial_0" not in table:
         return []
-    published = read_published(cube.attrs["figure_set"])
-    table = compare_summaries(table, table.iloc[:0] if published is None else published, "left")
     header = (
         f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {'trial 0':>7} | "
         f"{'median (5–95 %)':>20} | {'published':>20}"
@@ -126,8 +142,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
         f"{' *' if row.apart else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
-    legend = "errors in % of the largest reference value; trial 0 is the nominal run"
-    return [*lines, f"{legend}; * the bands do not meet"]
+    return [*lines, _legend(table)]
 
 
 def all_difference_lines(
@@ -143,49 +158,41 @@ def all_difference_lines(
         known |= set(LISTED_VARIABLES.get(list_dimension(cube), ()))
         here = sorted({str(variable) for variable in cube.variables} - known)
         return [*lines, f"not compared, since only errors are published: {_names(here)}"]
-    found = _Found()
+    same, differ, skipped = 0, list[str](), dict[str, list[str]]()
     for each in sorted({str(n) for n in (*cube.variables, *other.variables)}):
-        found.add(each, cube, other)
-    return [*lines, *found.lines(name), *_request_lines(cube, other)]
+        why, difference = _compare_variable(each, cube, other)
+        if why:
+            skipped.setdefault(why, []).append(each)
+        elif difference:
+            differ.append(difference)
+        else:
+            same += 1
+    apart = ", those above apart" if differ else ""
+    return [
+        *lines,
+        *differ,
+        f"no difference from {name} in {same} variables and coordinates{apart}",
+        *(f"not compared, since {why}: {_names(names)}" for why, names in skipped.items()),
+        *_request_lines(cube, other),
+    ]
 
 
-@dataclass
-class _Found:
-    """Differences of two cubes, collected variable by variable."""
-
-    same: list[str] = field(default_factory=list)
-    differ: list[str] = field(default_factory=list)
-    skipped: dict[str, list[str]] = field(default_factory=dict)
-
-    def add(self, name: str, cube: xr.Dataset, other: xr.Dataset) -> None:
-        """Compare one variable or coordinate, where both cubes have it."""
-        if name not in cube.variables or name not in other.variables:
-            where = "only in the first" if name in cube.variables else "only in the second"
-            self.skipped.setdefault(where, []).append(name)
-            return
-        new, old = (_shared_part(one, two)[name] for one, two in ((cube, other), (other, cube)))
-        if new.dims != old.dims or new.shape != old.shape:
-            self.skipped.setdefault("of another shape", []).append(name)
-            return
-        off = _differing(new.values, old.values)
-        if not off.any():
-            self.same.append(name)
-            return
-        far = ""
-        if new.dtype.kind in "iuf" and old.dtype.kind in "iuf":
-            apart = np.abs(new.values.astype(float) - old.values.astype(float))
-            far = f", by up to {np.nanmax(apart):.3g}" if np.isfinite(apart).any() else ""
-        dims = f"({', '.join(map(str, new.dims))})" if new.dims else ""
-        self.differ.append(f"{name}{dims}: {off.sum()} of {off.size} values differ{far}")
-
-    def lines(self, name: str) -> Iterator[str]:
-        """Yield all of it, in words."""
-        yield from self.differ
-        yield f"no difference from {name} in {len(self.same)} variables and coordinates" + (
-            ", those above apart" if self.differ else ""
-        )
-        for why, names in self.skipped.items():
-            yield f"not compared, since {why}: {_names(names)}"
+def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[str, str]:
+    """Return why a variable cannot be compared, or how it differs; both are empty if not."""
+    if name not in cube.variables or name not in other.variables:
+        return "only in the first" if name in cube.variables else "only in the second", ""
+    new, old = (_shared_part(one, two)[name] for one, two in ((cube, other), (other, cube)))
+    if new.dims != old.dims or new.shape != old.shape:
+        return "of another shape", ""
+    off = _differing(new.values, old.values)
+    if not off.any():
+        return "", ""
+    far = ""
+    if new.dtype.kind in "iuf" and old.dtype.kind in "iuf":
+        apart = np.abs(new.values.astype(float) - old.values.astype(float))
+        far = f", by up to {np.nanmax(apart):.3g}" if np.isfinite(apart).any() else ""
+    dims = f"({', '.join(map(str, new.dims))})" if new.dims else ""
+    return "", f"{name}{dims}: {off.sum()} of {off.size} values differ{far}"
 
 
 def _shared_part(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:

@@ -24,6 +24,13 @@ SHORT_LABELS = {
     "plane_error_yz": "YZ",
     "power_error": "power",
 }
+LABEL_MEANINGS = {
+    "mean": "rms over the markers",
+    "peak": "error of the marker that is farthest off",
+    "XZ": "error of the pressure on that plane",
+    "YZ": "error of the pressure on that plane",
+    "power": "error of the sound power",
+}
 LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose results are a list
     "claim": ("claim", "verdict"),
     "quantity": ("quantity", "value", "unit"),

@@ -10,9 +10,12 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from thesis_lib.files import shipped, whole_file
-from thesis_lib.text import damaged, duration
+from thesis_lib.text import Columns, duration, read_table
 
-EFFORT_FIELDS = ("figure_set", "seconds", "peak_memory_mb", "cube_mb")
+EFFORT_COLUMNS: Columns = {
+    "figure_set": str,
+    **dict.fromkeys(("seconds", "peak_memory_mb", "cube_mb"), float),
+}
 MINUTE_S = 60.0
 MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
 
@@ -85,7 +88,7 @@ def peak_memory_mb() -> float:
 def notebook_effort(notebook: Path) -> Effort:
     """Return the effort that an executed notebook carries."""
     kept = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]["thesis_lib"]
-    return Effort(*(float(kept[name]) for name in EFFORT_FIELDS[1:]))
+    return Effort(*(float(kept[name]) for name in [*EFFORT_COLUMNS][1:]))
 
 
 def effort_path() -> Path:
@@ -104,17 +107,8 @@ def read_efforts(path: Path | None = None) -> dict[str, Effort]:
     path = path or effort_path()
     if not path.is_file():
         return {}
-    found = {}
-    with path.open(encoding="utf-8", newline="", errors="replace") as stream:
-        rows = csv.DictReader(stream, strict=True)
-        try:
-            if tuple(rows.fieldnames or ()) != EFFORT_FIELDS:
-                raise KeyError
-            for row in rows:
-                found[row["figure_set"]] = Effort(*(float(row[name]) for name in EFFORT_FIELDS[1:]))
-        except (KeyError, ValueError, TypeError, csv.Error):
-            raise EffortError(damaged(path, max(rows.line_num, 1), "cannot be read")) from None
-    return found
+    table = read_table(path, EFFORT_COLUMNS, EffortError)
+    return {name: Effort(*row) for name, *row in zip(*table.values(), strict=True)}
 
 
 def _is_similar(one: Effort, other: Effort) -> bool:
@@ -137,7 +131,7 @@ def write_efforts(efforts: Iterable[tuple[str, Effort]], path: Path | None = Non
 
     def fill(part: Path) -> None:
         with part.open("w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream, lineterminator="\n").writerows([EFFORT_FIELDS, *rows])
+            csv.writer(stream, lineterminator="\n").writerows([list(EFFORT_COLUMNS), *rows])
 
     whole_file(path, fill)
     return path

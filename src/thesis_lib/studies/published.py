@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import xarray as xr
 
-from thesis_lib import text
 from thesis_lib.files import shipped, whole_file
 from thesis_lib.studies import cubes
 from thesis_lib.studies.storage import CubeError
-from thesis_lib.text import has_hidden, one_line
-
-Columns = Mapping[str, Callable[[str], Any]]
+from thesis_lib.text import Columns, damaged, has_hidden, read_table
 
 
 def _text(given: str) -> str:
@@ -67,49 +61,15 @@ def read_published(name: str) -> pd.DataFrame | None:
     path = summary_path(name)
     if not path.is_file():
         return None
-    table = pd.DataFrame(read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS)))
+    table = pd.DataFrame(
+        read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS), CubeError)
+    )
     key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
     if (twice := table.duplicated(key)).any():
-        raise damage_refusal(path, int(twice.idxmax()) + 2, "is there twice")
+        raise CubeError(damaged(path, int(twice.idxmax()) + 2, "is there twice"))
     return table
 
 
 def _first_column(path: Path) -> str:
     with path.open("rb") as stream:
         return stream.readline(99).decode(errors="replace").split(",")[0]
-
-
-def read_table(path: Path, columns: Columns) -> dict[str, list[Any]]:
-    """Return the columns of a published CSV file, by name.
-
-    Raises
-    ------
-    CubeError
-        In one line: the file, the line, what is wrong with it, and what restores it.
-    """
-    found: dict[str, list[Any]] = {name: [] for name in columns}
-    number = 0  # of the last line that could be read
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = csv.reader(stream, strict=True)
-            header, number = next(rows, []), 1
-            if sorted(header) != sorted(columns):
-                raise damage_refusal(path, 1, f"names other columns than {', '.join(columns)}")
-            for number, row in enumerate(rows, 2):
-                if len(row) != len(header):
-                    raise damage_refusal(path, number, f"has {len(row)} values, not {len(header)}")
-                for name, given in zip(header, row, strict=True):
-                    try:
-                        found[name].append(columns[name](given))
-                    except ValueError:
-                        raise damage_refusal(
-                            path, number, f"has {name} = {one_line(repr(given))}"
-                        ) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise damage_refusal(path, number + 1, f"cannot be read ({type(error).__name__})") from None
-    return found
-
-
-def damage_refusal(path: Path, line: int, problem: str) -> CubeError:
-    """Return the refusal of a published file."""
-    return CubeError(text.damaged(path, line, problem))

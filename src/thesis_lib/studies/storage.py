@@ -16,7 +16,6 @@ import h5netcdf
 import h5py
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from thesis_lib.files import whole_file
 from thesis_lib.studies.blocks import HELD_BYTES
@@ -52,35 +51,30 @@ def write_netcdf(
     path : pathlib.Path
         Where to.
     compact : bool
-        Whether to compress what is large. It is then rounded: to ``BITS`` bits of mantissa, and
-        large fields to multiples of a step, the largest value being at least ``STEPS`` of them. The
-        file says so itself, and any reader undoes it.
+        Whether to compress what is large. It is then rounded: to :data:`MANTISSA_BITS`, and
+        large fields to multiples of a step, the largest value being at least
+        :data:`MIN_FIELD_STEPS` of them. The file says so itself, and any reader undoes it.
     steps : mapping, optional
         By variable: what its values are multiples of, to store them as whole numbers.
     """
-    encoding = {}
+    encoding: dict[Any, dict[str, Any]] = {}
     if compact:
-        stored = {n: _compression(v) for n, v in cube.variables.items()}
-        encoding = {n: how | {"chunksizes": cube[n].shape} for n, how in stored.items() if how}
-        rounded = {str(n): v.variable for n, v in cube.data_vars.items() if _is_rounded(v)}
-        by_steps = {n: _in_steps(least) for n, v in rounded.items() if (least := _step(v))}
-        encoding |= {n: encoding[n] | how for n, how in by_steps.items()}
-        rounded = {n: v for n, v in rounded.items() if n not in {*by_steps, *(steps or {})}}
-        cube = cube.assign({n: _round_mantissa(v) for n, v in rounded.items()})
-    for name, step in (steps or {}).items():
-        whole = {"dtype": "int32", "scale_factor": step, "_FillValue": np.int32(-(2**31))}
-        encoding[name] = encoding.get(name, {}) | whole
-
+        for name, values in cube.variables.items():
+            if storage := _compression(values):
+                encoding[name] = storage | {"chunksizes": values.shape}
+        for name, data in cube.data_vars.items():
+            if name not in encoding or data.dtype not in MANTISSA_BITS:
+                continue
+            if step := _step(data):
+                encoding[name] |= _packed(step, "int16")
+            elif name not in (steps or {}):
+                cube = cube.assign({name: _round_mantissa(data.variable)})
+    for name, given in (steps or {}).items():
+        encoding[name] = encoding.get(name, {}) | _packed(given, "int32")
+    image = io.BytesIO()  # in memory: where HDF5 cannot write a disk it ends the process
     with _HDF5_LOCK:
-        image = _image(cube, encoding)
-        whole_file(path, lambda part: part.write_bytes(image))
-
-
-def _image(cube: xr.Dataset, encoding: Mapping[Any, Any] | None = None) -> bytes:
-    """Write a file in memory: where HDF5 cannot write a disk it ends the process."""
-    image = io.BytesIO()
-    cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
-    return image.getvalue()
+        cube.to_netcdf(image, engine="h5netcdf", encoding=encoding)
+        whole_file(path, lambda part: part.write_bytes(image.getvalue()))
 
 
 def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
@@ -88,11 +82,6 @@ def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str
     if values.dtype.kind not in "fu" or values.nbytes <= _SMALL_BYTES:
         return {}
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
-
-
-def _is_rounded(values: xr.Variable | xr.DataArray) -> bool:
-    """Return whether a compact cube holds a variable rounded."""
-    return values.dtype in MANTISSA_BITS and bool(_compression(values))
 
 
 def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
@@ -108,30 +97,27 @@ def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
     return np.float32(2.0 ** math.floor(math.log2(largest / MIN_FIELD_STEPS)))
 
 
-def _in_steps(step: np.float32) -> dict[str, Any]:
+def _packed(step: float | np.float32, dtype: str) -> dict[str, Any]:
     """Return the CF attributes of packed data for multiples of a step."""
-    return {"dtype": "int16", "scale_factor": step, "_FillValue": np.int16(-(2**15))}
+    return {
+        "dtype": dtype,
+        "scale_factor": step,
+        "_FillValue": np.dtype(dtype).type(np.iinfo(dtype).min),
+    }
 
 
 def _round_mantissa(values: xr.Variable) -> xr.Variable:
-    """Round a variable to ``BITS`` bits of mantissa, and mark it so."""
-    return xr.Variable(
-        values.dims, _nearest(values.values), values.attrs | _rounding_attributes(values)
-    )
-
-
-def _rounding_attributes(values: xr.Variable | xr.DataArray) -> dict[str, np.int32]:
-    """Return the netCDF library's attributes of a rounded variable."""
-    return {_ROUNDED_ATTRIBUTE: np.int32(MANTISSA_BITS[values.dtype])}
-
-
-def _nearest(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """Round to ``BITS`` bits of mantissa, as the netCDF library's *BitRound* does."""
-    whole = np.dtype(f"u{values.itemsize}").type
-    dropped = whole(np.finfo(values.dtype).nmant - MANTISSA_BITS[values.dtype])
-    bits = np.ascontiguousarray(values).view(whole) + (whole(1) << (dropped - whole(1)))
+    """Round to so many bits of mantissa as the netCDF library's *BitRound* does, and mark it so."""
+    kept = MANTISSA_BITS[values.dtype]
+    whole = np.dtype(f"u{values.dtype.itemsize}").type
+    dropped = whole(np.finfo(values.dtype).nmant - kept)
+    bits = np.ascontiguousarray(values.values).view(whole) + (whole(1) << (dropped - whole(1)))
     rounded = ((bits >> dropped) << dropped).view(values.dtype)
-    return np.where(np.isfinite(values), rounded, values)
+    return xr.Variable(
+        values.dims,
+        np.where(np.isfinite(values.values), rounded, values.values),
+        values.attrs | {_ROUNDED_ATTRIBUTE: np.int32(kept)},
+    )
 
 
 class _Indexed(h5py.File):  # type: ignore[misc]  # h5py has no annotations

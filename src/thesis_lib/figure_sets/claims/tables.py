@@ -17,7 +17,7 @@ from thesis_lib.facts.readings import READINGS
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends
-from thesis_lib.ledger.entries import Entry, from_cube
+from thesis_lib.ledger.entries import KIND_WORDS, Entry, from_cube
 from thesis_lib.ledger.series import RESAMPLE_COUNT
 from thesis_lib.ledger.verdicts import (
     UNCHANGED,
@@ -31,7 +31,6 @@ from thesis_lib.web.fragment import COLOURS_CSS, copy_plain, join_modules, read_
 _LEDGER_SCRIPT = join_modules("ledger")
 _LEDGER_STYLE = COLOURS_CSS + read_asset("ledger.css")
 NO_SCRIPT_TEXT = "This table needs JavaScript; `thesis claims` prints the same."
-KIND_WORDS = {"figure": "stated values", "trend": "trends", "number": "stray numbers"}
 _VERDICT_ORDER = ("differs", "undefined", UNCHANGED, "within scatter", "agrees")
 
 
