@@ -35,6 +35,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import sample
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
+from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUT_FILES
 from thesis_lib.measure.recordings.audio import read_audio
@@ -127,7 +128,11 @@ def test_it_is_checked_before_anything_is_filmed(example, tmp_path):
     done = thesis("measure", tmp_path / "manifest.yaml", "--check")
     assert (done.status, done.err) == (0, "")
     assert "smallest deflection" in done.out
+    assert done.out.endswith("It will do.\n")
     assert names(tmp_path) == ["manifest.yaml"]
+    values = json.loads(thesis("measure", tmp_path / "manifest.yaml", "--check", "--json").out)
+    assert len(values["table"]) == 3
+    assert values["text"] in " ".join(done.out.split())
 
 
 def test_the_deflection_is_the_rendered_one(conforms, data, rig):
@@ -139,6 +144,9 @@ def test_the_deflection_is_the_rendered_one(conforms, data, rig):
     conforms.closed_form(
         np.sqrt(np.mean(data["quadrature"] ** 2)), below=0.003 * np.abs(true).max()
     )
+    # Before anything was filmed that was the most that compressed videos would leave of error.
+    predicted = assess_manifest(example_manifest(rig)).verdict.compressed
+    conforms.closed_form(np.abs(found - true).max() / np.abs(true).max(), below=predicted)
     assert data.attrs["most_similar"] == "bending 1"
     conforms.closed_form(float(data["mac"].max()), above=0.9999)
     assert (data["cameras_seen"] == 3).all()

@@ -485,7 +485,7 @@ def test_modes_go_to_a_report_and_files(tmp_path):
     page = measure_modes(
         manifest, Recorded(sound, calibration, recordings), tmp_path / "out", said.append
     )
-    text = page.read_text(encoding="utf-8")
+    text = page.page
     assert text.count("data-tl-fragment=") >= 2
     assert "stabilisation diagram" in text or "stays when another one is added" in text
     assert said[1].startswith("mode 1: 6.31")

@@ -551,7 +551,7 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
-    text = page.read_text(encoding="utf-8")
+    text = page.page
     assert text.count("<figure>") == 3
     assert "marker 46, nearest to the force" in text
     assert said[2].startswith("receptance of 75 markers from 2")

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import os
 import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +76,45 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     echo(*lines)
     name = shlex.quote(str(manifest))
     echo(f"Now look through {name}, and ask: thesis measure --check {name}")
+
+
+def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
+    """Print what the recordings of a manifest could reach; draw it into a folder, if given."""
+    from thesis_lib.measure.feasibility import assess
+    from thesis_lib.measure.recordings.manifest import read_manifest
+
+    manifest = read_manifest(path, check_files=False)
+    assessment = assess.assess_manifest(manifest)
+    verdict = assess.describe_verdict(assessment)
+    files = write_corners_page(manifest, path.parent)
+    files += draw(manifest, out) if out else []
+    if as_json:
+        outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
+        print_json(asdict(assessment) | outcome)
+        return
+    echo(*assess.describe_assessment(assessment), *files)
+    colour = {"compressed": "green", "none": "red"}.get(assessment.verdict.outcome, "yellow")
+    plain = os.environ.get("NO_COLOR") or None
+    click.secho("\n".join(verdict), fg=colour, color=False if plain else None)
+
+
+def measure(path: Path, out: Path, as_json: bool) -> None:
+    """Measure the recordings of a manifest into a folder, and print what was found."""
+    from thesis_lib.measure.pipeline import measure_recordings
+
+    report = measure_recordings(path, out, partial(echo, err=as_json))
+    page = out / "report.html"
+    if as_json:
+        notes = [note._asdict() for note in report.notes]
+        print_json({"report": str(page), "found": report.summary, "notes": notes})
+    else:
+        echo(f"Open {page}")
+
+
+def print_json(values: Mapping[str, Any]) -> None:
+    """Print plain values as JSON; what is not known, NaN, is null."""
+    known = json.loads(json.dumps(values), parse_constant=lambda _: None)
+    click.echo(json.dumps(known, ensure_ascii=False, indent=1))
 
 
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:

@@ -19,7 +19,6 @@ from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import validation as recordings_check
-from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.steps import (
@@ -30,10 +29,8 @@ from thesis_lib.measure.steps import (
     read_sound,
     track_markers,
 )
-from thesis_lib.measure.tracking.follow import DETECTORS
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, parse_variables, with_origin
-from thesis_lib.text import one_line
 
 SHOT_VARIABLES = parse_variables("shots_used(camera) [1] board images that were used")
 UNSTORED_VARIABLES = {
@@ -61,12 +58,6 @@ def record_tracks(
     ManifestError, MediaError, CalibrationError, SynchronisationError, TrackingError
         If a file cannot be used, or what was recorded does not suffice.
     """
-    detector = manifest.structure.markers.detector
-    if detector not in DETECTORS:
-        allowed = " or ".join(DETECTORS)
-        raise ManifestError(
-            f"structure.markers.detector: given {one_line(detector)}, allowed: {allowed}"
-        )
     say(f"checking {len(manifest.cameras)} videos")
     clocks = recordings_check.check_files(manifest, folder)  # what it refuses leaves no trace
     given, filmed = (

@@ -43,7 +43,7 @@ _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
 
 
-def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
+def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
     Parameters
@@ -60,8 +60,8 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
 
     Returns
     -------
-    Path
-        The report.
+    Report
+        The page ``report.html``, what was found, and notes on it.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def measure_shape(
     assessment: Assessment,
     out: Path,
     say: Callable[[str], object],
-) -> Path:
+) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
     data, moved = fit_deflection(manifest, inputs)
@@ -113,13 +113,13 @@ def measure_shape(
             radiation_files.write_sound(part, radiated)
         report.write(part)
         put_files(part, out)
-    _print_report(report, sound, say)
-    return out / "report.html"
+    _print_report(report, say)
+    return report
 
 
 def measure_motion(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
-) -> Path:
+) -> build.Report:
     """Measure modes, motion over a force, or both; return the report.
 
     Raises
@@ -131,7 +131,8 @@ def measure_motion(
     if manifest.force is not None:
         response = _measure_response(manifest, folder, inputs, out, say)
     if response is None or manifest.excitation.behaviour.result != "response":
-        return measure_modes(manifest, inputs, out, say, response)
+        report = measure_modes(manifest, inputs, out, say, response)
+        return report if response is None else response.join(report)
     report = build.build_response_alone(
         response,
         manifest,
@@ -141,7 +142,7 @@ def measure_motion(
     with staging(out) as part:
         report.write(part)
         put_files(part, out)
-    return out / "report.html"
+    return report
 
 
 def _measure_response(
@@ -162,7 +163,7 @@ def _measure_response(
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, files.Measured("response", data))
         put_files(part, out)
-    _print_report(response, None, say)
+    _print_report(response, say)
     return response
 
 
@@ -172,7 +173,7 @@ def measure_modes(
     out: Path,
     say: Callable[[str], object],
     response: build.Report | None = None,
-) -> Path:
+) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
     recordings, calibration = inputs.recordings, inputs.calibration
@@ -201,8 +202,8 @@ def measure_modes(
             radiation_files.write_sound(part, radiated)
         report.write(part)
         put_files(part, out)
-    _print_report(report, sound, say)
-    return out / "report.html"
+    _print_report(report, say)
+    return report
 
 
 def _radiate(
@@ -215,12 +216,9 @@ def _radiate(
     return radiated, build.build_sound(radiated, manifest)
 
 
-def _print_report(
-    report: build.Report, sound: build.Report | None, say: Callable[[str], object]
-) -> None:
-    """Print what was found, of the sound, too, and the notes on it."""
-    lines = [*report.summary, *(sound.summary if sound else []), *report.note_lines]
-    for line in lines:
+def _print_report(report: build.Report, say: Callable[[str], object]) -> None:
+    """Print what was found, and the notes on it."""
+    for line in [*report.summary, *report.note_lines]:
         say(line)
 
 

@@ -34,14 +34,30 @@ from thesis_lib.measure.messages import (
     UNCHECKED_MESSAGES,
     format_message,
 )
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.tracking.follow import DETECTORS
+from thesis_lib.text import one_line
+from thesis_lib.web.html import render_lines
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
+#: Error of a motion in an image, rms at the worst of all motions, px: in H.264 by x264's own
+#: defaults, which stand for a phone's, and without loss; the book's benchmarks measure both
+COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX = 0.0783, 0.00414
+#: Share of the largest deflection by which the shape may be wrong: compressed, at the least motion
+MAX_SHAPE_ERROR = COMPRESSED_ERROR_PX / CHECK_LIMITS["small-motion"]
 MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
 MAX_MODES = 100  # natural frequencies among which these are searched
 MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
 TEXT_COLUMNS = 100
 TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
+TABLE_LEGEND = (
+    "mm/px: length that a pixel spans on the structure; size, gap: axes of a marker's image, and "
+    "the least room between two; motion: most that deflection moves an image; blur: most that it "
+    "moves in an exposure; lost: amplitude that this takes; sharp: depths in focus; depths: of the "
+    "markers; view: markers that stay in the image; spacings: most that a marker moves from frame "
+    "to frame, in spacings of markers"
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +70,32 @@ class Warning:
 
 
 @dataclass(frozen=True)
+class Verdict:
+    """Predicted errors of the shape, as shares of its largest deflection, and what would do.
+
+    NaN where the manifest does not say enough.
+    """
+
+    compressed: float  #: With a phone's film
+    lossless: float
+    whole_pixels: float
+    #: Largest deflections from which either kind of film will do, mm
+    compressed_from_mm: float
+    lossless_from_mm: float
+
+    @property
+    def outcome(self) -> str:
+        """Return which films will do: compressed or lossless ones, none, or that it is unknown."""
+        if np.isnan(self.compressed_from_mm):
+            return "unknown"
+        if np.isnan(self.compressed):
+            return "amplitude unknown"
+        if self.compressed <= MAX_SHAPE_ERROR:
+            return "compressed"
+        return "lossless" if self.lossless <= MAX_SHAPE_ERROR else "none"
+
+
+@dataclass(frozen=True)
 class Assessment:
     """Warnings, checks that could not be made, numbers of each camera, and of all together."""
 
@@ -61,6 +103,7 @@ class Assessment:
     unknown: tuple[str, ...]
     table: tuple[CameraPrediction, ...]
     rig: RigPrediction
+    verdict: Verdict
 
 
 def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
@@ -72,7 +115,17 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
         The manifest; no file is read.
     noise_px : float
         Scatter of the centres that the standard errors assume, px.
+
+    Raises
+    ------
+    ManifestError
+        If there is no such detector of markers.
     """
+    if (detector := manifest.structure.markers.detector) not in DETECTORS:
+        raise ManifestError(
+            f"structure.markers.detector: given {one_line(detector)}, allowed: "
+            + " or ".join(DETECTORS)
+        )
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
@@ -97,7 +150,25 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
             warnings += _check_exposure(manifest, camera, row, where)
             warnings += _check_view(manifest, camera, row, where, view.corners[i])
         warnings += _check_rig(manifest, view, rig, errors[0])
-    return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig)
+        verdict = _predict_shape_errors(view, rig, 1000 * amplitude)
+    return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig, verdict)
+
+
+def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm: float) -> Verdict:
+    """Predict the errors of the shape, for a largest deflection in mm.
+
+    A film that takes a share of every image's motion takes it of the shape, too, however many
+    cameras there are: at most of the one that sees least. Errors that are independent from camera
+    to camera are more only where all see from nearly the same side.
+    """
+    rises = np.linalg.norm(view.J[view.located, :, 2], axis=1) / 1000
+    least_px_mm = np.fmax.reduce(rises, axis=1).min() if rig.located > 1 else np.nan
+    compressed, lossless = (
+        np.fmax(px / least_px_mm, px / np.sqrt(2) * rig.one_frame[1] / rig.noise_px)
+        for px in (COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX)
+    )
+    shares = np.array([compressed, lossless, rig.rounding[1]]) / amplitude_mm
+    return Verdict(*shares.tolist(), compressed / MAX_SHAPE_ERROR, lossless / MAX_SHAPE_ERROR)
 
 
 def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
@@ -321,6 +392,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     lines = [
         "  ".join([_cut(row[0], widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
+    lines += textwrap.wrap(TABLE_LEGEND, TEXT_COLUMNS)
     rig = assessment.rig
     lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
     for what, values in (
@@ -343,6 +415,23 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     for note in notes:
         lines += textwrap.wrap(note, TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     return lines
+
+
+def describe_verdict(assessment: Assessment) -> list[str]:
+    """Return lines to print: how wrong the shape would be, and whether it will do."""
+    lines = render_lines(
+        "measure/report/templates/verdict.txt.j2",
+        verdict=assessment.verdict,
+        limit=MAX_SHAPE_ERROR,
+        share=format_error_share,
+        warnings=len({warning.code for warning in assessment.warnings}),
+    )
+    return textwrap.wrap(" ".join(lines), TEXT_COLUMNS)
+
+
+def format_error_share(share: float) -> str:
+    """Format an error as a share of the largest deflection in percent, two digits or whole."""
+    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %" if share < 1 else "all of it"
 
 
 def _cut(text: str, width: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +55,11 @@ class Report:
     def note_lines(self) -> list[str]:
         """Notes, as a command prints them."""
         return [f"note: {text} [{code}]" for code, text in self.notes]
+
+    def join(self, later: Report) -> Report:
+        """Return the later report, with what was found and noted in this part of it, too."""
+        summary, notes = self.summary + later.summary, self.notes + later.notes
+        return replace(later, summary=summary, notes=notes)
 
     def write(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
@@ -123,7 +128,8 @@ def build_shape(
         grid_excess=float(data["grid_scale"]) - 1,
         excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
     )
-    return Report(page, summary, notes, pictures)
+    found = summary + (sound.summary if sound else [])
+    return Report(page, found, notes, pictures)
 
 
 def _draw_shape(
@@ -214,7 +220,8 @@ def build_modes(
         source_of_size=_source_of_size(manifest),
         grid_excess=float(data["grid_scale"]) - 1,
     )
-    return Report(page, summary, notes, pictures | dict(response.pictures if response else {}))
+    found = summary + (sound.summary if sound else [])
+    return Report(page, found, notes, pictures | dict(response.pictures if response else {}))
 
 
 def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
