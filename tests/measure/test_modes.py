@@ -13,7 +13,6 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.measure.calibration.reprojection import Network, step_network
 from thesis_lib.measure.fitting.calibration_error import common_errors
-from thesis_lib.measure.measured import Recorded
 from thesis_lib.measure.modes.identify import (
     Asked,
     ModalError,
@@ -21,6 +20,7 @@ from thesis_lib.measure.modes.identify import (
     _scale,
     identify_modes,
     modal_assurance,
+    modes_result,
 )
 from thesis_lib.measure.modes.poles import (
     Poles,
@@ -31,8 +31,7 @@ from thesis_lib.measure.modes.poles import (
     pole_columns,
     residual_scatter,
 )
-from thesis_lib.measure.modes.result import modes_result
-from thesis_lib.measure.pipeline import measure_modes
+from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest_model import Radiation
 from thesis_lib.measure.report.warnings import check_modes
