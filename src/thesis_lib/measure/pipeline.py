@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -19,7 +20,7 @@ from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibrati
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.exchange.reading import OWN_FILE, Found
 from thesis_lib.measure.exchange.tables import write_csv
-from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
+from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.modes.identify import modes_result
@@ -108,20 +109,22 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
         )
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
-        data = with_origin(
-            data.merge(_stored_variables(of.calibration, sound)),
-            f"measurement by thesis_lib {__version__}",
-        )
-        data.attrs.update(
-            title=f"Deflection of a {manifest.structure.kind}, "
-            f"measured with {len(of.recordings)} cameras",
-            parameters=manifest.model_dump_json(),
-            notes=of.calibration.attrs["notes"],
-            synchronisation=sound.attrs["synchronisation"],
-            repeats=sound.attrs.get("repeats", ""),
-        )
+        data = with_origin(data.merge(_stored_variables(of.calibration, sound)), _SOURCE_TEXT)
+        data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
         moved = history.time_histories(data, in_step(data, of.recordings), still)
         return data, with_origin(moved, data.attrs["source"])
+
+
+def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, str]:
+    """Return attributes of a result: its title, and what it rests on."""
+    kind, count = manifest.structure.kind, len(of.recordings)
+    return {
+        "title": f"{what} of a {kind}, measured with {count} cameras",
+        "parameters": manifest.model_dump_json(),
+        "notes": of.calibration.attrs["notes"],
+        "synchronisation": of.sound.attrs["synchronisation"],
+        "repeats": of.sound.attrs.get("repeats", ""),
+    }
 
 
 def _calibration(
@@ -212,24 +215,18 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
     there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
     check_cache(out / STEPS_FOLDER)
-    assessment = assess_manifest(manifest)
-    for line in describe_assessment(assessment):
+    for line in describe_assessment(assess_manifest(manifest)):
         say(line)
     inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        if manifest.excitation.behaviour.result == "shape":
-            return measure_shape(manifest, folder, inputs, assessment, out, say)
-        return measure_motion(manifest, folder, inputs, out, say)
+        is_shape = manifest.excitation.behaviour.result == "shape"
+        measure = measure_shape if is_shape else measure_motion
+        return measure(manifest, folder, inputs, out, say)
 
 
 def measure_shape(
-    manifest: Manifest,
-    folder: Path,
-    inputs: Recorded,
-    assessment: Assessment,
-    out: Path,
-    say: Callable[[str], object],
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
 ) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
@@ -238,8 +235,9 @@ def measure_shape(
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
     seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
+    assessment = assess_manifest(manifest)
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
-    with staging(out) as part:
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
@@ -248,8 +246,6 @@ def measure_shape(
         if radiated is not None:
             write_sound(part, radiated)
         report.write(part)
-        put_files(part, out)
-    _print_report(report, say)
     return report
 
 
@@ -263,44 +259,37 @@ def measure_motion(
     ForceError, ChainError, MediaError, ModalError
         If force or tracks do not suffice; one line that says what would do.
     """
-    response = None
-    if manifest.force is not None:
-        response = _measure_response(manifest, folder, inputs, out, say)
-    if response is None or manifest.excitation.behaviour.result != "response":
-        report = measure_modes(manifest, inputs, out, say, response)
-        return report if response is None else response.join(report)
-    report = build.build_response_alone(
-        response,
-        manifest,
-        str(inputs.calibration.attrs["notes"]),
-        inputs.sound.attrs["synchronisation"],
-    )
-    with staging(out) as part:
-        report.write(part)
-        put_files(part, out)
-    return report
+    if manifest.force is None:
+        return measure_modes(manifest, inputs, out, say)
+    response = _measure_response(manifest, folder, inputs, out, say)
+    if manifest.excitation.behaviour.result == "response":
+        return response
+    return response.join(measure_modes(manifest, inputs, out, say, response))
 
 
 def _measure_response(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
 ) -> build.Report:
-    """Write motion over force into a folder; return the part of the report on it."""
+    """Write motion over force into a folder; return the report, or the part of it to come."""
     say("motion over force")
-    data = with_origin(
-        estimate_response(manifest, inputs.sound, inputs.recordings, folder), _SOURCE_TEXT
-    )
+    found = estimate_response(manifest, inputs.sound, inputs.recordings, folder)
+    data = with_origin(found, _SOURCE_TEXT)
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",
         parameters=manifest.model_dump_json(),
         synchronisation=inputs.sound.attrs["synchronisation"],
     )
-    response = build.build_response(data, manifest)
-    with staging(out) as part:
+    report = build.build_response(data, manifest)
+    alone = manifest.excitation.behaviour.result == "response"
+    if alone:
+        notes = str(inputs.calibration.attrs["notes"])
+        report = build.build_response_alone(report, data, manifest, notes)
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, files.Measured("response", data))
-        put_files(part, out)
-    _print_report(response, say)
-    return response
+        if alone:
+            report.write(part)
+    return report
 
 
 def measure_modes(
@@ -312,34 +301,36 @@ def measure_modes(
 ) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
-    recordings, calibration = inputs.recordings, inputs.calibration
-    covariance = uncertainty.covariance_of(calibration)
+    recordings, covariance = inputs.recordings, uncertainty.covariance_of(inputs.calibration)
     data = with_origin(modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
-    kind = manifest.excitation.behaviour.title
-    data.attrs.update(
-        title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
-        parameters=manifest.model_dump_json(),
-        notes=calibration.attrs["notes"],
-        synchronisation=inputs.sound.attrs["synchronisation"],
-        repeats=inputs.sound.attrs.get("repeats", ""),
-    )
+    data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
     moved = _interpolate_motion(data, recordings, manifest.excitation.rest_duration_s)
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
-    with staging(out) as part:
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
+        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_modes(data), part / "modes.csv")
         write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
-        storage.write_netcdf(uncertainty.to_keep(calibration), part / OWN_FILE)
         if radiated is not None:
             write_sound(part, radiated)
         report.write(part)
-        put_files(part, out)
-    _print_report(report, say)
     return report
+
+
+@contextmanager
+def _results_folder(
+    out: Path, report: build.Report, say: Callable[[str], object]
+) -> Iterator[Path]:
+    """Give a folder whose files all go to `out` in the end; then print what was found."""
+    with staging(out) as part:
+        yield part
+        put_files(part, out)
+    for line in [*report.summary, *report.note_lines]:
+        say(line)
 
 
 def _radiate(
@@ -350,12 +341,6 @@ def _radiate(
         return None, None
     radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
     return radiated, build.build_sound(radiated, manifest)
-
-
-def _print_report(report: build.Report, say: Callable[[str], object]) -> None:
-    """Print what was found, and the notes on it."""
-    for line in [*report.summary, *report.note_lines]:
-        say(line)
 
 
 def _interpolate_motion(

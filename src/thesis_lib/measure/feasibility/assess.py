@@ -147,8 +147,7 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
         for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
             where = f"cameras[{i}]"
             warnings += _check_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
-            warnings += _check_exposure(manifest, camera, row, where)
-            warnings += _check_view(manifest, camera, row, where, view.corners[i])
+            warnings += _check_camera(manifest, camera, row, where, view.corners[i])
         warnings += _check_rig(manifest, view, rig, errors[0])
         verdict = _predict_shape_errors(view, rig, 1000 * amplitude)
     return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig, verdict)
@@ -168,7 +167,8 @@ def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm:
         for px in (COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX)
     )
     shares = np.array([compressed, lossless, rig.rounding[1]]) / amplitude_mm
-    return Verdict(*shares.tolist(), compressed / MAX_SHAPE_ERROR, lossless / MAX_SHAPE_ERROR)
+    needed_mm = np.array([compressed, lossless]) / MAX_SHAPE_ERROR
+    return Verdict(*map(float, (*shares, *needed_mm)))
 
 
 def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
@@ -177,31 +177,24 @@ def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
     """Check rest and steady-state intervals, for the slowest camera."""
-    rate = min(c.rate_hz for c in manifest.cameras)
+    rate, limits = min(c.rate_hz for c in manifest.cameras), CHECK_LIMITS
     rest, given = manifest.excitation.rest_duration_s, manifest.excitation.steady_interval_s
     where = "excitation.rest_duration_s"
-    if rest < CHECK_LIMITS["short-rest"]:
+    if rest < limits["short-rest"]:
         yield _warn("short-rest", where, rest=rest)
-    if rest * rate < (least := CHECK_LIMITS["few-rest-frames"]):
-        yield _warn(
-            "few-rest-frames", where, rest=rest, frames=rest * rate, rate=rate, seconds=least / rate
-        )
+    if (frames := rest * rate) < (least := limits["few-rest-frames"]):
+        seconds = least / rate
+        yield _warn("few-rest-frames", where, rest=rest, frames=frames, rate=rate, seconds=seconds)
     if not given:
         return
     where, steady = "excitation.steady_interval_s", steady_seconds(manifest)
-    if steady * rate < (least := CHECK_LIMITS["few-frames"]):
-        yield _warn(
-            "few-frames",
-            where,
-            steady=steady,
-            frames=steady * rate,
-            rate=rate,
-            seconds=least / rate,
-        )
+    if (frames := steady * rate) < (least := limits["few-frames"]):
+        seconds = least / rate
+        yield _warn("few-frames", where, steady=steady, frames=frames, rate=rate, seconds=seconds)
     f = np.float64(manifest.excitation.frequency_hz or np.nan)
-    if (periods := steady * f) < (least := CHECK_LIMITS["few-periods"]):
+    if (periods := steady * f) < (least := limits["few-periods"]):
         yield _warn("few-periods", where, steady=steady, periods=periods, seconds=least / f)
-    if rest - given[0] > CHECK_LIMITS["steady-at-rest"]:
+    if rest - given[0] > limits["steady-at-rest"]:
         yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
 
 
@@ -217,9 +210,8 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
             yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
         else:
             off = CHECK_LIMITS["alias"] / steady
-            yield _warn(
-                "alias", where, given=given, seen=seen, steady=steady, off=off, share=off / f
-            )
+            known = {"steady": steady, "off": off, "share": off / f}
+            yield _warn("alias", where, given=given, seen=seen, **known)
             edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
             if edge < least:
                 yield _warn("alias-edge", where, given=given, edge=edge, least=least)
@@ -234,85 +226,48 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
         rings = alias_frequency(own, rate)
-        if own >= rate / 2 and (
-            k == 0 or abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
-        ):
-            yield _warn(
-                "higher-modes", where, rate=rate, own=own, rings=rings, seen=seen, least=2 * own
-            )
+        near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
+        if own >= rate / 2 and (k == 0 or near):
+            mode = {"own": own, "rings": rings, "least": 2 * own}
+            yield _warn("higher-modes", where, rate=rate, seen=seen, **mode)
             return
 
 
-def _check_exposure(
-    manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str
-) -> Iterator[Warning]:
-    """Check exposure and lens of one camera."""
-    f, exposure = np.float64(manifest.excitation.frequency_hz or np.nan), camera.exposure_s
-    focal, distance = camera.focal_length_mm or np.nan, camera.distance_mm or np.nan
-    if f * exposure > (limit := CHECK_LIMITS["long-exposure"]):
-        yield _warn(
-            "long-exposure",
-            f"{where}.exposure_s",
-            exposure=exposure,
-            lost=row.lost,
-            most=limit / f,
-        )
-    if row.blur_px > (most := CHECK_LIMITS["motion-blur"] * np.float64(row.across_px)):
-        yield _warn(
-            "motion-blur",
-            f"{where}.exposure_s",
-            exposure=exposure,
-            blur=row.blur_px,
-            most=most,
-            seconds=exposure * most / row.blur_px,
-        )
-    if distance <= CHECK_LIMITS["too-near"] * focal:
-        yield _warn("too-near", f"{where}.distance_mm", distance=distance, focal=focal)
-    if row.defocus_px > (sharp := CHECK_LIMITS["depth-of-field"]):
-        stop = camera.f_number or np.nan
-        yield _warn(
-            "depth-of-field",
-            f"{where}.f_number",
-            stop=stop,
-            near=row.near_mm,
-            far=row.far_mm,
-            nearest=row.nearest_mm,
-            farthest=row.farthest_mm,
-            defocus=row.defocus_px,
-            least=stop * row.defocus_px / sharp,
-        )
-
-
-def _check_view(
+def _check_camera(
     manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str, corners: Mask
 ) -> Iterator[Warning]:
-    """Check the place of one camera, and how it sees markers and corners."""
-    elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
-    away, tilt = f"{where}.distance_mm", f"{where}.elevation_deg"
-    if row.along_px < (limit := CHECK_LIMITS["coarse"]):
-        most = distance * row.along_px / limit
-        yield _warn("coarse", away, size=row.along_px, distance=distance, most=most)
-    if row.across_px < CHECK_LIMITS["foreshortened"]:
-        yield _warn("foreshortened", tilt, size=row.across_px, elevation=elevation)
-    if elevation < CHECK_LIMITS["shallow-view"]:
-        yield _warn("shallow-view", tilt, elevation=elevation)
-    if elevation > CHECK_LIMITS["steep-view"]:
-        yield _warn("steep-view", tilt, elevation=elevation)
-    if row.gap_px < CHECK_LIMITS["crowded-markers"]:
-        diameter = manifest.structure.markers.diameter_mm
-        yield _warn("crowded-markers", tilt, gap=row.gap_px, elevation=elevation, diameter=diameter)
-    if row.motion_px < (limit := CHECK_LIMITS["small-motion"]):
-        most = distance * row.motion_px / limit
-        yield _warn("small-motion", away, motion=row.motion_px, distance=distance, most=most)
-    if row.in_view < CHECK_LIMITS["out-of-view"]:
-        yield _warn("out-of-view", away, fraction=row.in_view, distance=distance)
+    """Check exposure, lens and place of one camera, and how it sees markers and corners."""
+    f, limits = np.float64(manifest.excitation.frequency_hz or np.nan), CHECK_LIMITS
+    distance, elevation = camera.distance_mm or np.nan, camera.elevation_deg or np.nan
+    focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
+    blur_px = limits["motion-blur"] * np.float64(row.across_px)
+    sharper = row.defocus_px / limits["depth-of-field"]
+    checks: list[tuple[str, str, bool, float]] = [  # code, field, if wrong, what would do
+        ("long-exposure", "exposure_s", f * camera.exposure_s > limits["long-exposure"],
+         limits["long-exposure"] / f),
+        ("motion-blur", "exposure_s", row.blur_px > blur_px,
+         camera.exposure_s * blur_px / row.blur_px),
+        ("too-near", "distance_mm", distance <= limits["too-near"] * focal, np.nan),
+        ("depth-of-field", "f_number", sharper > 1, stop * sharper),
+        ("coarse", "distance_mm", row.along_px < limits["coarse"],
+         distance * row.along_px / limits["coarse"]),
+        ("foreshortened", "elevation_deg", row.across_px < limits["foreshortened"], np.nan),
+        ("shallow-view", "elevation_deg", elevation < limits["shallow-view"], np.nan),
+        ("steep-view", "elevation_deg", elevation > limits["steep-view"], np.nan),
+        ("crowded-markers", "elevation_deg", row.gap_px < limits["crowded-markers"],
+         manifest.structure.markers.diameter_mm),
+        ("small-motion", "distance_mm", row.motion_px < limits["small-motion"],
+         distance * row.motion_px / limits["small-motion"]),
+        ("out-of-view", "distance_mm", row.in_view < limits["out-of-view"], np.nan),
+        ("large-move", "frame_rate_hz", row.move_spacings > limits["large-move"], np.nan),
+    ]  # fmt: skip
+    for code, field, wrong, allowed in checks:
+        if wrong:
+            values = {"camera": camera, "row": row, "allowed": allowed, "blur_px": blur_px}
+            yield _warn(code, f"{where}.{field}", **values)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
         count = 4 - np.count_nonzero(corners)
         yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
-    if row.move_spacings > CHECK_LIMITS["large-move"]:
-        yield _warn(
-            "large-move", f"{where}.frame_rate_hz", rate=camera.rate_hz, moves=row.move_spacings
-        )
 
 
 def _check_rig(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
@@ -128,9 +130,38 @@ class Report:
         (folder / "report.html").write_text(self.page, encoding="utf-8")
 
 
-def _embed(part: Report | None) -> Markup:
-    """Return a part of a report for its page; empty where there is none."""
-    return Markup(part.page if part else "")
+def _assemble(
+    template: str,
+    data: xr.Dataset,
+    manifest: Manifest,
+    summary: list[str],
+    notes: list[Note],
+    pictures: dict[str, Picture],
+    sound: Report | None = None,
+    response: Report | None = None,
+    **values: object,
+) -> Report:
+    """Fill in a template with what every report has, and with its parts on sound and response."""
+    pictures = pictures | dict(response.pictures if response else {})
+    page = render_html(
+        _TEMPLATE_FOLDER + template,
+        title=data.attrs.get("title", ""),
+        data=data,
+        manifest=manifest,
+        summary=summary,
+        notes=notes,
+        messages=ALL_MESSAGES,
+        pictures=pictures,
+        sound=Markup(sound.page if sound else ""),
+        response=Markup(response.page if response else ""),
+        **values,
+    )
+    return Report(page, summary + (sound.summary if sound else []), notes, pictures)
+
+
+def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, Picture]:
+    """Return figures as SVG, by name."""
+    return {name: ("svg", save_figure(figure, "svg", style)) for name, figure in figures.items()}
 
 
 def build_shape(
@@ -158,8 +189,19 @@ def build_shape(
     sound : Report, optional
         The part on radiated sound.
     """
-    summary, notes = summarise_shape(data), check_shape(data)
-    pictures = _draw_shape(data, seen, manifest, firsts)
+    figures = {
+        "shape": draw.draw_shape(data, manifest),
+        "cameras": draw.draw_cameras(data, manifest),
+        "motion": draw.draw_motion(data, seen),
+        "residuals": draw.draw_residuals(seen),
+    }
+    if data["shots_used"].any():
+        figures["corners"] = draw.draw_corners(data)
+    pictures = _save_svgs(figures)
+    for i, first in enumerate(firsts):
+        one = seen.isel(camera=i)
+        photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
+        pictures[f"camera-{i:02d}"] = ("png", save_figure(photo, "png", dpi=140))
     centre = data["camera_centre"]
     distance = np.sqrt((centre**2).sum(str(centre.dims[1])))
     placed = data.assign(
@@ -169,48 +211,30 @@ def build_shape(
         scatter=("camera", [known_rms(one) for one in data["centre_scatter"].values]),
     )
     order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
-    page = render_html(
-        _TEMPLATE_FOLDER + "shape.html.j2",
-        title=data.attrs["title"],
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    return _assemble(
+        "shape.html.j2",
+        data,
+        manifest,
+        summarise_shape(data),
+        check_shape(data),
+        pictures,
+        sound,
         viewer=Markup(view_shape(data, _extent(manifest))),
         numbers=tabulate_shape(data),
-        sound=_embed(sound),
         candidates=[data.isel(candidate=k) for k in order],
-        cameras=[placed.isel(camera=k) for k in range(data.sizes["camera"])],
+        cameras=_slices(placed, "camera"),
         feasibility="\n".join(describe_assessment(assessment)),
         warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
-        source_of_size=_source_of_size(manifest),
-        grid_excess=float(data["grid_scale"]) - 1,
         excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
     )
-    found = summary + (sound.summary if sound else [])
-    return Report(page, found, notes, pictures)
 
 
-def _draw_shape(
-    data: xr.Dataset, seen: xr.Dataset, manifest: Manifest, firsts: Sequence[Image]
-) -> dict[str, Picture]:
-    """Return all figures of the report, by name."""
-    figures = {
-        "shape": draw.draw_shape(data, manifest),
-        "cameras": draw.draw_cameras(data, manifest),
-        "motion": draw.draw_motion(data, seen),
-        "residuals": draw.draw_residuals(seen),
-    }
-    if data["shots_used"].any():
-        figures["corners"] = draw.draw_corners(data)
-    pictures = {name: ("svg", save_figure(figure, "svg")) for name, figure in figures.items()}
-    for i, first in enumerate(firsts):
-        one = seen.isel(camera=i)
-        photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
-        pictures[f"camera-{i:02d}"] = ("png", save_figure(photo, "png", dpi=140))
-    return pictures
+def _extent(manifest: Manifest) -> tuple[float, float]:
+    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
+
+
+def _slices(data: xr.Dataset, along: str) -> list[xr.Dataset]:
+    return [data.isel({along: k}) for k in range(data.sizes[along])]
 
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
@@ -237,17 +261,6 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
     )
 
 
-def _extent(manifest: Manifest) -> tuple[float, float]:
-    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
-
-
-def _source_of_size(manifest: Manifest) -> str:
-    """Return what sizes are measured by."""
-    if manifest.calibration is not None and manifest.calibration.poses == "kept":
-        return f"the calibration that was reused, {manifest.calibration.file}"
-    return f"the board's tiles of {manifest.board.tile_mm:g} mm"
-
-
 def build_modes(
     data: xr.Dataset,
     manifest: Manifest,
@@ -259,30 +272,19 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
-    pictures: dict[str, Picture] = {
-        k: ("svg", save_figure(one, "svg")) for k, one in figures.items()
-    }
-    summary, notes = summarise_modes(data), list(check_modes(data, manifest))
-    viewers = [view_shape(data.isel(mode=k), _extent(manifest)) for k in range(data.sizes["mode"])]
-    page = render_html(
-        _TEMPLATE_FOLDER + "modes.html.j2",
-        title=data.attrs["title"],
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    return _assemble(
+        "modes.html.j2",
+        data,
+        manifest,
+        summarise_modes(data),
+        list(check_modes(data, manifest)),
+        _save_svgs(figures),
+        sound,
+        response,
         modes=tabulate_modes(data),
         shapes=tabulate_mode_shapes(data),
-        viewers=map(Markup, viewers),
-        sound=_embed(sound),
-        response=_embed(response),
-        source_of_size=_source_of_size(manifest),
-        grid_excess=float(data["grid_scale"]) - 1,
+        viewers=[Markup(view_shape(one, _extent(manifest))) for one in _slices(data, "mode")],
     )
-    found = summary + (sound.summary if sound else [])
-    return Report(page, found, notes, pictures | dict(response.pictures if response else {}))
 
 
 def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
@@ -331,40 +333,33 @@ def summarise_modes(data: xr.Dataset) -> list[str]:
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on motion over a force."""
     markers = _select_markers(data)
-    pictures: dict[str, Picture] = {
-        f"response-{role}": (
-            "svg",
-            save_figure(draw.draw_response(data, marker), "svg", MATH_STYLE),
-        )
-        for role, marker in markers.items()
-    }
-    summary, notes = summarise_response(data), list(check_response(data, manifest))
-    page = render_html(
-        _TEMPLATE_FOLDER + "response_section.html.j2",
-        data=data,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    figures = {f"response-{role}": draw.draw_response(data, k) for role, k in markers.items()}
+    return _assemble(
+        "response_section.html.j2",
+        data,
+        manifest,
+        summarise_response(data),
+        list(check_response(data, manifest)),
+        _save_svgs(figures, MATH_STYLE),
         markers=markers,
         roles=_MARKER_ROLES,
     )
-    return Report(page, summary, notes, pictures)
 
 
 def build_response_alone(
-    response: Report, manifest: Manifest, calibration: str, synchronisation: str
+    response: Report, data: xr.Dataset, manifest: Manifest, calibration: str
 ) -> Report:
-    """Return a report on motion over a force alone."""
-    page = render_html(
-        _TEMPLATE_FOLDER + "response.html.j2",
-        title=f"Motion of a {manifest.structure.kind} over a force",
-        response=_embed(response),
-        manifest=manifest,
+    """Return a report on motion over a force alone; `calibration` are notes on the cameras."""
+    return _assemble(
+        "response.html.j2",
+        data,
+        manifest,
+        response.summary,
+        response.notes,
+        {},
+        response=response,
         calibration=calibration,
-        synchronisation=synchronisation,
     )
-    return Report(page, response.summary, response.notes, response.pictures)
 
 
 def _select_markers(data: xr.Dataset) -> dict[str, int]:
@@ -393,29 +388,28 @@ def summarise_response(data: xr.Dataset) -> list[str]:
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
-    summary, notes = summarise_sound(data), list(check_sound(data))
-    places = [one for tone in _tones(data) for one in _points(tone)]
+    tones = _slices(data, "tone")
+    points = [one for tone in tones for one in _slices(tone, "point")]
     bands = [data.sel(band=band) for band in data["band"].values]
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
-    page = render_html(
-        _TEMPLATE_FOLDER + "sound.html.j2",
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
+    return _assemble(
+        "sound.html.j2",
+        data,
+        manifest,
+        summarise_sound(data),
+        list(check_sound(data)),
+        {},
         no_wall_change=no_wall_change,
-        tones=_tones(data),
+        tones=tones,
         whole=data.sel(band=ALL_TONES),
-        viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
+        viewers=[Markup(view_sound(one, manifest)) for one in tones],
         place=format_point,
-        points=[one.assign(pressure=absolute_pressure(one)) for one in places],
-        bands=[{"data": one, "points": _points(one)} for one in bands],
+        points=[one.assign(pressure=absolute_pressure(one)) for one in points],
+        bands=[{"data": one, "points": _slices(one, "point")} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
     )
-    return Report(page, summary, notes, {})
 
 
 def summarise_sound(data: xr.Dataset) -> list[str]:
@@ -423,15 +417,11 @@ def summarise_sound(data: xr.Dataset) -> list[str]:
     return render_lines(
         _TEMPLATE_FOLDER + "sound.txt.j2",
         data=data,
-        tones=_tones(data),
+        tones=_slices(data, "tone"),
         whole=data.sel(band=ALL_TONES),
         wall=data.attrs["wall"],
-        bare=[_level_without_wall(one) for one in _tones(data)],
+        bare=[_level_without_wall(one) for one in _slices(data, "tone")],
     )
-
-
-def _tones(data: xr.Dataset) -> list[xr.Dataset]:
-    return [data.isel(tone=tone) for tone in range(data.sizes["tone"])]
 
 
 def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
@@ -439,7 +429,3 @@ def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
     level = float(one["power_level"]) + float(one["no_wall_change"])
     std = float(np.hypot(one["no_wall_change_std"], one["power_level_error"]))
     return (level, std) if np.isfinite(level) else None
-
-
-def _points(data: xr.Dataset) -> list[xr.Dataset]:
-    return [data.isel(point=point) for point in range(data.sizes["point"])]
