@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from thesis_lib.asides import echo
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest
 
+_Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
 _PAPER_SIZES = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
 _LENGTH_MM = click.FloatRange(0.5, 5000)
@@ -151,64 +152,47 @@ def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
 
+def _count_option(name: str, default: int, what: str, allowed: click.IntRange) -> _Option:
+    return click.option(name, type=allowed, default=default, show_default=True, help=what)
+
+
+def _length_option(name: str, default: float, what: str) -> _Option:
+    return click.option(name, type=_LENGTH_MM, default=default, show_default=True, help=what)
+
+
 @print_.command()
 @click.argument("file", type=_FILE_TYPE, default=Path("board.pdf"), required=False)
-@click.option("--columns", type=_TILE_RANGE, default=7, show_default=True, help="Tiles along.")
-@click.option("--rows", type=_TILE_RANGE, default=5, show_default=True, help="Tiles across.")
-@click.option("--tile-mm", type=_LENGTH_MM, default=25.0, show_default=True, help="Side of a tile.")
+@_count_option("--columns", 7, "Tiles along.", _TILE_RANGE)
+@_count_option("--rows", 5, "Tiles across.", _TILE_RANGE)
+@_length_option("--tile-mm", 25.0, "Side of a tile.")
 @click.option("--charuco", is_flag=True, help="With ArUco marks, a ChArUco board.")
 @click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
 @_PAPER_OPTION
-def board(
-    file: Path,
-    columns: int,
-    rows: int,
-    tile_mm: float,
-    charuco: bool,
-    two_sided: bool,
-    paper: str,
-) -> None:
+def board(file: Path, **given: Any) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
     from thesis_lib.measure.paper.pages import write_board
 
     with one_line(file):
-        said = write_board(file, columns, rows, tile_mm, paper, charuco, two_sided)
+        said = write_board(file, **given)
     echo(f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate")
     echo(*said.split("\n"))
 
 
 @print_.command()
 @click.argument("file", type=_FILE_TYPE, default=Path("markers.pdf"), required=False)
-@click.option("--columns", type=_COUNT_RANGE, default=10, show_default=True, help="Markers along.")
-@click.option("--rows", type=_COUNT_RANGE, default=6, show_default=True, help="Markers across.")
-@click.option(
-    "--spacing-mm",
-    type=_LENGTH_MM,
-    default=25.0,
-    show_default=True,
-    help="Distance of centres along.",
-)
+@_count_option("--columns", 10, "Markers along.", _COUNT_RANGE)
+@_count_option("--rows", 6, "Markers across.", _COUNT_RANGE)
+@_length_option("--spacing-mm", 25.0, "Distance of centres along.")
 @click.option("--row-spacing-mm", type=_LENGTH_MM, help="Distance across.  [default: as along]")
-@click.option("--diameter-mm", type=_LENGTH_MM, default=8.0, show_default=True, help="Of a marker.")
+@_length_option("--diameter-mm", 8.0, "Of a marker.")
 @click.option("--bright", is_flag=True, help="White on black.")
 @_PAPER_OPTION
-def markers(
-    file: Path,
-    columns: int,
-    rows: int,
-    spacing_mm: float,
-    row_spacing_mm: float | None,
-    diameter_mm: float,
-    bright: bool,
-    paper: str,
-) -> None:
+def markers(file: Path, **given: Any) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
     from thesis_lib.measure.paper.pages import write_markers
 
     with one_line(file):
-        count = write_markers(
-            file, columns, rows, spacing_mm, row_spacing_mm, diameter_mm, paper, bright
-        )
+        count = write_markers(file, **given)
     echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
 

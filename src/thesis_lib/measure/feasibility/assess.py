@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -171,7 +172,7 @@ def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm:
     return Verdict(*map(float, (*shares, *needed_mm)))
 
 
-def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
+def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
     return Warning(code, where, format_message(ALL_MESSAGES[code], variant, **values))
 
 
@@ -210,7 +211,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
             yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
         else:
             off = CHECK_LIMITS["alias"] / steady
-            known = {"steady": steady, "off": off, "share": off / f}
+            known: dict[str, object] = {"steady": steady, "off": off, "share": off / f}
             yield _warn("alias", where, given=given, seen=seen, **known)
             edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
             if edge < least:
@@ -228,7 +229,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
         rings = alias_frequency(own, rate)
         near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
         if own >= rate / 2 and (k == 0 or near):
-            mode = {"own": own, "rings": rings, "least": 2 * own}
+            mode: dict[str, object] = {"own": own, "rings": rings, "least": 2 * own}
             yield _warn("higher-modes", where, rate=rate, seen=seen, **mode)
             return
 
@@ -242,7 +243,7 @@ def _check_camera(
     focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
     blur_px = limits["motion-blur"] * np.float64(row.across_px)
     sharper = row.defocus_px / limits["depth-of-field"]
-    checks: list[tuple[str, str, bool, float]] = [  # code, field, if wrong, what would do
+    checks: list[tuple[str, str, Any, float]] = [  # code, field, if wrong, what would do
         ("long-exposure", "exposure_s", f * camera.exposure_s > limits["long-exposure"],
          limits["long-exposure"] / f),
         ("motion-blur", "exposure_s", row.blur_px > blur_px,
@@ -263,8 +264,8 @@ def _check_camera(
     ]  # fmt: skip
     for code, field, wrong, allowed in checks:
         if wrong:
-            values = {"camera": camera, "row": row, "allowed": allowed, "blur_px": blur_px}
-            yield _warn(code, f"{where}.{field}", **values)
+            place, more = f"{where}.{field}", {"allowed": allowed, "blur_px": blur_px}
+            yield _warn(code, place, camera=camera, row=row, **more)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
         count = 4 - np.count_nonzero(corners)
         yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)

@@ -29,7 +29,7 @@ from thesis_lib.measure.report.warnings import (
     check_sound,
     no_wall_change,
 )
-from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
+from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, iterate_slices, save_figure
 from thesis_lib.plotting.viewer_data import encode_field
 from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
@@ -222,7 +222,7 @@ def build_shape(
         viewer=Markup(view_shape(data, _extent(manifest))),
         numbers=tabulate_shape(data),
         candidates=[data.isel(candidate=k) for k in order],
-        cameras=_slices(placed, "camera"),
+        cameras=list(iterate_slices(placed, "camera")),
         feasibility="\n".join(describe_assessment(assessment)),
         warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
         excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
@@ -231,10 +231,6 @@ def build_shape(
 
 def _extent(manifest: Manifest) -> tuple[float, float]:
     return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
-
-
-def _slices(data: xr.Dataset, along: str) -> list[xr.Dataset]:
-    return [data.isel({along: k}) for k in range(data.sizes[along])]
 
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
@@ -272,6 +268,7 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
+    extent = _extent(manifest)
     return _assemble(
         "modes.html.j2",
         data,
@@ -283,7 +280,7 @@ def build_modes(
         response,
         modes=tabulate_modes(data),
         shapes=tabulate_mode_shapes(data),
-        viewers=[Markup(view_shape(one, _extent(manifest))) for one in _slices(data, "mode")],
+        viewers=[Markup(view_shape(one, extent)) for one in iterate_slices(data, "mode")],
     )
 
 
@@ -388,8 +385,8 @@ def summarise_response(data: xr.Dataset) -> list[str]:
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
-    tones = _slices(data, "tone")
-    points = [one for tone in tones for one in _slices(tone, "point")]
+    tones = list(iterate_slices(data, "tone"))
+    points = [one for tone in tones for one in iterate_slices(tone, "point")]
     bands = [data.sel(band=band) for band in data["band"].values]
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
@@ -406,7 +403,7 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         viewers=[Markup(view_sound(one, manifest)) for one in tones],
         place=format_point,
         points=[one.assign(pressure=absolute_pressure(one)) for one in points],
-        bands=[{"data": one, "points": _slices(one, "point")} for one in bands],
+        bands=[{"data": one, "points": list(iterate_slices(one, "point"))} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
     )
@@ -417,10 +414,10 @@ def summarise_sound(data: xr.Dataset) -> list[str]:
     return render_lines(
         _TEMPLATE_FOLDER + "sound.txt.j2",
         data=data,
-        tones=_slices(data, "tone"),
+        tones=list(iterate_slices(data, "tone")),
         whole=data.sel(band=ALL_TONES),
         wall=data.attrs["wall"],
-        bare=[_level_without_wall(one) for one in _slices(data, "tone")],
+        bare=[_level_without_wall(one) for one in iterate_slices(data, "tone")],
     )
 
 
