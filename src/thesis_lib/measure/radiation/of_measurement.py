@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     StructureSpec,
 )
 from thesis_lib.measure.recordings.validation import ChainError
+from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.studies import storage
 
 MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
@@ -263,44 +265,28 @@ def sound_table(data: xr.Dataset) -> pd.DataFrame:
     """Return every number with its standard error, one in a row."""
     rows: list[tuple[object, ...]] = []
 
-    def add_row(of: object, name: str, what: object, one: xr.Dataset) -> None:
-        rows.append((of, name, what, float(one[name]), float(error_of(one, name)), one[name].units))
+    def add_rows(of: object, one: xr.Dataset, names: Sequence[str], what: object = "") -> None:
+        for name in names:
+            errors = [one[own] for own in (f"{name}_error", f"{name}_std") if own in one]
+            error = float(errors[0]) if errors else np.nan
+            rows.append((of, name, what, float(one[name]), error, one[name].units))
 
-    for tone in range(data.sizes["tone"]):
-        one = data.isel(tone=tone)
+    for one in iterate_slices(data, "tone"):
         hertz = f"{float(one['frequency']):.6g}"
-        for name in (
-            "power",
-            "power_level",
-            "efficiency",
-            *(["energy"] if "energy" in one else []),
-            "no_wall_change",
-            "no_wall_below",
-        ):
-            add_row(hertz, name, "", one)
-        for mode in range(one.sizes["mode"]):
-            add_row(hertz, "mode_power", mode + 1, one.isel(mode=mode))
-        for point in range(one.sizes["point"]):
-            here = one.isel(point=point)
-            add_row(
-                hertz, "pressure", format_point(here), here.assign(pressure=absolute_pressure(here))
-            )
-            add_row(hertz, "level", format_point(here), here)
+        names = ["power", "power_level", "efficiency", *(["energy"] if "energy" in one else [])]
+        add_rows(hertz, one, [*names, "no_wall_change", "no_wall_below"])
+        for number, mode in enumerate(iterate_slices(one, "mode"), 1):
+            add_rows(hertz, mode, ["mode_power"], number)
+        for here in iterate_slices(one, "point"):
+            pressure = here.assign(pressure=absolute_pressure(here))
+            add_rows(hertz, pressure, ["pressure", "level"], format_point(here))
     for band in data["band"].values if data.sizes["tone"] > 1 else ():
         one = data.sel(band=band)
-        for name in ("band_power", "band_power_level"):
-            add_row(band, name, "", one)
-        for point in range(one.sizes["point"]):
-            add_row(band, "band_level", format_point(one.isel(point=point)), one.isel(point=point))
+        add_rows(band, one, ["band_power", "band_power_level"])
+        for here in iterate_slices(one, "point"):
+            add_rows(band, here, ["band_level"], format_point(here))
     names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
     return pd.DataFrame(rows, columns=names)
-
-
-def error_of(one: xr.Dataset, name: str) -> xr.DataArray:
-    """Return the standard error of a number; NaN if it has none."""
-    return next(
-        (one[of] for of in (f"{name}_error", f"{name}_std") if of in one), xr.DataArray(np.nan)
-    )
 
 
 def format_point(one: xr.Dataset) -> str:

@@ -169,12 +169,8 @@ def radiate_sound(
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows)
-    values |= {
-        "place": points.T,
-        "u": planes[0].u,
-        "z": planes[0].z,
-        "area": np.array(surface.area),
-    }
+    values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z}
+    values["area"] = np.array(surface.area)
     coords = {
         "plane": ("plane", [plane.name for plane in planes], {"long_name": "plane"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
@@ -224,13 +220,10 @@ def _of_tone(
     left, noise = between.left(shape)
     return {
         "frequency": np.array(omega / (2 * np.pi)),
-        "power": power.value,
-        "power_error": power.error,
+        **_with_error("power", power),
         **_levels("power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
-        "efficiency": efficiency.value,
-        "efficiency_error": efficiency.error,
-        "mode_power": each.value,
-        "mode_power_error": each.error,
+        **_with_error("efficiency", efficiency),
+        **_with_error("mode_power", each),
         "pressure_real": here.real,
         "pressure_imag": here.imag,
         "pressure_error": size.error,
@@ -279,8 +272,7 @@ def _of_bands(
         estimates.Estimate(value[:, own], error[:, own]) for own in (0, slice(1, None))
     )
     return {
-        "band_power": power.value,
-        "band_power_error": power.error,
+        **_with_error("band_power", power),
         **_levels("band_power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
         **_levels("band_level", DECIBELS_PER_NEPER, REFERENCE_PRESSURE**2, square),
     }
@@ -290,6 +282,10 @@ def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
     """Return the rows (k, markers) of each tone as rows of the amplitudes of all tones."""
     places = np.eye(len(rows))[:, None]
     return np.concatenate([np.kron(place, own) for place, own in zip(places, rows, strict=True)])
+
+
+def _with_error(name: str, known: estimates.Estimate) -> dict[str, Array]:
+    return {name: known.value, f"{name}_error": known.error}
 
 
 def _levels(
