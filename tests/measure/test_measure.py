@@ -310,9 +310,12 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
     """Far longer waves than the beam: it is a point source before a wall, of known strength."""
     folder = copied(measured, tmp_path / "recording", results=True)
     change_manifest(folder, lambda values: values.update(radiation={}))
-    done = thesis("measure", folder / "manifest.yaml")
-    assert (done.status, done.err) == (0, "")
-    assert "sound power at 4.25 Hz: 48." in done.out
+    done = thesis("measure", folder / "manifest.yaml", "--json")
+    told = json.loads(done.out)
+    assert done.status == 0
+    assert told["report"] == str(folder / "measured" / "report.html")
+    assert any("sound power at 4.25 Hz: 48." in line for line in told["found"])
+    assert all(one["text"] for one in told["notes"])
     page = (folder / "measured" / "report.html").read_text(encoding="utf-8")
     assert "<h2>Sound</h2>" in page
     assert "rigid wall (a baffle)" in page
