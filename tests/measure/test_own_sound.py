@@ -10,7 +10,6 @@ from pydantic import ValidationError
 from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.sources import Pistons
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.acoustics.unbaffled import Screen
 from thesis_lib.facts import setups
@@ -534,8 +533,3 @@ def test_the_hull_is_around_the_markers(conforms):
     made = sound_of(measurement(), own)
     width, height = 668 * 8 / 9 + 1, 443 * 5 / 6 + 1
     conforms.closed_form(float(made["area"]), width * height * 1e-6, rtol=1e-5)
-
-
-def test_pistons_of_cells_are_what_they_were():
-    assert isinstance(SURFACE.pistons, Pistons)
-    assert SURFACE.share.min() > 0.999

@@ -15,7 +15,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.calibration_error import common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, common_phase
-from thesis_lib.measure.fitting.models import candidate_modes, scale_model
+from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.of_tracks import at_rest
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.fitting.result import size_off
@@ -461,14 +461,11 @@ def modes_result(
         "before": found.before.power,
         "after": found.after.power,
     } | {name: getattr(found, name) for name in COMMON_VARIABLES}
-    mac = np.array([[_mac(own, model.shape) for model in models] for own in shape.real])
+    compared = [compare_modes(own, models)[0] for own in shape.real]
     values |= {
-        "mac": mac.reshape(len(shape), len(models)),
+        "mac": np.reshape([one["mac"] for one in compared], (len(shape), len(models))),
         "model_frequency": [model.frequency for model in models],
-        "reference_deflection": [
-            scale_model(own, models[int(np.nanargmax(row))].shape) if len(models) else np.nan * own
-            for own, row in zip(shape.real, mac, strict=True)
-        ],
+        "reference_deflection": [one["reference_deflection"] for one in compared],
     }
     coords = {
         "camera": ("camera", [o.camera.name for o in recordings], {"long_name": "camera"}),
@@ -539,7 +536,3 @@ def requested_modes(manifest: Manifest, recordings: Sequence[tracks.Recording]) 
 
 def _pad(values: Array, by: Array, length: int) -> Array:
     return np.pad(values[np.argsort(by)], (0, length - len(values)), constant_values=np.nan)
-
-
-def _mac(measured: Array, model: Array) -> float:
-    return float(modal_assurance([measured, np.where(np.isfinite(measured), model, np.nan)])[0, 1])
