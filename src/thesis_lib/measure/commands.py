@@ -94,12 +94,13 @@ def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
         print_json(asdict(assessment) | outcome)
         return
     echo(*assess.describe_assessment(assessment), *files)
-    colour = {"compressed": "green", "none": "red"}.get(assessment.verdict.outcome, "yellow")
+    well = assessment.verdict.outcome == "compressed" and not assessment.warnings
+    colour = "green" if well else "red" if assessment.verdict.outcome == "none" else "yellow"
     plain = os.environ.get("NO_COLOR") or None
     click.secho("\n".join(verdict), fg=colour, color=False if plain else None)
 
 
-def measure(path: Path, out: Path, as_json: bool) -> None:
+def run_measurement(path: Path, out: Path, as_json: bool) -> None:
     """Measure the recordings of a manifest into a folder, and print what was found."""
     from thesis_lib.measure.pipeline import measure_recordings
 
