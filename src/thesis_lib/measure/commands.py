@@ -93,7 +93,7 @@ def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
         outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
         print_json(asdict(assessment) | outcome)
         return
-    echo(*assess.describe_assessment(assessment), *files)
+    echo(*assess.describe_assessment(assessment), *files, "")
     well = assessment.verdict.outcome == "compressed" and not assessment.warnings
     colour = "green" if well else "red" if assessment.verdict.outcome == "none" else "yellow"
     plain = os.environ.get("NO_COLOR") or None

@@ -117,7 +117,7 @@ def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
 
 def _describe_check(assessed: Assessment) -> list[str]:
     """Return the lines that ``thesis measure --check`` prints."""
-    return [*describe_assessment(assessed), *describe_verdict(assessed)]
+    return [*describe_assessment(assessed), "", *describe_verdict(assessed)]
 
 
 def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assessment:
