@@ -7,7 +7,12 @@ import pytest
 from command import thesis
 
 from thesis_lib.book.pieces import benchmarks, filming
-from thesis_lib.measure.feasibility.assess import assess_manifest
+from thesis_lib.measure.feasibility.assess import (
+    COMPRESSED_ERROR_PX,
+    LOSSLESS_ERROR_PX,
+    assess_manifest,
+    format_error_share,
+)
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.messages import CHECK_LIMITS
 
@@ -18,8 +23,10 @@ def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
     commands = [shlex.split(line.removeprefix("$ "))[1:] for line in block.splitlines()]
     first, check = (thesis(*command, cwd=tmp_path) for command in commands)
     assert (first.status, check.status) == (0, 0)
-    shown = re.search(r"```text\n(.*?)\n```", text, re.DOTALL).group(1)
+    verdict, shown = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
     assert check.out.strip() == shown.strip()
+    assert check.out.strip().endswith(verdict.strip())
+    assert "wrong by up to 22 %" in verdict
 
 
 def test_the_rule_is_the_limit_that_the_check_warns_of():
@@ -27,23 +34,28 @@ def test_the_rule_is_the_limit_that_the_check_warns_of():
     text = filming.state_rule()
     assert "half a pixel is the least" in text
     row = next(line for line in text.splitlines() if line.startswith("| as a phone"))
-    at_one = 100 * filming.film_error_px(filming.COMPRESSED_NAME)
-    assert f"{at_one:.1f} %" in row
-    assert f"{at_one / 0.5:.0f} %" in row
-    assert 10 * filming.film_error_px(filming.LOSSLESS_NAME) < filming.film_error_px(
-        filming.COMPRESSED_NAME
-    )
+    assert f"{100 * COMPRESSED_ERROR_PX:.1f} %" in row
+    assert f"{100 * COMPRESSED_ERROR_PX / 0.5:.0f} %" in row
+
+
+@pytest.mark.parametrize(
+    ("film", "error_px"),
+    [("H.264, crf 23", COMPRESSED_ERROR_PX), ("lossless", LOSSLESS_ERROR_PX)],
+)
+def test_errors_of_films_are_those_that_the_benchmarks_measured(film, error_px):
+    rows = benchmarks.read_benchmarks()["compression"]["rows"]
+    worst = max(row["motion_px"] * row["error"] for row in rows if row["film"] == film)
+    assert error_px == pytest.approx(worst, rel=0.005)
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    moved = min(
-        row.motion_px for row in assess_manifest(draft_manifest(filming.EXAMPLE_PLATE)).table
-    )
-    share = benchmarks.format_share(filming.film_error_px(filming.COMPRESSED_NAME) / moved)
+    found = assess_manifest(draft_manifest(filming.EXAMPLE_PLATE))
+    moved = min(row.motion_px for row in found.table)
+    assert found.verdict.compressed == pytest.approx(COMPRESSED_ERROR_PX / moved)
     line = next(
         line for line in filming.answer_for_plate().splitlines() if line.startswith("| full HD")
     )
-    assert f"| {moved:.2f} | {share} |" in line
+    assert f"| {moved:.2f} | {format_error_share(found.verdict.compressed)} |" in line
 
 
 @pytest.mark.parametrize(

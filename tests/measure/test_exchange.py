@@ -25,7 +25,7 @@ from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.report import animation
-from thesis_lib.measure.report.viewer import view_shape
+from thesis_lib.measure.report.build import view_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision.lens import project_points

@@ -10,12 +10,15 @@ import pytest
 
 from thesis_lib.measure.feasibility.assess import (
     CENTRE_NOISE_PX,
+    COMPRESSED_ERROR_PX,
     assess_manifest,
     describe_assessment,
+    describe_verdict,
 )
 from thesis_lib.measure.feasibility.prediction import alias_frequency, noise_errors, rounding_errors
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
@@ -411,6 +414,52 @@ def test_a_folded_mode_is_named_by_its_frequency():
 def test_every_warning_has_a_threshold_and_every_threshold_a_test():
     tested = {*ONE, "alias", "alias-edge", "lost-markers", "weak-markers"}
     assert tested == set(CHECK_LIMITS)
+
+
+# Whether it will do.
+
+
+@pytest.mark.parametrize(
+    ("places", "outcome", "words"),
+    [
+        ({}, "compressed", "It will do."),
+        ({"excitation__amplitude_mm": 0.15}, "lossless", "It will do without loss; compressed, it"),
+        ({"excitation__amplitude_mm": 0.001}, "none", "It will not do: it takes a deflection of"),
+        ({"excitation__amplitude_mm": None}, "amplitude unknown", "will do from a largest deflect"),
+        ({f"cameras__{i}__distance_mm": None for i in range(3)}, "unknown", "give lens and place"),
+    ],
+)
+def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
+    found = assessed(change(rig(), **places))
+    assert found.verdict.outcome == outcome
+    text = " ".join(describe_verdict(found))
+    assert words in text
+    assert ("Heed the" in text) == bool(found.warnings)
+    assert "nan" not in text
+
+
+def test_what_would_do_does(conforms):
+    little = assessed(change(rig(), excitation__amplitude_mm=0.15)).verdict
+    enough = {"excitation__amplitude_mm": 1.001 * little.compressed_from_mm}
+    assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
+    unknown = assessed(change(rig(), excitation__amplitude_mm=None)).verdict
+    conforms.invariance(unknown.compressed_from_mm, little.compressed_from_mm, rtol=1e-9)
+
+
+def test_cameras_on_one_side_are_judged_by_their_triangulation():
+    side = rig([(10, 22), (16, 22)])
+    X, P = points_of(side), matrices((10, 16)).P
+    noise = noise_errors(P, X, np.full(2, COMPRESSED_ERROR_PX / np.sqrt(2)))
+    found = assessed(side).verdict
+    assert found.compressed == pytest.approx(1000 * noise.max() / 2.5)
+    assert found.compressed > 2 * COMPRESSED_ERROR_PX / min(
+        r.motion_px for r in assessed(side).table
+    )
+
+
+def test_an_unknown_detector_is_refused_before_anything_is_filmed():
+    with pytest.raises(ManifestError, match=r"markers\.detector: given cross, allowed: disc"):
+        assessed(change(rig(), structure__markers={"detector": "cross"}))
 
 
 # What is not known.

@@ -18,7 +18,6 @@ from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, StructureSpec
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record_track
-from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.simulation import assurance_criterion
 
@@ -163,28 +162,6 @@ def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
 
 
 # Steps.
-
-
-def test_a_step_is_computed_once_for_its_key(tmp_path):
-    calls = []
-
-    def compute():
-        calls.append(1)
-        return xr.Dataset({"a": 1.0})
-
-    file = tmp_path / "video"
-    file.write_text("1")
-    first = key_of({"b": 2}, [file])
-    assert float(load_or_compute(tmp_path / "step.nc", compute, first)["a"]) == 1
-    load_or_compute(tmp_path / "step.nc", compute, first)
-    assert len(calls) == 1
-    file.write_text("12")  # another recording
-    second = key_of({"b": 2}, [file])
-    assert second != first != key_of({"b": 3}, [file])
-    load_or_compute(tmp_path / "step.nc", compute, second)
-    (tmp_path / "step.nc").write_bytes(b"damaged")
-    assert float(load_or_compute(tmp_path / "step.nc", compute, second)["a"]) == 1
-    assert len(calls) == 3
 
 
 class StopError(Exception):

@@ -10,15 +10,12 @@ from pydantic import ValidationError
 from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.sources import Pistons
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.facts import setups
 from thesis_lib.measure.radiation import (
     between,
-    files,
     of_measurement,
     radiated,
-    without_wall,
 )
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.radiation.radiated import complex_of, group_octaves
@@ -387,7 +384,7 @@ def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms,
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
     monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     monkeypatch.setattr(radiated, "SURFACE_NODES", 200)
-    monkeypatch.setattr(without_wall, "SCREEN_CELLS", (40, 20))
+    monkeypatch.setattr(of_measurement, "SCREEN_CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):
@@ -418,7 +415,7 @@ def test_a_mode_that_does_not_seem_to_die_away_has_no_energy():
     assert np.isfinite(made["power"].values).all()
     assert "unknown J in all" in summarise_sound(made)[1]
     assert (
-        np.abs(files.audible_pressure(made, 0)).max()
+        np.abs(of_measurement.audible_pressure(made, 0)).max()
         < 2 * np.abs(complex_of(made, "pressure")).sum()
     )
 
@@ -435,7 +432,7 @@ def test_a_report_of_several_modes_tells_each_and_all(decaying, tmp_path):
     page = build_sound(decaying, manifest()).page
     for said in ("energy in J", "<td>all</td>", "By octave", lines[-1]):
         assert said in page
-    files.write_sound(tmp_path, decaying)
+    of_measurement.write_sound(tmp_path, decaying)
     rows = (tmp_path / "radiated.csv").read_text().splitlines()
     assert sum("band_power," in row for row in rows) == 3
     assert sum(",energy," in row for row in rows) == 2
@@ -446,14 +443,14 @@ def test_a_sound_file_holds_modes_as_they_die_away_in_step(decaying, conforms):
     pressure = complex_of(decaying, "pressure")[:, 1]
     poles = 1j * np.array(OMEGAS) - DECAYS
     expected = np.real(pressure @ np.exp(poles[:, None] * times))
-    found = files.audible_pressure(decaying, 1)[: len(times)]
-    late = times > files.RISE_S
+    found = of_measurement.audible_pressure(decaying, 1)[: len(times)]
+    late = times > of_measurement.RISE_S
     conforms.closed_form(found[late], expected[late], atol=1e-9 * np.abs(expected).max())
     assert found[0] == 0
 
 
 def test_a_sound_file_has_the_pressure_of_its_point(made, tmp_path, conforms):
-    files.write_sound(tmp_path, made)
+    of_measurement.write_sound(tmp_path, made)
     rate, samples = wavfile.read(tmp_path / "heard-2.wav")
     assert rate == 48000
     middle = samples[rate : 2 * rate]
@@ -535,8 +532,3 @@ def test_the_hull_is_around_the_markers(conforms):
     made = sound_of(measurement(), own)
     width, height = 668 * 8 / 9 + 1, 443 * 5 / 6 + 1
     conforms.closed_form(float(made["area"]), width * height * 1e-6, rtol=1e-5)
-
-
-def test_pistons_of_cells_are_what_they_were():
-    assert isinstance(SURFACE.pistons, Pistons)
-    assert SURFACE.share.min() > 0.999

@@ -23,10 +23,8 @@ from scenes.modes import calibration_of, recorded, rig
 from scipy.signal import resample_poly
 from sdypy import EMA
 
-from thesis_lib.measure.measured import Recorded
-from thesis_lib.measure.modes.identify import modal_assurance
-from thesis_lib.measure.modes.result import rest_of
-from thesis_lib.measure.pipeline import measure_motion
+from thesis_lib.measure.modes.identify import modal_assurance, rest_of
+from thesis_lib.measure.pipeline import Recorded, measure_motion
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError
@@ -37,10 +35,11 @@ from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.displacement import at_times, estimate_deflections, noise_of
 from thesis_lib.measure.response.force import dwell_time, find_sweep, read_force, settling_time
-from thesis_lib.measure.response.result import REPEATED_AFTER, estimate_response
-from thesis_lib.measure.response.spectra import (
+from thesis_lib.measure.response.result import (
+    REPEATED_AFTER,
     cut_of,
     estimate_blur,
+    estimate_response,
     receptance_of_segments,
     segment_spectra,
 )
@@ -551,7 +550,7 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
-    text = page.read_text(encoding="utf-8")
+    text = page.page
     assert text.count("<figure>") == 3
     assert "marker 46, nearest to the force" in text
     assert said[2].startswith("receptance of 75 markers from 2")

@@ -344,8 +344,7 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
         assert np.isnan(data["focal_deviation"]).all()
     assert (data["shots_used"] == 0).all() == placed
     if calibration in ("measured", {"file": "measured", "poses": "anew"}):
-        report = measure_recordings(first / "again.yaml", first / "again", lambda line: None)
-        page = report.read_text(encoding="utf-8")
+        page = measure_recordings(first / "again.yaml", first / "again", lambda line: None).page
         assert ("comes from the calibration that was reused" in page) == placed
 
 

@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from browser import Opened, drag, open_offline
 
-from thesis_lib.measure.report.viewer import view_shape
+from thesis_lib.measure.report.build import view_shape
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -7,13 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
-import av
-import numpy as np
 import pytest
 import yaml
 from command import Done, hears_signals
@@ -92,35 +89,6 @@ def few_shots(values: dict, count: int) -> None:
     """The same manifest with fewer pictures of the board."""
     for camera in values["cameras"]:
         camera["board_images"] = [f"board/{camera['name']}-{k:02d}.jpg" for k in range(count)]
-
-
-def remux(
-    video: Path,
-    sound: np.ndarray | None,
-    retime: Callable[[Sequence[av.Packet]], object] = lambda packets: None,
-) -> None:
-    """The same pictures with another sound, or none, and perhaps at other times."""
-    new = video.with_name(f"new-{video.name}")
-    with av.open(str(video)) as old, av.open(str(new), "w") as file:
-        pictures = old.streams.video[0]
-        stream = file.add_stream_from_template(pictures)
-        packets = [packet for packet in old.demux(pictures) if packet.size]
-        retime(packets)
-        due = sorted(packet.pts for packet in packets)
-        late = max(when - packet.pts for when, packet in zip(due, packets, strict=True))
-        if sound is not None:
-            track = file.add_stream("pcm_s16le", rate=SAMPLE_RATE, layout="mono")
-            samples = np.rint(np.clip(sound, -1, 1 - 2**-15) * 2**15).astype(np.int16)
-            block = av.AudioFrame.from_ndarray(samples[None], "s16", "mono")
-            block.sample_rate, block.pts = SAMPLE_RATE, 0
-            block.time_base = Fraction(1, SAMPLE_RATE)
-        for when, packet in zip(due, packets, strict=True):
-            packet.stream, packet.dts = stream, when - late
-            file.mux(packet)
-        if sound is not None:
-            file.mux(track.encode(block))
-            file.mux(track.encode(None))
-    new.replace(video)
 
 
 class Page(HTMLParser):

@@ -17,8 +17,7 @@ from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.reused import as_calibrated
 from thesis_lib.measure.exchange.reading import Found
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.modes.shapes import Rest
-from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.excitation import Excitation, Sought
 from thesis_lib.measure.recordings.manifest_model import Manifest

@@ -12,7 +12,7 @@ from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import Rig, default_poses, default_rig
-from thesis_lib.measure.measured import fit_deflection, record_tracks
+from thesis_lib.measure.pipeline import fit_deflection, record_tracks
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest

@@ -12,8 +12,7 @@ from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres
 from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.modes.shapes import Rest
-from thesis_lib.measure.modes.tracks import Track
+from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Structure
 from thesis_lib.vision import lens

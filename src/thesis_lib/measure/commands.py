@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import os
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +19,7 @@ from thesis_lib.asides import echo
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest
 
+_Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
 _PAPER_SIZES = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
 _LENGTH_MM = click.FloatRange(0.5, 5000)
@@ -74,6 +79,46 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
+def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
+    """Print what the recordings of a manifest could reach; draw it into a folder, if given."""
+    from thesis_lib.measure.feasibility import assess
+    from thesis_lib.measure.recordings.manifest import read_manifest
+
+    manifest = read_manifest(path, check_files=False)
+    assessment = assess.assess_manifest(manifest)
+    verdict = assess.describe_verdict(assessment)
+    files = write_corners_page(manifest, path.parent)
+    files += draw(manifest, out) if out else []
+    if as_json:
+        outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
+        print_json(asdict(assessment) | outcome)
+        return
+    echo(*assess.describe_assessment(assessment), *files, "")
+    well = assessment.verdict.outcome == "compressed" and not assessment.warnings
+    colour = "green" if well else "red" if assessment.verdict.outcome == "none" else "yellow"
+    plain = os.environ.get("NO_COLOR") or None
+    click.secho("\n".join(verdict), fg=colour, color=False if plain else None)
+
+
+def run_measurement(path: Path, out: Path, as_json: bool) -> None:
+    """Measure the recordings of a manifest into a folder, and print what was found."""
+    from thesis_lib.measure.pipeline import measure_recordings
+
+    report = measure_recordings(path, out, partial(echo, err=as_json))
+    page = out / "report.html"
+    if as_json:
+        notes = [note._asdict() for note in report.notes]
+        print_json({"report": str(page), "found": report.summary, "notes": notes})
+    else:
+        echo(f"Open {page}")
+
+
+def print_json(values: Mapping[str, Any]) -> None:
+    """Print plain values as JSON; what is not known, NaN, is null."""
+    known = json.loads(json.dumps(values), parse_constant=lambda _: None)
+    click.echo(json.dumps(known, ensure_ascii=False, indent=1))
+
+
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
     """Write the page in which corners are clicked, if there are videos already, and say where."""
     from thesis_lib.files import staging
@@ -108,64 +153,47 @@ def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
 
+def _count_option(name: str, default: int, what: str, allowed: click.IntRange) -> _Option:
+    return click.option(name, type=allowed, default=default, show_default=True, help=what)
+
+
+def _length_option(name: str, default: float, what: str) -> _Option:
+    return click.option(name, type=_LENGTH_MM, default=default, show_default=True, help=what)
+
+
 @print_.command(short_help="Draw a calibration board.")
 @click.argument("file", type=_FILE_TYPE, default=Path("board.pdf"), required=False)
-@click.option("--columns", type=_TILE_RANGE, default=7, show_default=True, help="Tiles along.")
-@click.option("--rows", type=_TILE_RANGE, default=5, show_default=True, help="Tiles across.")
-@click.option("--tile-mm", type=_LENGTH_MM, default=25.0, show_default=True, help="Side of a tile.")
+@_count_option("--columns", 7, "Tiles along.", _TILE_RANGE)
+@_count_option("--rows", 5, "Tiles across.", _TILE_RANGE)
+@_length_option("--tile-mm", 25.0, "Side of a tile.")
 @click.option("--charuco", is_flag=True, help="With ArUco marks, a ChArUco board.")
 @click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
 @_PAPER_OPTION
-def board(
-    file: Path,
-    columns: int,
-    rows: int,
-    tile_mm: float,
-    charuco: bool,
-    two_sided: bool,
-    paper: str,
-) -> None:
+def board(file: Path, **given: Any) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
     from thesis_lib.measure.paper.pages import write_board
 
     with one_line(file):
-        said = write_board(file, columns, rows, tile_mm, paper, charuco, two_sided)
+        said = write_board(file, **given)
     echo(f"{file}: print at 100 %, measure the line of 100 mm, glue the sheet on a flat plate")
     echo(*said.split("\n"))
 
 
 @print_.command(short_help="Draw markers, on as many pages as needed.")
 @click.argument("file", type=_FILE_TYPE, default=Path("markers.pdf"), required=False)
-@click.option("--columns", type=_COUNT_RANGE, default=10, show_default=True, help="Markers along.")
-@click.option("--rows", type=_COUNT_RANGE, default=6, show_default=True, help="Markers across.")
-@click.option(
-    "--spacing-mm",
-    type=_LENGTH_MM,
-    default=25.0,
-    show_default=True,
-    help="Distance of centres along.",
-)
+@_count_option("--columns", 10, "Markers along.", _COUNT_RANGE)
+@_count_option("--rows", 6, "Markers across.", _COUNT_RANGE)
+@_length_option("--spacing-mm", 25.0, "Distance of centres along.")
 @click.option("--row-spacing-mm", type=_LENGTH_MM, help="Distance across.  [default: as along]")
-@click.option("--diameter-mm", type=_LENGTH_MM, default=8.0, show_default=True, help="Of a marker.")
+@_length_option("--diameter-mm", 8.0, "Of a marker.")
 @click.option("--bright", is_flag=True, help="White on black.")
 @_PAPER_OPTION
-def markers(
-    file: Path,
-    columns: int,
-    rows: int,
-    spacing_mm: float,
-    row_spacing_mm: float | None,
-    diameter_mm: float,
-    bright: bool,
-    paper: str,
-) -> None:
+def markers(file: Path, **given: Any) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
     from thesis_lib.measure.paper.pages import write_markers
 
     with one_line(file):
-        count = write_markers(
-            file, columns, rows, spacing_mm, row_spacing_mm, diameter_mm, paper, bright
-        )
+        count = write_markers(file, **given)
     echo(f"{file}: {count} pages to be printed at 100 %, cut at the corner marks, and joined")
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
@@ -13,24 +15,161 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
+from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
+from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import files, history
-from thesis_lib.measure.exchange.reading import OWN_FILE
+from thesis_lib.measure.exchange.reading import OWN_FILE, Found
 from thesis_lib.measure.exchange.tables import write_csv
-from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
-from thesis_lib.measure.measured import Recorded, fit_deflection, record_tracks
-from thesis_lib.measure.modes.result import modes_result
-from thesis_lib.measure.radiation import files as radiation_files
-from thesis_lib.measure.radiation.of_measurement import sound_of
+from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
+from thesis_lib.measure.fitting.frequency import in_step
+from thesis_lib.measure.fitting.result import shape_result
+from thesis_lib.measure.modes.identify import modes_result
+from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
 from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.report import animation, build
-from thesis_lib.measure.report.diagnostics import collect_diagnostics
+from thesis_lib.measure.report.figures import collect_diagnostics
 from thesis_lib.measure.response.result import estimate_response
+from thesis_lib.measure.steps import (
+    CALIBRATION_VARIABLES,
+    SOUND_VARIABLES,
+    calibrate_rig,
+    inspect_videos,
+    read_sound,
+    track_markers,
+)
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
-from thesis_lib.studies.schema import with_origin
+from thesis_lib.studies.schema import label_values, parse_variables, with_origin
+
+SHOT_VARIABLES = parse_variables("shots_used(camera) [1] board images that were used")
+UNSTORED_VARIABLES = {
+    "single_focal", "R_camera_world", "centre", "covariance",
+    "frequency", "of_sound", "of_sound_deviation",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Inputs of a measurement, before anything is fitted."""
+
+    sound: xr.Dataset  #: When the cameras started, and what their sound tells
+    calibration: xr.Dataset  #: The cameras
+    recordings: Sequence[Recording]  #: Their tracks
+
+
+def record_tracks(
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
+) -> Recorded:
+    """Check, listen, calibrate and track; each step is kept in the folder `steps`.
+
+    Raises
+    ------
+    ManifestError, MediaError, CalibrationError, SynchronisationError, TrackingError
+        If a file cannot be used, or what was recorded does not suffice.
+    """
+    say(f"checking {len(manifest.cameras)} videos")
+    clocks = recordings_check.check_files(manifest, folder)  # what it refuses leaves no trace
+    given, filmed = (
+        reuse_calibration(manifest, folder),
+        recordings_check.add_frame_rates(manifest, clocks),
+    )
+    sound = read_sound(filmed, folder, steps, say)  # first: it may refuse more of the manifest
+    reading, repeats = inspect_videos(manifest, folder, steps, clocks)
+    for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
+        say(line)
+    sound.attrs["repeats"] = "\n".join(repeats)
+    calibration = _calibration(manifest, folder, steps, given, say)
+    recordings = track_markers(filmed, folder, steps, calibration, sound, clocks)
+    return Recorded(sound, calibration, recordings)
+
+
+def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
+    """Fit the shape of one frequency, with all that it rests on, and every marker's motion.
+
+    Returns
+    -------
+    tuple of xarray.Dataset
+        What ``measured.nc`` and ``motion.nc`` hold.
+
+    Raises
+    ------
+    ChainError, FrequencyError
+        If the markers at rest, or the motion, do not suffice.
+    """
+    excitation, sound = manifest.excitation, of.sound
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
+        data = shape_result(
+            manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
+        )
+        still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
+        _check_plane(data, manifest)
+        data = with_origin(data.merge(_stored_variables(of.calibration, sound)), _SOURCE_TEXT)
+        data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
+        moved = history.time_histories(data, in_step(data, of.recordings), still)
+        return data, with_origin(moved, data.attrs["source"])
+
+
+def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, str]:
+    """Return attributes of a result: its title, and what it rests on."""
+    kind, count = manifest.structure.kind, len(of.recordings)
+    return {
+        "title": f"{what} of a {kind}, measured with {count} cameras",
+        "parameters": manifest.model_dump_json(),
+        "notes": of.calibration.attrs["notes"],
+        "synchronisation": of.sound.attrs["synchronisation"],
+        "repeats": of.sound.attrs.get("repeats", ""),
+    }
+
+
+def _calibration(
+    manifest: Manifest, folder: Path, steps: Path, given: Found | None, say: Callable[[str], object]
+) -> xr.Dataset:
+    """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
+    board = manifest.board.board
+    if given is None:
+        return uncertainty.jackknife_calibration(
+            calibrate_rig(manifest, folder, steps, say), board, steps
+        )
+    assert manifest.calibration is not None
+    if manifest.calibration.poses == "kept":
+        return uncertainty.read_deviations(as_calibrated(given), given.covariance)
+    n = LENS_UNKNOWNS * len(given.cameras)
+    held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
+    placed = calibrate_rig(manifest, folder, steps, say, given.cameras)
+    return uncertainty.jackknife_calibration(placed, board, steps, held)
+
+
+def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
+    """Refuse markers at rest whose places do not tell the structure's plane."""
+    seen = np.isfinite(data["rest_position"].values).all(axis=0)
+    places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
+    if on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise ChainError(
+            f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
+            "line, which does not tell how the structure is turned about it: move a camera, or "
+            "add markers beside the line"
+        )
+
+
+def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
+    """Return the variables of calibration and sound that belong to the result."""
+    of_cameras = CALIBRATION_VARIABLES | uncertainty.VARIABLES
+    values = {
+        name: (calibration if name in of_cameras else sound)[name].values
+        for name in (*of_cameras, *SOUND_VARIABLES)
+        if name not in UNSTORED_VARIABLES
+    }
+    seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
+    table = of_cameras | SOUND_VARIABLES | SHOT_VARIABLES
+    names = {"camera": calibration["camera"]}
+    return xr.Dataset(label_values(values | {"shots_used": seen}, table), names)
+
 
 STEPS_FOLDER = ".steps"  # folder of what is kept between runs
 #: All that a measurement may write, as patterns
@@ -43,7 +182,7 @@ _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
 
 
-def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> Path:
+def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
     Parameters
@@ -60,8 +199,8 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
 
     Returns
     -------
-    Path
-        The report.
+    Report
+        The page ``report.html``, what was found, and notes on it.
 
     Raises
     ------
@@ -76,25 +215,19 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
     there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
     check_cache(out / STEPS_FOLDER)
-    assessment = assess_manifest(manifest)
-    for line in describe_assessment(assessment):
+    for line in describe_assessment(assess_manifest(manifest)):
         say(line)
     inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        if manifest.excitation.behaviour.result == "shape":
-            return measure_shape(manifest, folder, inputs, assessment, out, say)
-        return measure_motion(manifest, folder, inputs, out, say)
+        is_shape = manifest.excitation.behaviour.result == "shape"
+        measure = measure_shape if is_shape else measure_motion
+        return measure(manifest, folder, inputs, out, say)
 
 
 def measure_shape(
-    manifest: Manifest,
-    folder: Path,
-    inputs: Recorded,
-    assessment: Assessment,
-    out: Path,
-    say: Callable[[str], object],
-) -> Path:
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
+) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
     data, moved = fit_deflection(manifest, inputs)
@@ -102,24 +235,23 @@ def measure_shape(
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
     seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
+    assessment = assess_manifest(manifest)
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
-    with staging(out) as part:
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
-            radiation_files.write_sound(part, radiated)
+            write_sound(part, radiated)
         report.write(part)
-        put_files(part, out)
-    _print_report(report, sound, say)
-    return out / "report.html"
+    return report
 
 
 def measure_motion(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
-) -> Path:
+) -> build.Report:
     """Measure modes, motion over a force, or both; return the report.
 
     Raises
@@ -127,43 +259,37 @@ def measure_motion(
     ForceError, ChainError, MediaError, ModalError
         If force or tracks do not suffice; one line that says what would do.
     """
-    response = None
-    if manifest.force is not None:
-        response = _measure_response(manifest, folder, inputs, out, say)
-    if response is None or manifest.excitation.behaviour.result != "response":
-        return measure_modes(manifest, inputs, out, say, response)
-    report = build.build_response_alone(
-        response,
-        manifest,
-        str(inputs.calibration.attrs["notes"]),
-        inputs.sound.attrs["synchronisation"],
-    )
-    with staging(out) as part:
-        report.write(part)
-        put_files(part, out)
-    return out / "report.html"
+    if manifest.force is None:
+        return measure_modes(manifest, inputs, out, say)
+    response = _measure_response(manifest, folder, inputs, out, say)
+    if manifest.excitation.behaviour.result == "response":
+        return response
+    return response.join(measure_modes(manifest, inputs, out, say, response))
 
 
 def _measure_response(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
 ) -> build.Report:
-    """Write motion over force into a folder; return the part of the report on it."""
+    """Write motion over force into a folder; return the report, or the part of it to come."""
     say("motion over force")
-    data = with_origin(
-        estimate_response(manifest, inputs.sound, inputs.recordings, folder), _SOURCE_TEXT
-    )
+    found = estimate_response(manifest, inputs.sound, inputs.recordings, folder)
+    data = with_origin(found, _SOURCE_TEXT)
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",
         parameters=manifest.model_dump_json(),
         synchronisation=inputs.sound.attrs["synchronisation"],
     )
-    response = build.build_response(data, manifest)
-    with staging(out) as part:
+    report = build.build_response(data, manifest)
+    alone = manifest.excitation.behaviour.result == "response"
+    if alone:
+        notes = str(inputs.calibration.attrs["notes"])
+        report = build.build_response_alone(report, data, manifest, notes)
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, files.Measured("response", data))
-        put_files(part, out)
-    _print_report(response, None, say)
-    return response
+        if alone:
+            report.write(part)
+    return report
 
 
 def measure_modes(
@@ -172,37 +298,39 @@ def measure_modes(
     out: Path,
     say: Callable[[str], object],
     response: build.Report | None = None,
-) -> Path:
+) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
-    recordings, calibration = inputs.recordings, inputs.calibration
-    covariance = uncertainty.covariance_of(calibration)
+    recordings, covariance = inputs.recordings, uncertainty.covariance_of(inputs.calibration)
     data = with_origin(modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
-    kind = manifest.excitation.behaviour.title
-    data.attrs.update(
-        title=f"{kind} of a {manifest.structure.kind}, measured with {len(recordings)} cameras",
-        parameters=manifest.model_dump_json(),
-        notes=calibration.attrs["notes"],
-        synchronisation=inputs.sound.attrs["synchronisation"],
-        repeats=inputs.sound.attrs.get("repeats", ""),
-    )
+    data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
     moved = _interpolate_motion(data, recordings, manifest.excitation.rest_duration_s)
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
-    with staging(out) as part:
+    with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
+        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
         write_csv(build.tabulate_modes(data), part / "modes.csv")
         write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))
-        storage.write_netcdf(uncertainty.to_keep(calibration), part / OWN_FILE)
         if radiated is not None:
-            radiation_files.write_sound(part, radiated)
+            write_sound(part, radiated)
         report.write(part)
+    return report
+
+
+@contextmanager
+def _results_folder(
+    out: Path, report: build.Report, say: Callable[[str], object]
+) -> Iterator[Path]:
+    """Give a folder whose files all go to `out` in the end; then print what was found."""
+    with staging(out) as part:
+        yield part
         put_files(part, out)
-    _print_report(report, sound, say)
-    return out / "report.html"
+    for line in [*report.summary, *report.note_lines]:
+        say(line)
 
 
 def _radiate(
@@ -213,15 +341,6 @@ def _radiate(
         return None, None
     radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
     return radiated, build.build_sound(radiated, manifest)
-
-
-def _print_report(
-    report: build.Report, sound: build.Report | None, say: Callable[[str], object]
-) -> None:
-    """Print what was found, of the sound, too, and the notes on it."""
-    lines = [*report.summary, *(sound.summary if sound else []), *report.note_lines]
-    for line in lines:
-        say(line)
 
 
 def _interpolate_motion(

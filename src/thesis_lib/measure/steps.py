@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import xarray as xr
@@ -52,8 +53,27 @@ SOUND_VARIABLES = parse_variables("""
 """)
 
 
+_Result = TypeVar("_Result")
+
+
 class StoppedError(RuntimeError):
     """What tells the thread of one camera that another has failed, or the user wants to stop."""
+
+
+def _read_all(
+    what: str, clocks: Sequence[Array], read: Callable[[int, Callable[[int], None]], _Result]
+) -> list[_Result]:
+    """Read the frames of all videos, two at a time; `read` is told the camera, and tells frames."""
+    stop = threading.Event()
+    total = sum(map(len, clocks))
+    with tqdm(total=total, unit="frame", desc=what, disable=None, leave=False) as bar:
+
+        def tick(frames: int) -> None:
+            if stop.is_set():
+                raise StoppedError
+            bar.update(frames)
+
+        return map_in_pairs(lambda index: read(index, tick), range(len(clocks)), stop.set)
 
 
 def _silent(_: str) -> None:
@@ -119,23 +139,12 @@ def inspect_videos(
     """
     videos = [folder / camera.video for camera in manifest.cameras]
     names = [camera.name for camera in manifest.cameras]
-    stop = threading.Event()
+
+    def inspect_camera(index: int, tick: Callable[[int], None]) -> str:
+        return describe_repeats(names[index], inspect_film(videos[index], clocks[index], tick))
 
     def compute() -> xr.Dataset:
-        total = sum(map(len, clocks))
-        with tqdm(total=total, unit="frame", desc="reading", disable=None, leave=False) as bar:
-
-            def tick(frames: int) -> None:
-                if stop.is_set():
-                    raise StoppedError
-                bar.update(frames)
-
-            def inspect_camera(index: int) -> str:
-                repeats = inspect_film(videos[index], clocks[index], tick)
-                return describe_repeats(names[index], repeats)
-
-            found = map_in_pairs(inspect_camera, range(len(videos)), stop.set)
-        repeats = [line for line in found if line]
+        repeats = [line for line in _read_all("reading", clocks, inspect_camera) if line]
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
 
@@ -204,35 +213,26 @@ def track_markers(
     visible = manifest.structure.model_dump(
         mode="json", include={"length_mm", "width_mm", "markers"}
     )
-    stop = threading.Event()
-    with tqdm(
-        total=sum(map(len, clocks)), unit="frame", desc="tracking", disable=None, leave=False
-    ) as bar:
 
-        def tick(frames: int) -> None:
-            if stop.is_set():
-                raise StoppedError
-            bar.update(frames)
+    def track_camera(index: int, tick: Callable[[int], None]) -> Recording:
+        files = manifest.cameras[index]
+        path = steps / f"tracks-{index:02d}.npy"
+        turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
+        what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
+        key = key_of(what, [folder / files.video])
+        notes = record_track(
+            files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
+        )
+        return Recording(
+            cameras[index],
+            files.frame_rate_hz,
+            float(sound["delay"][index]),
+            files.exposure_s,
+            files.readout_s,
+            path,
+            notes,
+            clocks[index],
+        )
 
-        def track_camera(index: int) -> Recording:
-            files = manifest.cameras[index]
-            path = steps / f"tracks-{index:02d}.npy"
-            turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
-            what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
-            key = key_of(what, [folder / files.video])
-            notes = record_track(
-                files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
-            )
-            return Recording(
-                cameras[index],
-                files.frame_rate_hz,
-                float(sound["delay"][index]),
-                files.exposure_s,
-                files.readout_s,
-                path,
-                notes,
-                clocks[index],
-            )
-
-        with single_threaded_opencv():
-            return map_in_pairs(track_camera, range(len(cameras)), stop.set)
+    with single_threaded_opencv():
+        return _read_all("tracking", clocks, track_camera)

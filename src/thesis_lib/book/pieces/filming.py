@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from thesis_lib.book.pieces import benchmarks
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import (
     CENTRE_NOISE_PX,
+    COMPRESSED_ERROR_PX,
+    LOSSLESS_ERROR_PX,
     Assessment,
     assess_manifest,
     describe_assessment,
+    describe_verdict,
+    format_error_share,
 )
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.feasibility.prediction import alias_frequency
@@ -40,7 +43,6 @@ WIDTHS_PX = (1280, 1920)
 STEADY_S = (1, 10, 60)
 ALIASED_HZ, FRAME_RATE_HZ = 110.0, 60.0
 MOTIONS_PX = (2.0, 1.0, CHECK_LIMITS["small-motion"], 0.1)
-LOSSLESS_NAME, COMPRESSED_NAME = "lossless", "H.264, crf 23"
 EXAMPLE_PLATE: dict[str, Any] = {
     "cameras": 4,
     "structure.kind": "plate",
@@ -57,12 +59,6 @@ PHONE_CAMERAS: dict[str, dict[str, Any]] = {
 }
 
 
-def film_error_px(film: str) -> float:
-    """Return the rms error of a motion in a kind of film in px, at the worst of all motions."""
-    rows = benchmarks.read_benchmarks()["compression"]["rows"]
-    return float(max(row["motion_px"] * row["error"] for row in rows if row["film"] == film))
-
-
 def format_command(given: Mapping[str, Any]) -> str:
     """Format the command that makes the manifest, in lines that a page can show."""
     parts = [f"-p {name}={shlex.quote(str(value))}" for name, value in given.items()]
@@ -70,20 +66,16 @@ def format_command(given: Mapping[str, Any]) -> str:
     return " \\\n    ".join(["thesis measure --new plate", *lines])
 
 
-def _format_share(share: float) -> str:
-    return benchmarks.format_share(share) if share < 1 else "all of it"
-
-
 def state_rule() -> str:
     """State how many pixels of motion are enough, by the errors of films."""
     whole = float(cone_law.cone_deflection_error(1, 1, EXAMPLE_PLATE["cameras"], np.pi / 2))
     errors_px = {
-        "as a phone compresses it": film_error_px(COMPRESSED_NAME),
-        "without loss": film_error_px(LOSSLESS_NAME),
+        "as a phone compresses it": COMPRESSED_ERROR_PX,
+        "without loss": LOSSLESS_ERROR_PX,
         "rounded to whole pixels, as in the thesis": whole,
     }
     films = [
-        (name, [_format_share(error / moved) for moved in MOTIONS_PX])
+        (name, [format_error_share(error / moved) for moved in MOTIONS_PX])
         for name, error in errors_px.items()
     ]
     return render(__file__, "film-rule", motions_px=MOTIONS_PX, films=films)
@@ -104,22 +96,28 @@ def answer_for_plate() -> str:
         known_hz=CHECK_LIMITS["alias"] / steady_interval_s,
         command=format_command(EXAMPLE_PLATE),
         for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
-        check=describe_assessment(assessed["full HD"]),
+        check=_describe_check(assessed["full HD"]),
+        verdict=describe_verdict(assessed["full HD"]),
     )
 
 
 def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
     """Return the motion in one kind of phone, and errors over the largest deflection."""
-    moved = min(row.motion_px for row in one.table)
+    verdict = one.verdict
     return {
         "name": name,
         "pixel_mm": one.table[0].ground_sample_mm,
-        "motion_px": moved,
-        "enough": "small-motion" not in {warning.code for warning in one.warnings},
-        "compressed": _format_share(film_error_px(COMPRESSED_NAME) / moved),
-        "lossless": _format_share(film_error_px(LOSSLESS_NAME) / moved),
-        "whole": _format_share(one.rig.rounding[1] / EXAMPLE_PLATE["excitation.amplitude_mm"]),
+        "motion_px": min(row.motion_px for row in one.table),
+        "enough": verdict.outcome == "compressed",
+        "compressed": format_error_share(verdict.compressed),
+        "lossless": format_error_share(verdict.lossless),
+        "whole": format_error_share(verdict.whole_pixels),
     }
+
+
+def _describe_check(assessed: Assessment) -> list[str]:
+    """Return the lines that ``thesis measure --check`` prints."""
+    return [*describe_assessment(assessed), "", *describe_verdict(assessed)]
 
 
 def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assessment:
@@ -239,7 +237,7 @@ def show_check() -> str:
     return render(
         __file__,
         "film-check",
-        lines=describe_assessment(assess_manifest(example_manifest(example_rig()))),
+        lines=_describe_check(assess_manifest(example_manifest(example_rig()))),
     )
 
 

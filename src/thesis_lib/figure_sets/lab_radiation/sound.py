@@ -32,9 +32,13 @@ from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_st
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres, frame_times
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
-from thesis_lib.measure.radiation import files
 from thesis_lib.measure.radiation.between import Between, by_model
-from thesis_lib.measure.radiation.of_measurement import shapes_of, tones_of
+from thesis_lib.measure.radiation.of_measurement import (
+    SOUND_RATE_HZ,
+    audible_pressure,
+    shapes_of,
+    tones_of,
+)
 from thesis_lib.measure.radiation.radiated import (
     ALL_TONES,
     SURFACE_NODES,
@@ -189,7 +193,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     rig = _tap_rig(study)
     assert isinstance(rig.motion, ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
-    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / files.SOUND_RATE_HZ)
+    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / SOUND_RATE_HZ)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
         found = identify_modes(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
@@ -211,7 +215,7 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
     made = radiate_sound(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
     power = _true_power(rig.motion, found.zero, surface, medium)
     tones = (made.isel(tone=[k]) for k in range(made.sizes["tone"]))
-    each = [files.audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
+    each = [audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
     whole = made.sel(band=ALL_TONES)
     return {
         "tap_frequency": made["frequency"].values,

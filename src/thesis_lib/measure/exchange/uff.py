@@ -65,7 +65,7 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
     path : Path
         The file; it is overwritten.
     data : xarray.Dataset
-        What :func:`~thesis_lib.measure.modes.result.modes_result` returns.
+        What :func:`~thesis_lib.measure.modes.identify.modes_result` returns.
     """
     name, sets = _name(data), []
     for k in range(data.sizes["mode"]):

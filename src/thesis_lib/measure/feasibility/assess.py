@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -34,14 +35,30 @@ from thesis_lib.measure.messages import (
     UNCHECKED_MESSAGES,
     format_message,
 )
+from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.tracking.follow import DETECTORS
+from thesis_lib.text import one_line
+from thesis_lib.web.html import render_lines
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
+#: Error of a motion in an image, rms at the worst of all motions, px: in H.264 by x264's own
+#: defaults, which stand for a phone's, and without loss; the book's benchmarks measure both
+COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX = 0.0783, 0.00414
+#: Share of the largest deflection by which the shape may be wrong: compressed, at the least motion
+MAX_SHAPE_ERROR = COMPRESSED_ERROR_PX / CHECK_LIMITS["small-motion"]
 MAX_HIGHER_MODES = 3  # natural frequencies above the driven one: those that ring longest
 MAX_MODES = 100  # natural frequencies among which these are searched
 MIN_MODE_RATIO = 1.2  # of the driven frequency, from which a natural one is that of another mode
 TEXT_COLUMNS = 100
 TABLE_HEADER = "camera,mm/px,size px,gap px,motion px,blur px,lost,sharp mm,depths mm,view,spacings"
+TABLE_LEGEND = (
+    "mm/px: length that a pixel spans on the structure; size, gap: axes of a marker's image, and "
+    "the least room between two; motion: most that deflection moves an image; blur: most that it "
+    "moves in an exposure; lost: amplitude that this takes; sharp: depths in focus; depths: of the "
+    "markers; view: markers that stay in the image; spacings: most that a marker moves from frame "
+    "to frame, in spacings of markers"
+)
 
 
 @dataclass(frozen=True)
@@ -54,6 +71,32 @@ class Warning:
 
 
 @dataclass(frozen=True)
+class Verdict:
+    """Predicted errors of the shape, as shares of its largest deflection, and what would do.
+
+    NaN where the manifest does not say enough.
+    """
+
+    compressed: float  #: With a phone's film
+    lossless: float
+    whole_pixels: float
+    #: Largest deflections from which either kind of film will do, mm
+    compressed_from_mm: float
+    lossless_from_mm: float
+
+    @property
+    def outcome(self) -> str:
+        """Return which films will do: compressed or lossless ones, none, or that it is unknown."""
+        if np.isnan(self.compressed_from_mm):
+            return "unknown"
+        if np.isnan(self.compressed):
+            return "amplitude unknown"
+        if self.compressed <= MAX_SHAPE_ERROR:
+            return "compressed"
+        return "lossless" if self.lossless <= MAX_SHAPE_ERROR else "none"
+
+
+@dataclass(frozen=True)
 class Assessment:
     """Warnings, checks that could not be made, numbers of each camera, and of all together."""
 
@@ -61,6 +104,7 @@ class Assessment:
     unknown: tuple[str, ...]
     table: tuple[CameraPrediction, ...]
     rig: RigPrediction
+    verdict: Verdict
 
 
 def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
@@ -72,7 +116,17 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
         The manifest; no file is read.
     noise_px : float
         Scatter of the centres that the standard errors assume, px.
+
+    Raises
+    ------
+    ManifestError
+        If there is no such detector of markers.
     """
+    if (detector := manifest.structure.markers.detector) not in DETECTORS:
+        raise ManifestError(
+            f"structure.markers.detector: given {one_line(detector)}, allowed: "
+            + " or ".join(DETECTORS)
+        )
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
     steady, slowest = steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
@@ -94,43 +148,54 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
         for i, (camera, row) in enumerate(zip(manifest.cameras, table, strict=True)):
             where = f"cameras[{i}]"
             warnings += _check_rate(manifest, camera.rate_hz, f"{where}.frame_rate_hz")
-            warnings += _check_exposure(manifest, camera, row, where)
-            warnings += _check_view(manifest, camera, row, where, view.corners[i])
+            warnings += _check_camera(manifest, camera, row, where, view.corners[i])
         warnings += _check_rig(manifest, view, rig, errors[0])
-    return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig)
+        verdict = _predict_shape_errors(view, rig, 1000 * amplitude)
+    return Assessment(tuple(warnings), tuple(list_unknowns(manifest)), tuple(table), rig, verdict)
 
 
-def _warn(code: str, where: str, variant: str = "", **values: object) -> Warning:
+def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm: float) -> Verdict:
+    """Predict the errors of the shape, for a largest deflection in mm.
+
+    A film that takes a share of every image's motion takes it of the shape, too, however many
+    cameras there are: at most of the one that sees least. Errors that are independent from camera
+    to camera are more only where all see from nearly the same side.
+    """
+    rises = np.linalg.norm(view.J[view.located, :, 2], axis=1) / 1000
+    least_px_mm = np.fmax.reduce(rises, axis=1).min() if rig.located > 1 else np.nan
+    compressed, lossless = (
+        np.fmax(px / least_px_mm, px / np.sqrt(2) * rig.one_frame[1] / rig.noise_px)
+        for px in (COMPRESSED_ERROR_PX, LOSSLESS_ERROR_PX)
+    )
+    shares = np.array([compressed, lossless, rig.rounding[1]]) / amplitude_mm
+    needed_mm = np.array([compressed, lossless]) / MAX_SHAPE_ERROR
+    return Verdict(*map(float, (*shares, *needed_mm)))
+
+
+def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
     return Warning(code, where, format_message(ALL_MESSAGES[code], variant, **values))
 
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
     """Check rest and steady-state intervals, for the slowest camera."""
-    rate = min(c.rate_hz for c in manifest.cameras)
+    rate, limits = min(c.rate_hz for c in manifest.cameras), CHECK_LIMITS
     rest, given = manifest.excitation.rest_duration_s, manifest.excitation.steady_interval_s
     where = "excitation.rest_duration_s"
-    if rest < CHECK_LIMITS["short-rest"]:
+    if rest < limits["short-rest"]:
         yield _warn("short-rest", where, rest=rest)
-    if rest * rate < (least := CHECK_LIMITS["few-rest-frames"]):
-        yield _warn(
-            "few-rest-frames", where, rest=rest, frames=rest * rate, rate=rate, seconds=least / rate
-        )
+    if (frames := rest * rate) < (least := limits["few-rest-frames"]):
+        seconds = least / rate
+        yield _warn("few-rest-frames", where, rest=rest, frames=frames, rate=rate, seconds=seconds)
     if not given:
         return
     where, steady = "excitation.steady_interval_s", steady_seconds(manifest)
-    if steady * rate < (least := CHECK_LIMITS["few-frames"]):
-        yield _warn(
-            "few-frames",
-            where,
-            steady=steady,
-            frames=steady * rate,
-            rate=rate,
-            seconds=least / rate,
-        )
+    if (frames := steady * rate) < (least := limits["few-frames"]):
+        seconds = least / rate
+        yield _warn("few-frames", where, steady=steady, frames=frames, rate=rate, seconds=seconds)
     f = np.float64(manifest.excitation.frequency_hz or np.nan)
-    if (periods := steady * f) < (least := CHECK_LIMITS["few-periods"]):
+    if (periods := steady * f) < (least := limits["few-periods"]):
         yield _warn("few-periods", where, steady=steady, periods=periods, seconds=least / f)
-    if rest - given[0] > CHECK_LIMITS["steady-at-rest"]:
+    if rest - given[0] > limits["steady-at-rest"]:
         yield _warn("steady-at-rest", where, begin=given[0], rest=rest)
 
 
@@ -146,9 +211,8 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
             yield _warn("undersampled", where, given=given, seen=seen, least=2 * f)
         else:
             off = CHECK_LIMITS["alias"] / steady
-            yield _warn(
-                "alias", where, given=given, seen=seen, steady=steady, off=off, share=off / f
-            )
+            known: dict[str, object] = {"steady": steady, "off": off, "share": off / f}
+            yield _warn("alias", where, given=given, seen=seen, **known)
             edge, least = min(seen, rate / 2 - seen), CHECK_LIMITS["alias-edge"] / steady
             if edge < least:
                 yield _warn("alias-edge", where, given=given, edge=edge, least=least)
@@ -163,85 +227,48 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
         rings = alias_frequency(own, rate)
-        if own >= rate / 2 and (
-            k == 0 or abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
-        ):
-            yield _warn(
-                "higher-modes", where, rate=rate, own=own, rings=rings, seen=seen, least=2 * own
-            )
+        near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
+        if own >= rate / 2 and (k == 0 or near):
+            mode: dict[str, object] = {"own": own, "rings": rings, "least": 2 * own}
+            yield _warn("higher-modes", where, rate=rate, seen=seen, **mode)
             return
 
 
-def _check_exposure(
-    manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str
-) -> Iterator[Warning]:
-    """Check exposure and lens of one camera."""
-    f, exposure = np.float64(manifest.excitation.frequency_hz or np.nan), camera.exposure_s
-    focal, distance = camera.focal_length_mm or np.nan, camera.distance_mm or np.nan
-    if f * exposure > (limit := CHECK_LIMITS["long-exposure"]):
-        yield _warn(
-            "long-exposure",
-            f"{where}.exposure_s",
-            exposure=exposure,
-            lost=row.lost,
-            most=limit / f,
-        )
-    if row.blur_px > (most := CHECK_LIMITS["motion-blur"] * np.float64(row.across_px)):
-        yield _warn(
-            "motion-blur",
-            f"{where}.exposure_s",
-            exposure=exposure,
-            blur=row.blur_px,
-            most=most,
-            seconds=exposure * most / row.blur_px,
-        )
-    if distance <= CHECK_LIMITS["too-near"] * focal:
-        yield _warn("too-near", f"{where}.distance_mm", distance=distance, focal=focal)
-    if row.defocus_px > (sharp := CHECK_LIMITS["depth-of-field"]):
-        stop = camera.f_number or np.nan
-        yield _warn(
-            "depth-of-field",
-            f"{where}.f_number",
-            stop=stop,
-            near=row.near_mm,
-            far=row.far_mm,
-            nearest=row.nearest_mm,
-            farthest=row.farthest_mm,
-            defocus=row.defocus_px,
-            least=stop * row.defocus_px / sharp,
-        )
-
-
-def _check_view(
+def _check_camera(
     manifest: Manifest, camera: CameraFiles, row: CameraPrediction, where: str, corners: Mask
 ) -> Iterator[Warning]:
-    """Check the place of one camera, and how it sees markers and corners."""
-    elevation, distance = camera.elevation_deg or np.nan, camera.distance_mm or np.nan
-    away, tilt = f"{where}.distance_mm", f"{where}.elevation_deg"
-    if row.along_px < (limit := CHECK_LIMITS["coarse"]):
-        most = distance * row.along_px / limit
-        yield _warn("coarse", away, size=row.along_px, distance=distance, most=most)
-    if row.across_px < CHECK_LIMITS["foreshortened"]:
-        yield _warn("foreshortened", tilt, size=row.across_px, elevation=elevation)
-    if elevation < CHECK_LIMITS["shallow-view"]:
-        yield _warn("shallow-view", tilt, elevation=elevation)
-    if elevation > CHECK_LIMITS["steep-view"]:
-        yield _warn("steep-view", tilt, elevation=elevation)
-    if row.gap_px < CHECK_LIMITS["crowded-markers"]:
-        diameter = manifest.structure.markers.diameter_mm
-        yield _warn("crowded-markers", tilt, gap=row.gap_px, elevation=elevation, diameter=diameter)
-    if row.motion_px < (limit := CHECK_LIMITS["small-motion"]):
-        most = distance * row.motion_px / limit
-        yield _warn("small-motion", away, motion=row.motion_px, distance=distance, most=most)
-    if row.in_view < CHECK_LIMITS["out-of-view"]:
-        yield _warn("out-of-view", away, fraction=row.in_view, distance=distance)
+    """Check exposure, lens and place of one camera, and how it sees markers and corners."""
+    f, limits = np.float64(manifest.excitation.frequency_hz or np.nan), CHECK_LIMITS
+    distance, elevation = camera.distance_mm or np.nan, camera.elevation_deg or np.nan
+    focal, stop = camera.focal_length_mm or np.nan, camera.f_number or np.nan
+    blur_px = limits["motion-blur"] * np.float64(row.across_px)
+    sharper = row.defocus_px / limits["depth-of-field"]
+    checks: list[tuple[str, str, Any, float]] = [  # code, field, if wrong, what would do
+        ("long-exposure", "exposure_s", f * camera.exposure_s > limits["long-exposure"],
+         limits["long-exposure"] / f),
+        ("motion-blur", "exposure_s", row.blur_px > blur_px,
+         camera.exposure_s * blur_px / row.blur_px),
+        ("too-near", "distance_mm", distance <= limits["too-near"] * focal, np.nan),
+        ("depth-of-field", "f_number", sharper > 1, stop * sharper),
+        ("coarse", "distance_mm", row.along_px < limits["coarse"],
+         distance * row.along_px / limits["coarse"]),
+        ("foreshortened", "elevation_deg", row.across_px < limits["foreshortened"], np.nan),
+        ("shallow-view", "elevation_deg", elevation < limits["shallow-view"], np.nan),
+        ("steep-view", "elevation_deg", elevation > limits["steep-view"], np.nan),
+        ("crowded-markers", "elevation_deg", row.gap_px < limits["crowded-markers"],
+         manifest.structure.markers.diameter_mm),
+        ("small-motion", "distance_mm", row.motion_px < limits["small-motion"],
+         distance * row.motion_px / limits["small-motion"]),
+        ("out-of-view", "distance_mm", row.in_view < limits["out-of-view"], np.nan),
+        ("large-move", "frame_rate_hz", row.move_spacings > limits["large-move"], np.nan),
+    ]  # fmt: skip
+    for code, field, wrong, allowed in checks:
+        if wrong:
+            place, more = f"{where}.{field}", {"allowed": allowed, "blur_px": blur_px}
+            yield _warn(code, place, camera=camera, row=row, **more)
     if camera.corners_px is None and not np.isnan(row.in_view) and not corners.all():
         count = 4 - np.count_nonzero(corners)
         yield _warn("out-of-view", f"{where}.corners_px", "corners", count=count)
-    if row.move_spacings > CHECK_LIMITS["large-move"]:
-        yield _warn(
-            "large-move", f"{where}.frame_rate_hz", rate=camera.rate_hz, moves=row.move_spacings
-        )
 
 
 def _check_rig(
@@ -321,6 +348,7 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     lines = [
         "  ".join([_cut(row[0], widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
+    lines += textwrap.wrap(TABLE_LEGEND, TEXT_COLUMNS)
     rig = assessment.rig
     lines += ["", f"{'standard error of the deflection, mm':<52}{'rms':>10}{'worst':>10}"]
     for what, values in (
@@ -343,6 +371,23 @@ def describe_assessment(assessment: Assessment) -> list[str]:
     for note in notes:
         lines += textwrap.wrap(note, TEXT_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     return lines
+
+
+def describe_verdict(assessment: Assessment) -> list[str]:
+    """Return lines to print: how wrong the shape would be, and whether it will do."""
+    lines = render_lines(
+        "measure/report/templates/verdict.txt.j2",
+        verdict=assessment.verdict,
+        limit=MAX_SHAPE_ERROR,
+        share=format_error_share,
+        warnings=len({warning.code for warning in assessment.warnings}),
+    )
+    return textwrap.wrap(" ".join(lines), TEXT_COLUMNS)
+
+
+def format_error_share(share: float) -> str:
+    """Format an error as a share of the largest deflection in percent, two digits or whole."""
+    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %" if share < 1 else "all of it"
 
 
 def _cut(text: str, width: int) -> str:

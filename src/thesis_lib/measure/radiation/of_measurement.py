@@ -1,22 +1,33 @@
-"""The sound of a measurement: its shape, its errors, and what the manifest asks for."""
+"""The sound of a measurement: what the manifest asks for, and files of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy.io import wavfile
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
-from thesis_lib.measure.radiation import without_wall
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.measure.radiation.radiated import Tone, complex_of, count_nodes, radiate_sound
+from thesis_lib.measure.radiation.radiated import (
+    SCREEN_CELLS,
+    Tone,
+    complex_of,
+    count_nodes,
+    estimate_change,
+    radiate_sound,
+)
 from thesis_lib.measure.recordings.manifest_model import (
     MIN_SURFACE_MARKERS,
     Manifest,
@@ -24,6 +35,8 @@ from thesis_lib.measure.recordings.manifest_model import (
     StructureSpec,
 )
 from thesis_lib.measure.recordings.validation import ChainError
+from thesis_lib.plotting.style import iterate_slices
+from thesis_lib.studies import storage
 
 MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
 # Times what noise explains, up to which a model's modes are taken for the shape
@@ -38,7 +51,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     ----------
     data : xarray.Dataset
         What :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
-        :func:`thesis_lib.measure.modes.result.modes_result`, with the calibration's covariance if
+        :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
         that is known.
     manifest : Manifest
         With ``radiation``.
@@ -69,7 +82,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    screens = [Screen.from_outline(corners, cells) for cells in without_wall.SCREEN_CELLS]
+    screens = [Screen.from_outline(corners, cells) for cells in SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
     both = _choose_motion(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])
@@ -78,7 +91,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     made = radiate_sound(
         surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
     )
-    change = without_wall.estimate_change(
+    change = estimate_change(
         surface,
         moving,
         [*zip(screens, others, strict=True)],
@@ -118,7 +131,7 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     ----------
     data : xarray.Dataset
         With ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
-        ``thesis_lib.measure.modes.result.VARIABLES`` tells how it errs, too.
+        ``thesis_lib.measure.modes.identify.VARIABLES`` tells how it errs, too.
     """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
@@ -153,7 +166,7 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     Parameters
     ----------
     data : xarray.Dataset
-        As of :func:`thesis_lib.measure.modes.result.modes_result`.
+        As of :func:`thesis_lib.measure.modes.identify.modes_result`.
     known : ndarray, shape (markers,)
         Which markers count.
 
@@ -217,3 +230,69 @@ def _highest(structure: StructureSpec, step: float) -> float:
     stiffness = structure.youngs_modulus_pa * thickness**2 / (12 * (1 - nu**2))
     ratio = np.sqrt(stiffness / structure.density_kg_m3)
     return float((np.pi / step) ** 2 * ratio / (2 * np.pi))
+
+
+SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
+FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where something decays
+
+
+def write_sound(folder: Path, data: xr.Dataset) -> None:
+    """Write the sound, as numbers and as files that play, into a folder that is there."""
+    storage.write_netcdf(data, folder / "radiated.nc")
+    write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
+    for number in range(data.sizes["point"]):
+        samples = audible_pressure(data, number).astype(np.float32)
+        wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
+
+
+def audible_pressure(data: xr.Dataset, point: int) -> Array:
+    """Return the pressure in Pa at a point over time, all tones together, faded in and out.
+
+    Tones have the phases that were measured. Modes die away from the moment on that their
+    amplitudes are of.
+    """
+    times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
+    pressure = complex_of(data, "pressure")[:, point]
+    decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
+    waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
+    rise = RISE_S if np.any(decay) else FADE_S
+    fade = np.clip(np.minimum(times / rise, (SOUND_LENGTH_S - times) / FADE_S), 0, 1)
+    return np.asarray(np.real(pressure @ waves) * fade)
+
+
+def sound_table(data: xr.Dataset) -> pd.DataFrame:
+    """Return every number with its standard error, one in a row."""
+    rows: list[tuple[object, ...]] = []
+
+    def add_rows(of: object, one: xr.Dataset, names: Sequence[str], what: object = "") -> None:
+        for name in names:
+            errors = [one[own] for own in (f"{name}_error", f"{name}_std") if own in one]
+            error = float(errors[0]) if errors else np.nan
+            rows.append((of, name, what, float(one[name]), error, one[name].units))
+
+    for one in iterate_slices(data, "tone"):
+        hertz = f"{float(one['frequency']):.6g}"
+        names = ["power", "power_level", "efficiency", *(["energy"] if "energy" in one else [])]
+        add_rows(hertz, one, [*names, "no_wall_change", "no_wall_below"])
+        for number, mode in enumerate(iterate_slices(one, "mode"), 1):
+            add_rows(hertz, mode, ["mode_power"], number)
+        for here in iterate_slices(one, "point"):
+            pressure = here.assign(pressure=absolute_pressure(here))
+            add_rows(hertz, pressure, ["pressure", "level"], format_point(here))
+    for band in data["band"].values if data.sizes["tone"] > 1 else ():
+        one = data.sel(band=band)
+        add_rows(band, one, ["band_power", "band_power_level"])
+        for here in iterate_slices(one, "point"):
+            add_rows(band, here, ["band_level"], format_point(here))
+    names = ["frequency_hz", "quantity", "mode_or_point_mm", "value", "standard_error", "unit"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def format_point(one: xr.Dataset) -> str:
+    """Format the position of a point, in mm."""
+    return " ".join(f"{1000 * x:g}" for x in one["place"].values)
+
+
+def absolute_pressure(one: xr.Dataset) -> xr.DataArray:
+    """Return the absolute value of a pressure."""
+    return abs(one["pressure_real"] + 1j * one["pressure_imag"]).assign_attrs(units="Pa")

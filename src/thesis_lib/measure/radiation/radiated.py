@@ -23,7 +23,7 @@ from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE, radiation_modes
 from thesis_lib.acoustics.sources import Medium
-from thesis_lib.acoustics.surfaces import Surface
+from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.radiation.between import Between
 from thesis_lib.studies.schema import label_values, parse_variables
@@ -167,12 +167,8 @@ def radiate_sound(
     bands = group_octaves(values["frequency"])
     within = [shapes.part(places[band].ravel()) for band in bands.values()]
     values |= _of_bands([*bands.values()], within, ways, rows)
-    values |= {
-        "place": points.T,
-        "u": planes[0].u,
-        "z": planes[0].z,
-        "area": np.array(surface.area),
-    }
+    values |= {"place": points.T, "u": planes[0].u, "z": planes[0].z}
+    values["area"] = np.array(surface.area)
     coords = {
         "plane": ("plane", [plane.name for plane in planes], {"long_name": "plane"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
@@ -222,13 +218,10 @@ def _of_tone(
     left, noise = between.left(shape)
     return {
         "frequency": np.array(omega / (2 * np.pi)),
-        "power": power.value,
-        "power_error": power.error,
+        **_with_error("power", power),
         **_levels("power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
-        "efficiency": efficiency.value,
-        "efficiency_error": efficiency.error,
-        "mode_power": each.value,
-        "mode_power_error": each.error,
+        **_with_error("efficiency", efficiency),
+        **_with_error("mode_power", each),
         "pressure_real": here.real,
         "pressure_imag": here.imag,
         "pressure_error": size.error,
@@ -277,8 +270,7 @@ def _of_bands(
         estimates.Estimate(value[:, own], error[:, own]) for own in (0, slice(1, None))
     )
     return {
-        "band_power": power.value,
-        "band_power_error": power.error,
+        **_with_error("band_power", power),
         **_levels("band_power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
         **_levels("band_level", DECIBELS_PER_NEPER, REFERENCE_PRESSURE**2, square),
     }
@@ -288,6 +280,10 @@ def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
     """Return the rows (k, markers) of each tone as rows of the amplitudes of all tones."""
     places = np.eye(len(rows))[:, None]
     return np.concatenate([np.kron(place, own) for place, own in zip(places, rows, strict=True)])
+
+
+def _with_error(name: str, known: estimates.Estimate) -> dict[str, Array]:
+    return {name: known.value, f"{name}_error": known.error}
 
 
 def _levels(
@@ -307,3 +303,72 @@ def count_nodes(extent: tuple[float, float], omega: float, medium: Medium) -> in
 def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
     """Return the complex values of a variable's two parts."""
     return np.asarray(data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values)
+
+
+#: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
+SCREEN_CELLS = (400, 200)
+NO_WALL_VARIABLES = parse_variables("""
+    no_wall_change(tone) [dB] estimated sound power level of one side without a wall, less that in a
+        rigid wall
+    no_wall_change_std(tone) [dB] standard uncertainty of the estimated change without a wall, by
+        markers, cells and thickness
+    no_wall_below(tone) [Hz] frequency below which the structure radiates less without a wall: where
+        sound is as long as the flexural waves, or as twice the narrower side
+""")
+
+
+def estimate_change(
+    surface: Surface,
+    moving: Array,
+    screens: Sequence[tuple[Screen, Array]],
+    omegas: Sequence[float],
+    shapes: estimates.Amplitudes,
+    medium: Medium,
+    narrow: float,
+    thickness: float,
+) -> xr.Dataset:
+    """Compare the power of one side without a wall with that in one, tone by tone.
+
+    Parameters
+    ----------
+    surface, moving
+        The structure in a wall, and how its nodes move by the markers, (nodes, markers).
+    screens : sequence of (Screen, ndarray)
+        The structure without a wall by finer and by coarser cells, and how these move by the
+        markers, (cells, markers).
+    omegas : sequence of float
+        Frequencies in rad/s.
+    shapes : Amplitudes
+        Of the markers in m, one tone after the other.
+    medium : Medium
+        The air.
+    narrow, thickness : float
+        Of the structure in m. An ellipse of their ratio moves more air than a thin strip, by that
+        ratio, all of which counts as uncertain.
+
+    Returns
+    -------
+    xarray.Dataset
+        :data:`NO_WALL_VARIABLES`; NaN where cells are too coarse, or where errors are all there is.
+    """
+    thick = 2 * DECIBELS_PER_NEPER * np.log1p(thickness / narrow)
+    rows = []
+    for number, omega in enumerate(omegas):
+        n = moving.shape[1]
+        shape = shapes.part(np.arange(number * n, (number + 1) * n))
+        wall = surface.power_form(moving, omega, medium)
+        fine, coarse = (
+            estimates.estimate_ratio(screen.power_form(by, omega, medium), wall, shape)
+            for screen, by in screens
+        )
+        square = float(estimates.estimate_ratio(*surface.wavenumber_forms(moving), shape).value)
+        k = max(np.sqrt(max(square, 0.0)), np.pi / narrow)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            level, other = (DECIBELS_PER_NEPER * np.log(one.value) for one in (fine, coarse))
+            noise = DECIBELS_PER_NEPER * fine.error / fine.value
+            std = np.sqrt(noise**2 + (level - other) ** 2 + thick**2)
+        known = level if np.isfinite(std) else np.nan
+        rows.append((known, std, k * medium.speed_of_sound / (2 * np.pi)))
+    return xr.Dataset(
+        label_values(dict(zip(NO_WALL_VARIABLES, np.array(rows).T, strict=True)), NO_WALL_VARIABLES)
+    )

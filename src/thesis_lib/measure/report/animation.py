@@ -36,10 +36,7 @@ SHAPE_SIZE_PX = 720, 480
 DRAWN_DEFLECTION = 0.12  # of the structure's length as which the largest deflection is drawn
 SHAPE_COLORMAP = "PuOr"
 MAX_OVERLAY_S, MAX_OVERLAY_WIDTH_PX = 4.0, 960  # of the video with markers
-FOUND_COLOUR, LOST_COLOUR = (
-    (255, 92, 0),
-    (255, 0, 190),
-)  # colours of a marker that was found, that was lost
+FOUND_COLOUR, LOST_COLOUR = (255, 92, 0), (255, 0, 190)  # of a marker
 
 
 def write_animations(folder: Path, data: xr.Dataset, own: Recording, video: Path) -> None:
@@ -80,29 +77,20 @@ def draw_period(data: xr.Dataset) -> list[Frame]:
         axes.view_init(28, -60)
         axes.set_axis_off()
         bar = figure.add_axes((0.25, 0.1, 0.5, 0.025))
-        figure.colorbar(
-            ScalarMappable(norm, SHAPE_COLORMAP),
-            cax=bar,
-            orientation="horizontal",
-            label="deflection in mm",
-        )
         painted = ScalarMappable(norm, SHAPE_COLORMAP)
+        figure.colorbar(painted, cax=bar, orientation="horizontal", label="deflection in mm")
         frames = []
         for k in range(FRAMES_A_PERIOD):
             w = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_A_PERIOD))
             points = np.column_stack([x, y, scale * w])
             tints = painted.to_rgba(w)
-            drawn = [
-                axes.add_collection3d(
-                    Line3DCollection(points[lines], colors="#555c69", linewidths=0.7)
-                ),
-                axes.scatter(*points.T, c=tints, s=16, edgecolors="#333", linewidths=0.4),
-            ]
+            net = Line3DCollection(points[lines], colors="#555c69", linewidths=0.7)
+            drawn = [axes.add_collection3d(net)]
+            drawn.append(axes.scatter(*points.T, c=tints, s=16, edgecolors="#333", linewidths=0.4))
             if len(corners):
                 mean = painted.to_rgba(w[corners].mean(axis=1))
-                drawn.append(
-                    axes.add_collection3d(Poly3DCollection(points[corners], facecolors=mean))
-                )
+                faces = Poly3DCollection(points[corners], facecolors=mean)
+                drawn.append(axes.add_collection3d(faces))
             canvas.draw()
             frames.append(np.asarray(canvas.buffer_rgba())[..., :3].copy())
             for artist in drawn:
@@ -146,20 +134,11 @@ def draw_tracks(own: Recording, video: Path, begin: float) -> Iterator[Frame]:
 
 def write_gif(path: Path, frames: list[Frame], rate: float) -> None:
     """Write frames as a GIF that goes on for ever."""
-    pictures = [
-        Pictures.fromarray(frame).quantize(128, dither=Pictures.Dither.NONE) for frame in frames
-    ]
+    plain = Pictures.Dither.NONE
+    first, *others = [Pictures.fromarray(one).quantize(128, dither=plain) for one in frames]
+    how: dict[str, Any] = {"duration": round(1000 / rate), "loop": 0, "optimize": False}
     whole_file(
-        path,
-        lambda part: pictures[0].save(
-            part,
-            "GIF",
-            save_all=True,
-            append_images=pictures[1:],
-            duration=round(1000 / rate),
-            loop=0,
-            optimize=False,
-        ),
+        path, lambda part: first.save(part, "GIF", save_all=True, append_images=others, **how)
     )
 
 

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image
+from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
 from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
 from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
-from thesis_lib.measure.radiation.files import absolute_pressure, format_point
+from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
-from thesis_lib.measure.report.viewer import view_shape, view_sound
 from thesis_lib.measure.report.warnings import (
     check_modes,
     check_response,
@@ -27,8 +29,69 @@ from thesis_lib.measure.report.warnings import (
     check_sound,
     no_wall_change,
 )
-from thesis_lib.plotting.style import MATH_STYLE, save_figure
+from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, iterate_slices, save_figure
+from thesis_lib.plotting.viewer_data import encode_field
+from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
+
+_NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
+_NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
+
+
+def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
+    """Return the markers with a result as a moving surface: a self-contained HTML fragment.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns. The image begins at
+        the maximum of the deflection.
+    extent : tuple of float
+        Length and width of the structure in m.
+    """
+    turned = data["deflection"].values + 1j * data["quadrature"].values
+    known = np.isfinite(turned)
+    x, y = data["x"].values[known], data["y"].values[known]
+    long, wide = (1e3 * side / 2 for side in extent)
+    state = {
+        "points": np.column_stack([1e3 * x - long, 1e3 * y - wide]).tolist(),
+        "real": (1e3 * turned.real[known]).tolist(),
+        "imag": (1e3 * turned.imag[known]).tolist(),
+        "error": (1e3 * np.nan_to_num(data["standard_error"].values[known])).tolist(),
+        "faces": marker_faces(x, y).tolist(),
+        "edges": marker_edges(x, y).tolist(),
+        "frequency": float(data["frequency"]),
+        "colormap": list(DIVERGING_COLORS),
+        "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
+    }
+    css = VIEWER_CSS + read_asset("measured.css")
+    return static_html(join_modules("measured"), css, {"data": state}, _NO_SHAPE)
+
+
+def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
+    """Return the sound field of one tone in motion: a self-contained HTML fragment."""
+    u, z = 1000 * one["u"].values, 1000 * one["z"].values
+    field = complex_of(one, "field")
+    names = [str(name) for name in one["plane"].values]
+    halves = {"X": manifest.structure.length_mm / 2, "Y": manifest.structure.width_mm / 2}
+    share = float(np.sqrt(np.mean(one["field_error"].values ** 2)) / np.abs(field).max())
+    extent = {
+        "u_mm": [float(u[0]), float(u[-1])],
+        "z_mm": [float(z[0]), float(z[-1])],
+        "shape": [len(u), len(z)],
+    }
+    state = {
+        "planes": [{"name": name, **extent} for name in names],
+        "fields": [encode_field(part) for part in field],
+        "halves": [halves[name[0]] for name in names],
+        "frequency": float(one["frequency"]),
+        "colormap": list(DIVERGING_COLORS),
+        "words": f"Sound pressure at {float(one['frequency']):.4g} Hz above the structure in a "
+        "rigid wall, in two planes through its centre. Its standard error is "
+        f"{100 * share:.2g} % of the largest pressure (rms).",
+    }
+    return static_html(join_modules("radiated"), VIEWER_CSS, {"data": state}, _NO_SOUND)
+
 
 _TEMPLATE_FOLDER = "measure/report/templates/"
 _MARKER_ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
@@ -56,15 +119,49 @@ class Report:
         """Notes, as a command prints them."""
         return [f"note: {text} [{code}]" for code, text in self.notes]
 
+    def join(self, later: Report) -> Report:
+        """Return the later report, with what was found and noted in this part of it, too."""
+        summary, notes = self.summary + later.summary, self.notes + later.notes
+        return replace(later, summary=summary, notes=notes)
+
     def write(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
         write_pictures(folder, self.pictures.items())
         (folder / "report.html").write_text(self.page, encoding="utf-8")
 
 
-def _embed(part: Report | None) -> Markup:
-    """Return a part of a report for its page; empty where there is none."""
-    return Markup(part.page if part else "")
+def _assemble(
+    template: str,
+    data: xr.Dataset,
+    manifest: Manifest,
+    summary: list[str],
+    notes: list[Note],
+    pictures: dict[str, Picture],
+    sound: Report | None = None,
+    response: Report | None = None,
+    **values: object,
+) -> Report:
+    """Fill in a template with what every report has, and with its parts on sound and response."""
+    pictures = pictures | dict(response.pictures if response else {})
+    page = render_html(
+        _TEMPLATE_FOLDER + template,
+        title=data.attrs.get("title", ""),
+        data=data,
+        manifest=manifest,
+        summary=summary,
+        notes=notes,
+        messages=ALL_MESSAGES,
+        pictures=pictures,
+        sound=Markup(sound.page if sound else ""),
+        response=Markup(response.page if response else ""),
+        **values,
+    )
+    return Report(page, summary + (sound.summary if sound else []), notes, pictures)
+
+
+def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, Picture]:
+    """Return figures as SVG, by name."""
+    return {name: ("svg", save_figure(figure, "svg", style)) for name, figure in figures.items()}
 
 
 def build_shape(
@@ -82,7 +179,7 @@ def build_shape(
     data : xarray.Dataset
         The result.
     seen : xarray.Dataset
-        What :func:`~thesis_lib.measure.report.diagnostics.collect_diagnostics` returns.
+        What :func:`~thesis_lib.measure.report.figures.collect_diagnostics` returns.
     manifest : Manifest
         The manifest.
     assessment : Assessment
@@ -92,8 +189,19 @@ def build_shape(
     sound : Report, optional
         The part on radiated sound.
     """
-    summary, notes = summarise_shape(data), check_shape(data)
-    pictures = _draw_shape(data, seen, manifest, firsts)
+    figures = {
+        "shape": draw.draw_shape(data, manifest),
+        "cameras": draw.draw_cameras(data, manifest),
+        "motion": draw.draw_motion(data, seen),
+        "residuals": draw.draw_residuals(seen),
+    }
+    if data["shots_used"].any():
+        figures["corners"] = draw.draw_corners(data)
+    pictures = _save_svgs(figures)
+    for i, first in enumerate(firsts):
+        one = seen.isel(camera=i)
+        photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
+        pictures[f"camera-{i:02d}"] = ("png", save_figure(photo, "png", dpi=140))
     centre = data["camera_centre"]
     distance = np.sqrt((centre**2).sum(str(centre.dims[1])))
     placed = data.assign(
@@ -103,47 +211,26 @@ def build_shape(
         scatter=("camera", [known_rms(one) for one in data["centre_scatter"].values]),
     )
     order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
-    page = render_html(
-        _TEMPLATE_FOLDER + "shape.html.j2",
-        title=data.attrs["title"],
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    return _assemble(
+        "shape.html.j2",
+        data,
+        manifest,
+        summarise_shape(data),
+        check_shape(data),
+        pictures,
+        sound,
         viewer=Markup(view_shape(data, _extent(manifest))),
         numbers=tabulate_shape(data),
-        sound=_embed(sound),
         candidates=[data.isel(candidate=k) for k in order],
-        cameras=[placed.isel(camera=k) for k in range(data.sizes["camera"])],
+        cameras=list(iterate_slices(placed, "camera")),
         feasibility="\n".join(describe_assessment(assessment)),
         warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
-        source_of_size=_source_of_size(manifest),
-        grid_excess=float(data["grid_scale"]) - 1,
         excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
     )
-    return Report(page, summary, notes, pictures)
 
 
-def _draw_shape(
-    data: xr.Dataset, seen: xr.Dataset, manifest: Manifest, firsts: Sequence[Image]
-) -> dict[str, Picture]:
-    """Return all figures of the report, by name."""
-    figures = {
-        "shape": draw.draw_shape(data, manifest),
-        "cameras": draw.draw_cameras(data, manifest),
-        "motion": draw.draw_motion(data, seen),
-        "residuals": draw.draw_residuals(seen),
-    }
-    if data["shots_used"].any():
-        figures["corners"] = draw.draw_corners(data)
-    pictures = {name: ("svg", save_figure(figure, "svg")) for name, figure in figures.items()}
-    for i, first in enumerate(firsts):
-        one = seen.isel(camera=i)
-        photo = draw.draw_photograph(first, one["found"].values, one["outline"].values)
-        pictures[f"camera-{i:02d}"] = ("png", save_figure(photo, "png", dpi=140))
-    return pictures
+def _extent(manifest: Manifest) -> tuple[float, float]:
+    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
 
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
@@ -170,17 +257,6 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
     )
 
 
-def _extent(manifest: Manifest) -> tuple[float, float]:
-    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
-
-
-def _source_of_size(manifest: Manifest) -> str:
-    """Return what sizes are measured by."""
-    if manifest.calibration is not None and manifest.calibration.poses == "kept":
-        return f"the calibration that was reused, {manifest.calibration.file}"
-    return f"the board's tiles of {manifest.board.tile_mm:g} mm"
-
-
 def build_modes(
     data: xr.Dataset,
     manifest: Manifest,
@@ -192,29 +268,20 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
-    pictures: dict[str, Picture] = {
-        k: ("svg", save_figure(one, "svg")) for k, one in figures.items()
-    }
-    summary, notes = summarise_modes(data), list(check_modes(data, manifest))
-    viewers = [view_shape(data.isel(mode=k), _extent(manifest)) for k in range(data.sizes["mode"])]
-    page = render_html(
-        _TEMPLATE_FOLDER + "modes.html.j2",
-        title=data.attrs["title"],
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    extent = _extent(manifest)
+    return _assemble(
+        "modes.html.j2",
+        data,
+        manifest,
+        summarise_modes(data),
+        list(check_modes(data, manifest)),
+        _save_svgs(figures),
+        sound,
+        response,
         modes=tabulate_modes(data),
         shapes=tabulate_mode_shapes(data),
-        viewers=map(Markup, viewers),
-        sound=_embed(sound),
-        response=_embed(response),
-        source_of_size=_source_of_size(manifest),
-        grid_excess=float(data["grid_scale"]) - 1,
+        viewers=[Markup(view_shape(one, extent)) for one in iterate_slices(data, "mode")],
     )
-    return Report(page, summary, notes, pictures | dict(response.pictures if response else {}))
 
 
 def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
@@ -263,40 +330,33 @@ def summarise_modes(data: xr.Dataset) -> list[str]:
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on motion over a force."""
     markers = _select_markers(data)
-    pictures: dict[str, Picture] = {
-        f"response-{role}": (
-            "svg",
-            save_figure(draw.draw_response(data, marker), "svg", MATH_STYLE),
-        )
-        for role, marker in markers.items()
-    }
-    summary, notes = summarise_response(data), list(check_response(data, manifest))
-    page = render_html(
-        _TEMPLATE_FOLDER + "response_section.html.j2",
-        data=data,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
-        pictures=pictures,
+    figures = {f"response-{role}": draw.draw_response(data, k) for role, k in markers.items()}
+    return _assemble(
+        "response_section.html.j2",
+        data,
+        manifest,
+        summarise_response(data),
+        list(check_response(data, manifest)),
+        _save_svgs(figures, MATH_STYLE),
         markers=markers,
         roles=_MARKER_ROLES,
     )
-    return Report(page, summary, notes, pictures)
 
 
 def build_response_alone(
-    response: Report, manifest: Manifest, calibration: str, synchronisation: str
+    response: Report, data: xr.Dataset, manifest: Manifest, calibration: str
 ) -> Report:
-    """Return a report on motion over a force alone."""
-    page = render_html(
-        _TEMPLATE_FOLDER + "response.html.j2",
-        title=f"Motion of a {manifest.structure.kind} over a force",
-        response=_embed(response),
-        manifest=manifest,
+    """Return a report on motion over a force alone; `calibration` are notes on the cameras."""
+    return _assemble(
+        "response.html.j2",
+        data,
+        manifest,
+        response.summary,
+        response.notes,
+        {},
+        response=response,
         calibration=calibration,
-        synchronisation=synchronisation,
     )
-    return Report(page, response.summary, response.notes, response.pictures)
 
 
 def _select_markers(data: xr.Dataset) -> dict[str, int]:
@@ -325,29 +385,28 @@ def summarise_response(data: xr.Dataset) -> list[str]:
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
-    summary, notes = summarise_sound(data), list(check_sound(data))
-    places = [one for tone in _tones(data) for one in _points(tone)]
+    tones = list(iterate_slices(data, "tone"))
+    points = [one for tone in tones for one in iterate_slices(tone, "point")]
     bands = [data.sel(band=band) for band in data["band"].values]
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
-    page = render_html(
-        _TEMPLATE_FOLDER + "sound.html.j2",
-        data=data,
-        manifest=manifest,
-        summary=summary,
-        notes=notes,
-        messages=ALL_MESSAGES,
+    return _assemble(
+        "sound.html.j2",
+        data,
+        manifest,
+        summarise_sound(data),
+        list(check_sound(data)),
+        {},
         no_wall_change=no_wall_change,
-        tones=_tones(data),
+        tones=tones,
         whole=data.sel(band=ALL_TONES),
-        viewers=[Markup(view_sound(one, manifest)) for one in _tones(data)],
+        viewers=[Markup(view_sound(one, manifest)) for one in tones],
         place=format_point,
-        points=[one.assign(pressure=absolute_pressure(one)) for one in places],
-        bands=[{"data": one, "points": _points(one)} for one in bands],
+        points=[one.assign(pressure=absolute_pressure(one)) for one in points],
+        bands=[{"data": one, "points": list(iterate_slices(one, "point"))} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
     )
-    return Report(page, summary, notes, {})
 
 
 def summarise_sound(data: xr.Dataset) -> list[str]:
@@ -355,15 +414,11 @@ def summarise_sound(data: xr.Dataset) -> list[str]:
     return render_lines(
         _TEMPLATE_FOLDER + "sound.txt.j2",
         data=data,
-        tones=_tones(data),
+        tones=list(iterate_slices(data, "tone")),
         whole=data.sel(band=ALL_TONES),
         wall=data.attrs["wall"],
-        bare=[_level_without_wall(one) for one in _tones(data)],
+        bare=[_level_without_wall(one) for one in iterate_slices(data, "tone")],
     )
-
-
-def _tones(data: xr.Dataset) -> list[xr.Dataset]:
-    return [data.isel(tone=tone) for tone in range(data.sizes["tone"])]
 
 
 def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
@@ -371,7 +426,3 @@ def _level_without_wall(one: xr.Dataset) -> tuple[float, float] | None:
     level = float(one["power_level"]) + float(one["no_wall_change"])
     std = float(np.hypot(one["no_wall_change_std"], one["power_level_error"]))
     return (level, std) if np.isfinite(level) else None
-
-
-def _points(data: xr.Dataset) -> list[xr.Dataset]:
-    return [data.isel(point=point) for point in range(data.sizes["point"])]

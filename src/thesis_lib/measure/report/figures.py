@@ -1,4 +1,4 @@
-"""Figures of a measurement: shape, cameras, residuals, modes, response."""
+"""Figures of a measurement: shape, cameras, residuals, modes, response; and data they draw."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image, Mask
@@ -15,9 +16,11 @@ from thesis_lib.measure.feasibility.assess import CENTRE_NOISE_PX
 from thesis_lib.measure.feasibility.prediction import predict_errors, view_markers
 from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
@@ -26,8 +29,85 @@ from thesis_lib.plotting.style import (
     cycle_color,
     drawable_names,
     in_style,
+    iterate_slices,
+    panel_grid,
     subplots,
 )
+from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.vision.lens import project_points
+
+MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
+VARIABLES = parse_variables("""
+    found(camera, side, marker) [px] centres in the camera's first frame
+    outline(camera, side, vertex) [px] the structure's corners in the camera's first frame, by the
+        calibration
+    track_side(camera) [1] along which side of the image the marker that moves most moves most
+    track_time(camera, frame) [s] times of frames, on the first camera's clock
+    track(camera, frame) [px] motion of the marker that moves most, along the side of the image
+        along which the motion is largest
+    residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
+        on
+""")
+
+
+def collect_diagnostics(
+    data: xr.Dataset, moved: xr.Dataset, manifest: Manifest, recordings: Sequence[Recording]
+) -> xr.Dataset:
+    """Collect what the figures of a report draw besides the result.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
+    moved : xarray.Dataset
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
+    manifest : Manifest
+        Its structure.
+    recordings : sequence of Recording
+        The cameras and their tracks.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``found``, ``outline``, ``track_side``, ``track_time``, ``track``, ``residual``; NaN where a
+        camera has fewer frames than another.
+    """
+    marker = int(np.nanargmax(np.abs(data["deflection"].values)))
+    tracks = [_track(own, marker, *data["steady"].values) for own in recordings]
+    longest = max(len(t) for _, t, _ in tracks)
+
+    def padded(values: Array) -> Array:
+        return np.pad(values, (0, longest - len(values)), constant_values=np.nan)
+
+    values = {
+        "found": [own.centres[0] for own in recordings],
+        "outline": [_outline(data, manifest, own) for own in recordings],
+        "track_side": [side for side, _, _ in tracks],
+        "track_time": [padded(t) for _, t, _ in tracks],
+        "track": [padded(moves) for _, _, moves in tracks],
+        "residual": moved["residual"].values,
+    }
+    places = {"camera": data["camera"], "time": moved["time"]}
+    return xr.Dataset(label_values(values, VARIABLES), places)
+
+
+def _track(own: Recording, marker: int, begin: float, end: float) -> tuple[int, Array, Array]:
+    """Return the side along which a marker moves most, u (0) or v (1), times, and its motion."""
+    parts = [
+        (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - MAX_FRAMES / own.rate), end)
+    ]
+    t, uv = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    side = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
+    return side, t, uv[:, side] - np.nanmean(uv[:, side])
+
+
+def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> Array:
+    """Return the structure's corners in a camera's image, (2, 4), px."""
+    markers = markers_of(manifest)
+    corners = on_surface(markers.extent, markers.corners)
+    R, origin = data["frame_rotation"].values, data["frame_origin"].values
+    return project_points(own.camera, R.T @ corners + origin[:, None])
+
 
 WIDTH_IN = 7.6
 NARROW_WIDTH_IN = 5.6  # letters can be read on a phone, too
@@ -37,17 +117,18 @@ BAR_SIGMAS = 2  # standard errors that bars show
 MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 
 
+def _one_panel(width: float, height: float) -> tuple[Figure, Axes]:
+    figure, axes = subplots(figsize=(width, height), layout="constrained")
+    return figure, axes
+
+
+@in_style()
 def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Draw the deflection of every marker with its standard error, and the most similar mode."""
     rows = markers_of(manifest).rows
-    with in_style():
-        if len(rows) <= 6 and max(row.stop - row.start for row in rows) >= 4:
-            return _draw_rows(data, rows)
+    if len(rows) > 6 or max(row.stop - row.start for row in rows) < 4:
         return _draw_map(data, manifest)
-
-
-def _draw_rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
-    figure, axes = subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
+    figure, axes = _one_panel(WIDTH_IN, 3.6)
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -55,145 +136,111 @@ def _draw_rows(data: xr.Dataset, rows: Sequence[slice]) -> Figure:
         if np.isfinite(reference[row]).any():
             name = data.attrs["most_similar"] if k == 0 else None
             axes.plot(x[row], reference[row], color=REFERENCE_COLOR, linewidth=2.5, label=name)
-        axes.errorbar(
-            x[row],
-            w[row],
-            BAR_SIGMAS * error[row],
-            fmt=".-",
-            color=cycle_color(k),
-            linewidth=0.9,
-            capsize=2,
-            label=f"row at y = {y[row][0]:.4g} mm",
-        )
-    axes.set(
-        xlabel="x in mm",
-        ylabel="deflection in mm",
-        title=f"deflection at its maximum; bars are {BAR_SIGMAS} standard errors",
-    )
+        style: Any = {"fmt": ".-", "color": cycle_color(k), "linewidth": 0.9, "capsize": 2}
+        label = f"row at y = {y[row][0]:.4g} mm"
+        axes.errorbar(x[row], w[row], BAR_SIGMAS * error[row], label=label, **style)
+    title = f"deflection at its maximum; bars are {BAR_SIGMAS} standard errors"
+    axes.set(xlabel="x in mm", ylabel="deflection in mm", title=title)
     axes.legend()
     return figure
 
 
 def _draw_map(data: xr.Dataset, manifest: Manifest) -> Figure:
-    length, width = manifest.structure.length_mm, manifest.structure.width_mm
     panels = {
         "deflection in mm": 1e3 * data["deflection"].values,
         "standard error in mm": 1e3 * data["standard_error"].values,
     }
     if np.isfinite(data["reference_deflection"].values).any():
         panels[f"{data.attrs['most_similar']} in mm"] = 1e3 * data["reference_deflection"].values
-    count = len(panels)
-    side = WIDTH_IN / count
-    figure, axes = subplots(
-        1,
-        count,
-        figsize=(WIDTH_IN, min(side * width / length + 0.9, 6)),
-        layout="constrained",
-        squeeze=False,
-    )
+    side = WIDTH_IN / len(panels)
+    height = side * manifest.structure.width_mm / manifest.structure.length_mm + 0.9
+    size = (WIDTH_IN, min(height, 6))
+    figure, axes = subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
     most = float(np.nanmax(np.abs(panels["deflection in mm"])))
     for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
-        signed = "error" not in title
-        style: Any = (
-            {"cmap": "PuOr", "vmin": -most, "vmax": most} if signed else {"cmap": "viridis"}
-        )
-        drawn = panel.scatter(1e3 * data["x"], 1e3 * data["y"], c=values, s=24, **style)
-        panel.set(title=title, xlim=(0, length), ylim=(0, width), aspect="equal", xlabel="x in mm")
+        signed = {"cmap": "PuOr", "vmin": -most, "vmax": most}
+        style = {"cmap": "viridis"} if "error" in title else signed
+        drawn = _scatter_markers(panel, manifest, values, **style)
+        panel.set(title=title)
         figure.colorbar(drawn, ax=panel, orientation="horizontal", fraction=0.08)
     axes[0, 0].set_ylabel("y in mm")
     return figure
 
 
+def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **style: Any) -> PathCollection:
+    """Draw values of the markers at their places on the structure."""
+    structure = manifest.structure
+    limits = {"xlim": (0, structure.length_mm), "ylim": (0, structure.width_mm)}
+    axes.set(aspect="equal", xlabel="x in mm", **limits)
+    x, y = 1e3 * structure.marker_points
+    return axes.scatter(x, y, c=values, s=24, **style)
+
+
+@in_style()
 def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Draw the positions of the cameras from above and from the side."""
-    with in_style():
-        figure, axes = subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
-        length, width = manifest.structure.length_mm, manifest.structure.width_mm
-        centre = 1e3 * data["camera_centre"].values
-        rest = 1e3 * data["rest_position"].values
-        for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
-            panel.plot(
-                length / 2 * np.array([-1, 1, 1, -1, -1]),
-                half * np.array([-1, -1, 1, 1, -1]),
-                color=REFERENCE_COLOR,
-            )
-            panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
-            for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
-                panel.plot(
-                    [centre[k, i], 0], [centre[k, j], 0], color=cycle_color(k), linewidth=0.6
-                )
-                panel.plot(centre[k, i], centre[k, j], "s", color=cycle_color(k))
-                panel.annotate(
-                    name,
-                    (centre[k, i], centre[k, j]),
-                    xytext=(5, 5),
-                    textcoords="offset points",
-                )
-            panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
-            panel.margins(0.12, 0.12 if j == 1 else 0.35)  # names of all on one height fit below
-        axes[0].set_title("(a) from above")
-        axes[1].set_title("(b) from the side")
+    figure, axes = subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
+    length, width = manifest.structure.length_mm, manifest.structure.width_mm
+    centre = 1e3 * data["camera_centre"].values
+    rest = 1e3 * data["rest_position"].values
+    x = length / 2 * np.array([-1, 1, 1, -1, -1])
+    for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
+        panel.plot(x, half * np.array([-1, -1, 1, 1, -1]), color=REFERENCE_COLOR)
+        panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
+        for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
+            place, ink = centre[k, [i, j]], cycle_color(k)
+            panel.plot([place[0], 0], [place[1], 0], color=ink, linewidth=0.6)
+            panel.plot(*place, "s", color=ink)
+            panel.annotate(name, place, xytext=(5, 5), textcoords="offset points")
+        panel.set(aspect="equal", xlabel="x in mm", ylabel=f"{'xyz'[j]} in mm")
+        panel.margins(0.12, 0.12 if j == 1 else 0.35)  # names of all on one height fit below
+    axes[0].set_title("(a) from above")
+    axes[1].set_title("(b) from the side")
     return figure
 
 
+@in_style()
 def draw_corners(data: xr.Dataset) -> Figure:
     """Draw the residuals of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
-    with in_style():
-        figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
-        for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
-            u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
-            axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
-        most = 1.05 * float(np.nanmax(np.abs(residuals)))
-        axes.set(
-            aspect="equal",
-            xlim=(-most, most),
-            ylim=(-most, most),
-            xlabel="u in px",
-            ylabel="v in px",
-            title="corners seen minus computed",
-        )
-        axes.legend(markerscale=4, ncols=2)
+    figure, axes = _one_panel(4.2, 3.8)
+    for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
+        u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
+        axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
+    most = 1.05 * float(np.nanmax(np.abs(residuals)))
+    axes.set(aspect="equal", xlim=(-most, most), ylim=(-most, most))
+    axes.set(xlabel="u in px", ylabel="v in px", title="corners seen minus computed")
+    axes.legend(markerscale=4, ncols=2)
     return figure
 
 
+@in_style()
 def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
     """Draw the marker that moves most, folded into one period, as each camera saw it."""
-    period, count = 1 / float(data["frequency"]), seen.sizes["camera"]
-    rows = -(-count // 2)
+    period = 1 / float(data["frequency"])
     names = drawable_names([f"camera {name}" for name in seen["camera"].values], "camera")
-    with in_style():
-        figure, axes = subplots(
-            rows,
-            2,
-            figsize=(WIDTH_IN, 0.5 + 1.5 * rows),
-            sharex=True,
-            layout="constrained",
-            squeeze=False,
-        )
-        for k, panel in enumerate(axes.flat[:count]):
-            one = seen.isel(camera=k)
-            turns = (one["track_time"].values % period) / period
-            panel.plot(turns, one["track"], ".", color=cycle_color(k), markersize=3)
-            panel.set(title=f"{names[k]}, {'uv'[int(one['track_side'])]} in px")
-        for panel in axes.flat[count:]:
-            panel.set_visible(False)
-        for panel in axes[-1]:
-            panel.set_xlabel("time in periods")
+    figure, panels = panel_grid(len(names), WIDTH_IN, 1.75, sharex=True)
+    for k, one in enumerate(iterate_slices(seen, "camera")):
+        turns = (one["track_time"].values % period) / period
+        panels[k].plot(turns, one["track"], ".", color=cycle_color(k), markersize=3)
+        panels[k].set(title=f"{names[k]}, {'uv'[int(one['track_side'])]} in px")
+    for panel in panels[-2:]:
+        panel.set_xlabel("time in periods")
     return figure
 
 
+@in_style()
 def draw_residuals(seen: xr.Dataset) -> Figure:
     """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
-    with in_style():
-        figure, axes = subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
-        for k, name in enumerate(drawable_names(seen["camera"].values, "camera")):
-            axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
-        axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
-        axes.legend(ncols=4)
+    figure, axes = _one_panel(WIDTH_IN, 2.8)
+    for k, name in enumerate(drawable_names(seen["camera"].values, "camera")):
+        axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
+    axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
+    axes.legend(ncols=4)
     return figure
 
 
+@in_style()
 def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
     """Draw the first frame of a camera, with the markers found and the structure's outline."""
     height, width = image.shape
@@ -202,17 +249,14 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
     left, top = np.clip(np.min(around, axis=1) - margin, 0, None)
     right, bottom = np.minimum(np.max(around, axis=1) + margin, (width, height))
     step = max(int(right - left) // MAX_PHOTOGRAPH_PX, 1)
-    with in_style():
-        figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * (bottom - top) / (right - left)))
-        axes: Axes = figure.add_axes((0, 0, 1, 1))
-        axes.imshow(
-            image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=(0, width, height, 0)
-        )
-        axes.plot(*found, "+", color=HIGHLIGHT_COLOR, markersize=5, markeredgewidth=0.8)
-        axes.plot(*np.column_stack([outline, outline[:, :1]]), color=CYCLE_COLORS[5], linewidth=0.8)
-        axes.set_xlim(left, right)
-        axes.set_ylim(bottom, top)
-        axes.set_axis_off()
+    figure = Figure(figsize=(WIDTH_IN, WIDTH_IN * (bottom - top) / (right - left)))
+    axes: Axes = figure.add_axes((0, 0, 1, 1))
+    extent = (0, width, height, 0)
+    axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=extent)
+    axes.plot(*found, "+", color=HIGHLIGHT_COLOR, markersize=5, markeredgewidth=0.8)
+    axes.plot(*np.column_stack([outline, outline[:, :1]]), color=CYCLE_COLORS[5], linewidth=0.8)
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    axes.set_axis_off()
     return figure
 
 
@@ -229,100 +273,80 @@ def _stable_poles(data: xr.Dataset) -> Mask:
     return stable
 
 
+@in_style()
 def draw_stabilisation(data: xr.Dataset) -> Figure:
     """Draw the spectrum, and the poles of the fits with one mode, two modes and so on."""
-    with in_style():
-        figure, (top, low) = subplots(
-            2, 1, figsize=(WIDTH_IN, 5.0), layout="constrained", sharex=True
-        )
-        for name, ink in (("before", cycle_color(0)), ("after", REFERENCE_COLOR)):
-            label = "tracks" if name == "before" else "residual of the modes"
-            top.semilogy(data["line"], data[name], color=ink, linewidth=0.8, label=label)
-        top.axhline(STANDS_OUT, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode")
-        top.set(ylabel="power over noise")
-        top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        top.legend(ncols=3)
-        f, kept = data["order_frequency"].values, _stable_poles(data)
-        orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
-        known = np.isfinite(f)
-        low.plot(f[known & kept], orders[known & kept], "o", color=cycle_color(0), label="stable")
-        low.plot(
-            f[known & ~kept],
-            orders[known & ~kept],
-            "x",
-            color=HIGHLIGHT_COLOR,
-            label="new, or moved",
-        )
-        for value in data["frequency"].values:
-            low.axvline(value, color=REFERENCE_COLOR, linewidth=0.6, zorder=0)
-        low.set(xlabel="frequency in Hz", ylabel="modes fitted", yticks=np.arange(1, len(f) + 1))
-        low.legend()
+    size = (WIDTH_IN, 5.0)
+    figure, (top, low) = subplots(2, 1, figsize=size, layout="constrained", sharex=True)
+    top.semilogy(data["line"], data["before"], color=cycle_color(0), linewidth=0.8, label="tracks")
+    label = "residual of the modes"
+    top.semilogy(data["line"], data["after"], color=REFERENCE_COLOR, linewidth=0.8, label=label)
+    top.axhline(STANDS_OUT, color=HIGHLIGHT_COLOR, linewidth=0.6, label="threshold of a mode")
+    top.set(ylabel="power over noise")
+    top.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    top.legend(ncols=3)
+    f, kept = data["order_frequency"].values, _stable_poles(data)
+    orders = np.broadcast_to(np.arange(1, len(f) + 1)[:, None], f.shape)
+    new = np.isfinite(f) & ~kept
+    low.plot(f[kept], orders[kept], "o", color=cycle_color(0), label="stable")
+    low.plot(f[new], orders[new], "x", color=HIGHLIGHT_COLOR, label="new, or moved")
+    for value in data["frequency"].values:
+        low.axvline(value, color=REFERENCE_COLOR, linewidth=0.6, zorder=0)
+    low.set(xlabel="frequency in Hz", ylabel="modes fitted", yticks=np.arange(1, len(f) + 1))
+    low.legend()
     return figure
 
 
+@in_style()
 def draw_assurance(data: xr.Dataset) -> Figure:
     """Draw the MAC matrix of the modes among each other."""
     mac = data["assurance"].values
     names = [f"{f:.4g}" for f in data["frequency"].values]
-    with in_style():
-        figure, axes = subplots(figsize=(4.2, 3.6), layout="constrained")
-        drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
-        for (i, j), value in np.ndenumerate(mac):
-            ink = "black" if value > 0.6 else "white"
-            axes.text(j, i, f"{value:.3f}", ha="center", va="center", color=ink, fontsize=7)
-        axes.set(
-            xticks=range(len(names)), yticks=range(len(names)), xticklabels=names,
-            yticklabels=names, xlabel="frequency in Hz", ylabel="frequency in Hz",
-        )  # fmt: skip
-        axes.grid(visible=False)
-        figure.colorbar(drawn, ax=axes, label="MAC")
+    figure, axes = _one_panel(4.2, 3.6)
+    drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
+    for (i, j), value in np.ndenumerate(mac):
+        ink = "black" if value > 0.6 else "white"
+        axes.text(j, i, f"{value:.3f}", ha="center", va="center", color=ink, fontsize=7)
+    axes.set_xticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), names)
+    axes.set(xlabel="frequency in Hz", ylabel="frequency in Hz")
+    axes.grid(visible=False)
+    figure.colorbar(drawn, ax=axes, label="MAC")
     return figure
 
 
+@in_style(MATH_STYLE)
 def draw_response(data: xr.Dataset, marker: int) -> Figure:
     """Draw a marker's receptance, and its coherence where there are averages."""
     f, whole = data["frequency"].values, complex_of(data, "receptance")[:, marker]
     error, averaged = data["standard_error"].values[0, marker], int(data["segments"]) > 1
     heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
-    with in_style(MATH_STYLE):
-        figure, (top, middle, *low) = subplots(
-            len(heights),
-            1,
-            figsize=(NARROW_WIDTH_IN, sum(heights)),
-            layout="constrained",
-            sharex=True,
-            height_ratios=heights,
-        )
-        size = np.abs(whole[0])
-        under = np.maximum(size - 2 * error, size / 10)
-        top.fill_between(
-            f,
-            under,
-            size + 2 * error,
-            color=REFERENCE_COLOR,
-            alpha=0.4,
-            lw=0,
-            label="H1 ± 2 standard errors",
-        )
-        if averaged:
-            top.plot(f, np.abs(whole[1]), color=HIGHLIGHT_COLOR, linewidth=0.7, label="H2")
-        top.plot(f, size, color=cycle_color(0), linewidth=0.9, label="H1")
-        top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
-        top.legend(ncols=3)
-        middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=cycle_color(0), markersize=3)
-        middle.set(ylabel="phase in °", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
-        for axes in low:
-            axes.plot(f, data["coherence"].values[marker], color=cycle_color(0), linewidth=0.8)
-            axes.set(ylabel="coherence", ylim=(0, 1.05))
-        last = [top, middle, *low][-1]
-        last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
-        last.set_xticks(_ticks(f[0], f[-1]), minor=False)
-        last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        last.xaxis.set_minor_formatter(lambda value, _: "")
+    size = (NARROW_WIDTH_IN, sum(heights))
+    shared: Any = {"layout": "constrained", "sharex": True, "height_ratios": heights}
+    figure, (top, middle, *low) = subplots(len(heights), 1, figsize=size, **shared)
+    size = np.abs(whole[0])
+    under = np.maximum(size - 2 * error, size / 10)
+    shade: Any = {"color": REFERENCE_COLOR, "alpha": 0.4, "lw": 0}
+    top.fill_between(f, under, size + 2 * error, label="H1 ± 2 standard errors", **shade)
+    if averaged:
+        top.plot(f, np.abs(whole[1]), color=HIGHLIGHT_COLOR, linewidth=0.7, label="H2")
+    top.plot(f, size, color=cycle_color(0), linewidth=0.9, label="H1")
+    top.set(xscale="log", yscale="log", ylabel="receptance in m/N")
+    top.legend(ncols=3)
+    middle.plot(f, np.degrees(np.angle(whole[0])), ".", color=cycle_color(0), markersize=3)
+    middle.set(ylabel="phase in °", ylim=(-190, 190), yticks=[-180, -90, 0, 90, 180])
+    for axes in low:
+        axes.plot(f, data["coherence"].values[marker], color=cycle_color(0), linewidth=0.8)
+        axes.set(ylabel="coherence", ylim=(0, 1.05))
+    last = [top, middle, *low][-1]
+    last.set(xlabel="frequency in Hz", xlim=(f[0], f[-1]))
+    last.set_xticks(_round_ticks(f[0], f[-1]), minor=False)
+    last.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    last.xaxis.set_minor_formatter(lambda value, _: "")
     return figure
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def _round_ticks(low: float, high: float) -> list[float]:
     """Return round numbers between two, four or more where there are so many."""
     for digits in ((1, 2, 5), range(1, 10)):
         found = [n * 10.0**k for k in range(-2, 5) for n in digits if low <= n * 10.0**k <= high]
@@ -359,22 +383,12 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
     return {"cameras": draw_cameras(placed, manifest), "errors": _draw_errors(manifest, fit)}
 
 
+@in_style()
 def _draw_errors(manifest: Manifest, error: Array) -> Figure:
     """Draw the standard errors of the harmonic fit over the structure, mm."""
-    length, width = manifest.structure.length_mm, manifest.structure.width_mm
-    x, y = 1000 * manifest.structure.marker_points
-    with in_style():
-        figure, axes = subplots(
-            figsize=(WIDTH_IN, min(WIDTH_IN * width / length + 1.5, 6)), layout="constrained"
-        )
-        drawn = axes.scatter(x, y, c=error, s=24, cmap="viridis")
-        axes.set(
-            xlim=(0, length),
-            ylim=(0, width),
-            aspect="equal",
-            xlabel="x in mm",
-            ylabel="y in mm",
-            title="standard error of the deflection by the harmonic fit",
-        )
-        figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)
+    height = WIDTH_IN * manifest.structure.width_mm / manifest.structure.length_mm + 1.5
+    figure, axes = _one_panel(WIDTH_IN, min(height, 6))
+    drawn = _scatter_markers(axes, manifest, error, cmap="viridis")
+    axes.set(ylabel="y in mm", title="standard error of the deflection by the harmonic fit")
+    figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)
     return figure

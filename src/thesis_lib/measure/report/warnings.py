@@ -17,6 +17,7 @@ from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.force import dwell_time, settling_time
+from thesis_lib.plotting.style import iterate_slices
 
 MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
 MAX_STRAY_FRACTION = 0.01  # of the centres that are left out
@@ -71,40 +72,33 @@ def _check_frequency(data: xr.Dataset) -> Iterator[Note]:
         yield make_note("frequency-replaced", given=given, used=used, std=std)
     other, ratio = float(data["other_frequency"]), float(data["other_amplitude"])
     explained = float(data["explained"])
-    motion: dict[str, object] = {
-        "used": used,
-        "explained": explained,
-        "other": other,
-        "ratio": ratio,
+    wrong = {
+        "frequency-wrong": ratio > 1,
+        "other-tone": ratio > MAX_OTHER_AMPLITUDE,
+        "little-explained": explained < MIN_EXPLAINED_FRACTION,
     }
-    if ratio > 1:
-        yield make_note("frequency-wrong", **motion)
-    elif ratio > MAX_OTHER_AMPLITUDE:
-        yield make_note("other-tone", **motion)
-    elif explained < MIN_EXPLAINED_FRACTION:
-        yield make_note("little-explained", **motion)
+    if code := next((code for code, is_wrong in wrong.items() if is_wrong), None):
+        yield make_note(code, used=used, explained=explained, other=other, ratio=ratio)
     lags = dict(zip(data["alias"].values, data["alias_lag"].values, strict=True))
     own = lags.pop(data["alias"].values[0])
     better = {f: lag for f, lag in lags.items() if lag < own / 3}
     rivals = ", ".join(f"{f:.6g} Hz ({lag:.0f}°)" for f, lag in sorted(lags.items()))
     if own > MAX_OUT_OF_STEP_DEG and better:
         best = min(better, key=lambda f: better[f])
-        yield make_note(
-            "maybe-alias", used=used, best=best, own=own, lag=better[best], rivals=rivals
-        )
+        lag = better[best]
+        yield make_note("maybe-alias", used=used, best=best, own=own, lag=lag, rivals=rivals)
     elif used > 0.5 * float(data["frame_rate"].min()) and lags:
-        if np.isnan(own):
-            plain = ", ".join(f"{f:.6g} Hz" for f in lags)
-            yield make_note("alike", "unchecked", used=used, rivals=plain)
-        else:
-            yield make_note("alike", used=used, own=own, rivals=rivals)
+        plain = ", ".join(f"{f:.6g} Hz" for f in lags)
+        unchecked = bool(np.isnan(own))
+        variant, rivals = ("unchecked", plain) if unchecked else ("", rivals)
+        yield make_note("alike", variant, used=used, own=own, rivals=rivals)
 
 
 def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     yield from _check_repeats(data)
-    names = [str(name) for name in data["camera"].values]
-    for k, name in enumerate(names):
-        yield from _check_camera(data.isel(camera=k), name, names[0])
+    first = str(data["camera"].values[0])
+    for one in iterate_slices(data, "camera"):
+        yield from _check_camera(one, str(one["camera"].values), first)
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
@@ -231,9 +225,8 @@ def check_modes(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         if other < 3 * own:
             yield make_note("mode-alias", hertz=f, rival=float(one["rival"]), own=own, other=other)
         if (ratio := float(one["beside"])) > MAX_RESIDUAL_POWER:
-            yield make_note(
-                "left-near-mode", hertz=f, ratio=ratio, resolution=1 / seconds, seconds=seconds
-            )
+            film = {"resolution": 1 / seconds, "seconds": seconds}
+            yield make_note("left-near-mode", hertz=f, ratio=ratio, **film)
         error, zeta = float(one["damping_deviation"]), float(one["damping"])
         if zeta and error > MAX_DAMPING_ERROR * abs(zeta):
             yield make_note("damping-unsure", hertz=f, share=error / abs(zeta))
@@ -253,12 +246,13 @@ def check_sound(data: xr.Dataset) -> Iterator[Note]:
     is_low = data["frequency"].values < data["no_wall_below"].values
     low = data.isel(tone=is_low & ~(data["no_wall_change"].values > 0))
     if data.attrs["wall"] != "yes" and low.sizes["tone"]:
-        tones = [low.isel(tone=tone) for tone in range(low.sizes["tone"])]
-        changes = [f"at {float(one['frequency']):.4g} Hz {no_wall_change(one)} dB" for one in tones]
+        changes = [
+            f"at {float(one['frequency']):.4g} Hz {no_wall_change(one)} dB"
+            for one in iterate_slices(low, "tone")
+        ]
         yield make_note("no-wall", changes="; ".join(changes))
     highest, step = float(data.attrs["highest"]), 1000 * float(data.attrs["spacing"])
-    for tone in range(data.sizes["tone"]):
-        one = data.isel(tone=tone)
+    for one in iterate_slices(data, "tone"):
         hertz = float(one["frequency"])
         if hertz > highest:
             yield make_note("waves-too-short", hertz=hertz, step_mm=step, highest=highest)
@@ -293,10 +287,10 @@ def check_response(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
         yield make_note("incoherent", marker=drive + 1, coherence=usual)
     if (share := float(data["unknown"].mean())) > MAX_UNKNOWN_FRACTION:
         yield make_note("deflections-lost", share=share)
-    names = [str(name) for name in data["camera"].values]
-    for k, name in enumerate(names):
-        late, pace = float(data["camera_lag"][k]), float(data["camera_pace"][k])
-        yield from _check_clock(name, names[0], late, pace)
+    first = str(data["camera"].values[0])
+    for one in iterate_slices(data, "camera"):
+        late, pace = float(one["camera_lag"]), float(one["camera_pace"])
+        yield from _check_clock(str(one["camera"].values), first, late, pace)
     if (degrees := np.degrees(float(data["phase_deviation"].values[-1]))) > MAX_CLOCK_PHASE_DEG:
         std = 1e3 * float(data["delay_deviation"])
         yield make_note("force-clock-unsure", std_ms=std, degrees=degrees, hertz=f[-1])
@@ -340,16 +334,8 @@ def _check_sweep(data: xr.Dataset, manifest: Manifest) -> Iterator[Note]:
     stays = dwell_time(Sweep(from_hz=begin, to_hz=end, duration_s=duration), top, zeta)
     needs = settling_time(top, zeta)
     if stays < needs:
-        yield make_note(
-            "sweep-fast",
-            begin=begin,
-            end=end,
-            duration=duration,
-            stays=stays,
-            hertz=top,
-            needs=needs,
-            factor=needs / stays,
-        )
+        sweep = {"begin": begin, "end": end, "duration": duration, "factor": needs / stays}
+        yield make_note("sweep-fast", hertz=top, stays=stays, needs=needs, **sweep)
 
 
 def _check_segments(data: xr.Dataset) -> Iterator[Note]:
