@@ -15,7 +15,7 @@ from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.reprojection import LENS_UNKNOWNS
 from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import history
-from thesis_lib.measure.exchange.reading import Found
+from thesis_lib.measure.exchange.cameras import Found
 from thesis_lib.measure.fitting.clocks import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import validation as recordings_check

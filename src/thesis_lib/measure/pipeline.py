@@ -14,8 +14,7 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.exchange import files, history
-from thesis_lib.measure.exchange.reading import OWN_FILE
-from thesis_lib.measure.exchange.tables import write_csv
+from thesis_lib.measure.exchange.cameras import OWN_FILE
 from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
 from thesis_lib.measure.measured import Recorded, fit_deflection, record_tracks
 from thesis_lib.measure.modes.result import modes_result
@@ -24,6 +23,7 @@ from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.report import animation, build
 from thesis_lib.measure.report.diagnostics import collect_diagnostics
 from thesis_lib.measure.response.result import estimate_response

@@ -10,8 +10,8 @@ import xarray as xr
 from scipy.io import wavfile
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.radiation.radiated import complex_of
+from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.studies import storage
 
 SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s
