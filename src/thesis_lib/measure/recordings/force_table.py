@@ -149,7 +149,8 @@ def read_force_table(path: Path) -> ForceTable:
     names, units = _header(header, width)
     time, force = _columns(path, names, units, values)
     times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
-    newtons = values[:, force] * _newtons(units[force])
+    mega = units[force] == MEGANEWTON_UNIT  # "mn" are millinewtons
+    newtons = values[:, force] * (1e6 if mega else FORCE_UNITS_N.get(units[force].lower(), 1.0))
     _check(path, times, [number for number, _ in body], units[time], names[time])
     told = [
         f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
@@ -161,19 +162,14 @@ def read_force_table(path: Path) -> ForceTable:
 def _text_of(path: Path) -> str:
     """Decode a file by its mark, by its zeros, or as UTF-8, else as Latin-1 of Windows."""
     data = path.read_bytes()
-    for mark, name in (
-        (codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
-        (codecs.BOM_UTF16_BE, "utf-16"),
-    ):  # fmt: skip
-        if data.startswith(mark):
-            return data.decode(name, errors="replace")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
     start = data[:1000]
-    if start[1::2].count(0) > len(start) / 4:
-        return data.decode("utf-16-le", errors="replace")
-    if start[0::2].count(0) > len(start) / 4:
-        return data.decode("utf-16-be", errors="replace")
+    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if start[first::2].count(0) > len(start) / 4:
+            return data.decode(name, errors="replace")
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")  # which reads UTF-8 without a mark, too
     except UnicodeDecodeError:
         return data.decode("cp1252", errors="replace")
 
@@ -270,7 +266,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
                 unit if _is_unit(unit) else old for unit, old in zip(alone, units, strict=True)
             ]
             continue
-        if names != [""] * width and not any(_is_known(_split(cell)[0]) for cell in cells):
+        if names != [""] * width and not any(_kinds(_split(cell)[0]) for cell in cells):
             continue
         split = [_split(cell) for cell in cells]
         names, units = [name for name, _ in split], [unit for _, unit in split]
@@ -280,10 +276,6 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
 def _is_unit(text: str) -> bool:
     low = text.lower()
     return low in TIME_UNITS_S or low in FORCE_UNITS_N or low in OTHER_UNITS
-
-
-def _is_known(name: str) -> bool:
-    return bool(_kinds(name))
 
 
 def _split(cell: str) -> tuple[str, str]:
@@ -351,11 +343,13 @@ def _columns(
     if len(times) != 1 or len(forces) != 1:
         what = "time" if len(times) != 1 else "force"
         many = len(times if what == "time" else forces) > 1
-        _refuse(
-            path,
-            names,
-            units,
-            f"{'several columns may be' if many else 'no column is clearly'} the {what}",
+        shown = ", ".join(
+            f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
+            for k, unit in enumerate(units)
+        )
+        raise ForceError(
+            f"{path}: {'several columns may be' if many else 'no column is clearly'} the {what}, "
+            f"of columns {shown}; {EXAMPLE_TEXT}"
         )
     time, force = times[0], forces[0]
     for k, what in ((time, "time"), (force, "force")):
@@ -363,32 +357,18 @@ def _columns(
             bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
             raise ForceError(
                 f"{path}: row {bad + 1} has no number in column {k + 1}{_name_column(names, k)}, "
-                "the "
-                f"{what}; {EXAMPLE_TEXT}"
+                f"the {what}; {EXAMPLE_TEXT}"
             )
     if unit[force] and unit[force] not in FORCE_UNITS_N:
         raise ForceError(
             f"{path}: column {force + 1}{_name_column(names, force)} is in {units[force]}, "
-            "allowed: "
-            "N, mN, kN or lbf"
+            "allowed: N, mN, kN or lbf"
         )
     return time, force
 
 
 def _name_column(names: Sequence[str], k: int) -> str:
     return f" ({names[k]})" if names[k] else ""
-
-
-def _refuse(path: Path, names: Sequence[str], units: Sequence[str], why: str) -> None:
-    shown = ", ".join(
-        f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
-        for k, unit in enumerate(units)
-    )
-    raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE_TEXT}")
-
-
-def _newtons(unit: str) -> float:
-    return 1e6 if unit == MEGANEWTON_UNIT else FORCE_UNITS_N.get(unit.lower(), 1.0)
 
 
 def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str) -> None:
