@@ -10,7 +10,6 @@ from __future__ import annotations
 import codecs
 import csv
 import datetime as dt
-import io
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -18,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.arrays import Array
 
@@ -85,10 +83,10 @@ class _Form:
 
     def number(self, cell: str) -> float | None:
         """Return the number that a cell holds, None if it holds none."""
-        thousands, mark = ("," if self.decimal == "." else "."), re.escape(self.decimal)
-        if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(\{thousands}\d{{3}})+({mark}\d+)?", cell):
+        thousands, grouped, plain = NUMBER_PATTERNS[self.decimal]
+        if grouped.fullmatch(cell):
             cell = cell.replace(thousands, "")
-        if not re.fullmatch(rf"[+-]?(\d+{mark}?\d*|{mark}\d+)([eE][+-]?\d+)?", cell):
+        if not plain.fullmatch(cell):
             return _clock_seconds(cell)
         return float(cell.replace(self.decimal, "."))
 
@@ -106,6 +104,15 @@ class _Form:
 CLOCK_PATTERN = re.compile(
     r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
 )
+#: By decimal mark: the one that may part thousands, numbers in which it does, and others
+NUMBER_PATTERNS = {
+    mark: (
+        thousands,
+        re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{thousands}\d{{3}})+(\{mark}\d+)?"),
+        re.compile(rf"[+-]?(\d+\{mark}?\d*|\{mark}\d+)([eE][+-]?\d+)?"),
+    )
+    for mark, thousands in ((".", ","), (",", "."))
+}
 TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
 QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 
@@ -218,36 +225,18 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
 
 def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int) -> Array:
     """Read the numbers of all rows, shape (rows, columns), NaN where a cell is empty or a word."""
+    rows = []
     for number, line in body:
         if not form.is_data(line):
             raise ForceError(
                 f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
                 f"{EXAMPLE_TEXT}"
             )
-    plain = form.separator != " "
-    text = "\n".join(line if plain else " ".join(line.split()) for _, line in body)
-    table = pd.read_csv(
-        io.StringIO(text),
-        sep=form.separator,
-        header=None,
-        names=range(max(width, max(line.count(form.separator) for _, line in body) + 1)),
-        dtype=str,
-        skipinitialspace=plain,
-        keep_default_na=False,
-        index_col=False,
-    ).iloc[:, :width]
-    found = np.full(table.shape, np.nan)
-    thousands = "," if form.decimal == "." else "."
-    for k in range(width):
-        cells = table.iloc[:, k].fillna("").str.strip()
-        grouped = cells.str.match(rf"[+-]?[1-9]\d{{0,2}}\{thousands}\d{{3}}")
-        cells = cells.where(~grouped, cells.str.replace(thousands, "", regex=False))
-        found[:, k] = pd.to_numeric(
-            cells.str.replace(form.decimal, ".", regex=False), errors="coerce"
-        )
-        if np.isnan(found[:, k]).all():
-            clock = [_clock_seconds(cell) for cell in cells]
-            found[:, k] = [np.nan if one is None else one for one in clock]
+        row = form.numbers(line)[:width]
+        rows.append([*row, *[None] * (width - len(row))])
+    found = np.array(rows, float)
+    for k, cell in enumerate(form.cells(body[0][1])[:width]):
+        if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
             found[:, k] -= found[0, k]
     return found
 
