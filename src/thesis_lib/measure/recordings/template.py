@@ -288,15 +288,6 @@ def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) 
     return "\n".join(lines) + "\n"
 
 
-def _part(
-    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
-) -> Iterator[str]:
-    lines = [*_fields(part, path, indent, asked, given)]
-    if lines:  # else all of it is left out
-        yield f"{' ' * indent}{path.rpartition('.')[2]}:"
-        yield from lines
-
-
 def _fields(
     part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
 ) -> Iterator[str]:
@@ -307,7 +298,9 @@ def _fields(
         if place == "cameras":  # come last, one by one
             continue
         if isinstance(value, BaseModel):
-            yield from _part(value, place, indent + 2, asked, given)
+            if lines := [*_fields(value, place, indent + 2, asked, given)]:
+                yield f"{space}{name}:"
+                yield from lines
         elif value is not None or place in asked or _is_given(place, given):
             check = "CHECK: " if place in asked and not _is_given(place, given) else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
