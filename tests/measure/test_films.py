@@ -1,13 +1,13 @@
 """Films as other cameras and programs write them: turned, covered, slowed down, cut, deep."""
 
 import struct
-from fractions import Fraction
 
 import av
 import cv2
 import numpy as np
 import pytest
 from av.stream import Disposition
+from scenes.sounds import write_film
 
 from thesis_lib.measure.recordings.encode import pack_frames
 from thesis_lib.measure.recordings.media import read_frames
@@ -39,19 +39,10 @@ def places(path):
     return [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
 
 
-def film(path, fmt="yuv420p", codec="libx264", count=COUNT, make=image, **container):
-    with av.open(str(path), "w", options={k: str(v) for k, v in container.items()}) as file:
-        stream = file.add_stream(codec, rate=RATE, options={"crf": "10", "g": "12"})
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, fmt
-        for k in range(count):
-            grey = make(k)
-            deep = grey.dtype == np.uint16
-            frame = av.VideoFrame.from_ndarray(grey, format="gray16le" if deep else "gray")
-            frame = frame if deep else frame.reformat(format=fmt)
-            frame.pts, frame.time_base = k, Fraction(1, RATE)
-            file.mux(stream.encode(frame))
-        file.mux(stream.encode(None))
-    return path
+def film(path, fmt="yuv420p", codec="libx264", count=COUNT, make=image, **how):
+    frames = [make(k) for k in range(count)]
+    return write_film(path, frames=frames, frame_rate=RATE, pictures=codec, pix_fmt=fmt,
+                      options={"crf": "10", "g": "12"}, **how)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -194,14 +185,9 @@ def test_a_film_is_given_its_true_rate(tmp_path, name, how):
 @pytest.mark.parametrize("codec", ["libx264", "ffv1"])
 def test_frames_that_come_unevenly_stay_so_at_another_rate(tmp_path, codec):
     source, times = tmp_path / "uneven.mkv", np.cumsum([0, 3, 4, 3, 5, 3, 4, 4, 3, 4]) / 100
-    with av.open(str(source), "w") as file:
-        stream = file.add_stream(codec, rate=1000)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "gray"
-        for k, time in enumerate(times):
-            frame = av.VideoFrame.from_ndarray(image(k), format="gray")
-            frame.pts, frame.time_base = round(1000 * time), Fraction(1, 1000)
-            file.mux(stream.encode(frame))
-        file.mux(stream.encode(None))
+    stamps = np.rint(1000 * times).astype(int).tolist()
+    write_film(source, frames=[image(k) for k in range(10)], frame_rate=1000, pictures=codec,
+               pix_fmt="gray", times=stamps)  # fmt: skip
     if codec == "ffv1":
         with pytest.raises(MediaError, match="captured_hz: 20"):
             pack_frames(source, tmp_path / "fast.mov", 20)

@@ -7,11 +7,7 @@ import pytest
 
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError, frame_clock
-from thesis_lib.measure.recordings.validation import (
-    describe_repeats,
-    find_repeats,
-    inspect_film,
-)
+from thesis_lib.measure.recordings.validation import describe_repeats, find_repeats, inspect_film
 from thesis_lib.measure.report.warnings import note_pace
 
 KINDS = {  # which frame is stored at k, and what is said

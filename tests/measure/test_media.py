@@ -1,26 +1,16 @@
 """Recordings: lossless round trips, grey levels, alignment of sound, and broken files named."""
 
 import sys
-from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+from scenes.sounds import write_film
 
 from thesis_lib.measure.recordings.audio import read_audio
-from thesis_lib.measure.recordings.media import (
-    read_frames,
-    read_png,
-    write_png,
-    write_video,
-)
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    frame_clock,
-    frame_times,
-    probe_media,
-)
+from thesis_lib.measure.recordings.media import read_frames, read_png, write_png, write_video
+from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe_media
 
 RATE = 48000
 SIZE = (64, 48)
@@ -51,29 +41,13 @@ def video(tmp_path_factory):
 
 
 def foreign(path, pix_fmt, limited, frames, times=None, audio=None, codec="ffv1"):
-    """A video as other programs write it: any pixel format, range, times; None drops a frame."""
-    with av.open(str(path), "w") as file:
-        stream = file.add_stream(codec, rate=60)
-        stream.width, stream.height, stream.pix_fmt = SIZE[0], SIZE[1], pix_fmt
-        stream.codec_context.color_range = 1 if limited else 2
-        if audio is not None:  # before the first packet, which writes the header
-            name, rate, samples, start = audio
-            track = file.add_stream(name, rate=rate, layout="stereo")
-        for k, image in enumerate(frames):
-            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(
-                format=pix_fmt, src_color_range=2, dst_color_range=1 if limited else 2
-            )
-            frame.pts, frame.time_base = k if times is None else times[k], Fraction(1, 60)
-            file.mux(stream.encode(frame))
-        file.mux(stream.encode(None))
-        if audio is not None:
-            block = av.AudioFrame.from_ndarray(samples.astype(np.float32), "fltp", "stereo")
-            block.sample_rate, block.pts, block.time_base = rate, start, Fraction(1, rate)
-            convert = av.AudioResampler(format=track.format, layout="stereo", frame_size=1024)
-            for part in [*convert.resample(block), *convert.resample(None)]:
-                file.mux(track.encode(part))
-            file.mux(track.encode(None))
-    return path
+    """A video as other programs write it: any pixel format, range and times."""
+    sound, rate, samples, start = audio or ("aac", RATE, None, 0)
+    return write_film(
+        path, [] if audio is None else [samples], rate, frames=frames, frame_rate=60,
+        pictures=codec, pix_fmt=pix_fmt, limited=limited, times=times, codec=sound,
+        layout="stereo", start=start,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["12:30:05.mkv", "a%03d.mkv", "http:/x.mkv", "=1.mkv", "-.mkv"])
@@ -94,16 +68,18 @@ def test_no_other_file_is_read_through_a_name(video, tmp_path, monkeypatch, pref
         probe_media(given)
 
 
+LISTS = {
+    "mkv": "ffconcat version 1.0\nfile A.mkv\n",
+    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nA.ts\n#EXT-X-ENDLIST\n",
+    "txt": "words\n" * 99,
+    "svg": "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'></svg>",
+}
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        "ffconcat version 1.0\nfile A.mkv\n",
-        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nA.ts\n#EXT-X-ENDLIST\n",
-        "words\n" * 99,
-        "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'></svg>",
-    ],
+    ("name", "text"),
+    [(f"list.{e}", LISTS[own]) for own in LISTS for e in dict.fromkeys((own, "mkv"))],
 )
-@pytest.mark.parametrize("name", ["list.mkv", "list.m3u8", "list.txt", "list.svg"])
 def test_what_names_other_files_is_no_recording(video, tmp_path, name, text):
     (tmp_path / "A.mkv").write_bytes(video.read_bytes())
     with av.open(str(video)) as old, av.open(str(tmp_path / "A.ts"), "w") as new:
@@ -170,14 +146,6 @@ def test_sound_stays_with_its_picture_in_h264(conforms, tmp_path):
     conforms.closed_form(np.argmax(means) / 60, start + np.argmax(samples) / rate, atol=1e-9)
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.2, 1.7])
-def test_sound_may_be_shorter_or_longer_than_the_pictures(tmp_path, seconds):
-    write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
-    assert len(list(read_frames(tmp_path / "A.mkv"))) == 30
-    if seconds:
-        np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], sound(seconds))
-
-
 def test_loud_sound_clips(tmp_path):
     write_video(tmp_path / "A.mkv", noise(6), 60, [3.0, -3.0, 0.5])
     np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], [1 - 2**-15, -1, 0.5])
@@ -203,6 +171,8 @@ def test_a_file_says_when_its_sound_ends(conforms, tmp_path, seconds):
     write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
     conforms.closed_form(probe_media(tmp_path / "A.mkv").sound_end, seconds, atol=2e-3)
     conforms.closed_form(probe_media(tmp_path / "A.mkv").duration, 0.5, atol=2e-3)
+    assert len(list(read_frames(tmp_path / "A.mkv"))) == 30
+    np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], sound(seconds))
 
 
 @pytest.mark.parametrize(("name", "codec"), [("A.mkv", "pcm_s16le"), ("A.mp4", "aac")])
@@ -213,11 +183,7 @@ def test_sound_that_starts_late_ends_late(tmp_path, name, codec):
     assert probe_media(path).sound_end == pytest.approx(0.6, abs=0.05)
 
 
-def test_without_sound_it_never_ends(tmp_path):
-    assert probe_media(foreign(tmp_path / "A.mkv", "gray", False, noise())).sound_end is None
-
-
-@pytest.mark.parametrize("rate", [24, 25, 30000 / 1001, 50, 60000 / 1001, 60, 119.88, 240])
+@pytest.mark.parametrize("rate", [24, 30000 / 1001, 60, 119.88, 240])
 def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
     write_video(tmp_path / "A.mkv", noise(), rate, sound())
     conforms.closed_form(probe_media(tmp_path / "A.mkv").frame_rate, rate, rtol=1e-6)
@@ -225,10 +191,6 @@ def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
         probe_media(tmp_path / "A.mkv").frames == len(list(read_frames(tmp_path / "A.mkv"))) == 30
     )
     np.testing.assert_allclose(frame_clock(tmp_path / "A.mkv"), np.arange(30) / rate, rtol=2e-5)
-
-
-def test_frame_times_are_those_of_the_frames(conforms, video):
-    conforms.closed_form(frame_times(video), np.arange(30) / 60, atol=5.1e-4)
 
 
 def test_memory_is_independent_of_length(tmp_path):
@@ -357,13 +319,10 @@ def test_a_dropped_frame_is_named(tmp_path):
     assert len(list(read_frames(path, clock=clock))) == len(times)
 
 
-def test_a_clock_that_is_even_but_for_rounding_is_even(video):
-    np.testing.assert_array_equal(frame_clock(video), np.arange(30) / 60)
-
-
 def test_no_audio_track_is_said(tmp_path):
     path = foreign(tmp_path / "A.mkv", "gray", False, noise())
     assert not probe_media(path).has_audio
+    assert probe_media(path).sound_end is None
     refused(lambda: read_audio(path), "A.mkv", "no audio track")
 
 
@@ -388,15 +347,13 @@ def test_no_video_track_is_said(tmp_path):
         ([*noise(3), np.zeros((48, 32), np.uint8)], [0.0], "frame 3"),
         (noise(3), [[0.0]], "audio"),
         (noise(3), [np.nan], "audio"),
+        (noise(3), [0.0], ".mkv"),
     ],
 )
 def test_what_cannot_be_written_leaves_no_file(tmp_path, frames, audio, words):
-    refused(lambda: write_video(tmp_path / "A.mkv", frames, 60, audio), "A.mkv", words)
+    name = "A.mp4" if words == ".mkv" else "A.mkv"
+    refused(lambda: write_video(tmp_path / name, frames, 60, audio), name, words)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_another_ending_is_refused(tmp_path):
-    refused(lambda: write_video(tmp_path / "A.mp4", noise(), 60, [0.0]), "A.mp4", ".mkv")
 
 
 def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):

@@ -12,6 +12,7 @@ from command import thesis
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess_manifest
+from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.animation import write_mp4
@@ -220,7 +221,10 @@ def test_the_guides_commands_lead_to_a_manifest_that_passes_the_check(tmp_path, 
     (rim,) = re.findall(r'<polygon points="([\d., ]+)"', drawn)
     sides = np.ptp(np.array([corner.split(",") for corner in rim.split()], float), axis=0)
     assert (structure.length_mm, structure.width_mm) == tuple(np.round(sides / px_per_mm))
+    planned = draft_manifest({"cameras": 4, "structure.kind": "plate"})
     assert (manifest.board.columns, manifest.board.rows) == (7, 5)
+    assert manifest.board == planned.board
+    assert manifest.excitation.sound == planned.excitation.sound == "room"
 
 
 def test_the_check_draws_where_cameras_stand_and_what_they_reach(tmp_path):

@@ -51,12 +51,10 @@ def manifest(radiation=None, excitation=None, **structure):
     return Manifest.model_validate_json(json.dumps(values))
 
 
-def measurement(shape=TRUE, height=0.0, noise=NOISE):
+def measurement(shape=TRUE, noise=NOISE):
     """What a measurement would be, of a shape."""
     n = len(shape)
     each = dict.fromkeys(["standard_error", "error_of_scatter"], ("marker", np.full(n, noise)))
-    rest = np.zeros((3, n))
-    rest[2, 0] = height
     common = COMMON * shape[None]
     return xr.Dataset(
         each
@@ -67,7 +65,7 @@ def measurement(shape=TRUE, height=0.0, noise=NOISE):
             "in_plane_excess": ((), 0.9),
             "grid_scale": ((), 1.0),
             "frequency": ((), OMEGA / 2 / np.pi),
-            "rest_position": (("axis", "marker"), rest),
+            "rest_position": (("axis", "marker"), np.zeros((3, n))),
             "shared_real": (("row", "marker"), common.real),
             "shared_imag": (("row", "marker"), common.imag),
         },
@@ -497,23 +495,17 @@ def test_what_has_no_sound_is_refused_in_a_line(fields, structure, line):
         assert "\n" not in error["msg"]
 
 
-def test_a_structure_that_is_not_flat_and_markers_too_few_are_refused():
-    with pytest.raises(ChainError, match=r"20\.0 mm off the plane .* 13 mm; Rayleigh"):
-        sound_of(measurement(height=0.02), manifest())
-    few = measurement()
-    few["standard_error"][5:] = np.nan
-    with pytest.raises(ChainError, match="5 markers were measured, allowed: 6 or more"):
-        sound_of(few, manifest())
-
-
-def test_the_same_is_refused_of_several_modes():
-    high = modes()
+@pytest.mark.parametrize("made_of", [measurement, modes])
+def test_a_structure_that_is_not_flat_and_markers_too_few_are_refused(made_of):
+    high, few = made_of(), made_of()
     high["rest_position"].values[2, 0] = 0.02
-    with pytest.raises(ChainError, match=r"20\.0 mm off the plane"):
+    with pytest.raises(ChainError, match=r"20\.0 mm off the plane .* 13 mm; Rayleigh"):
         sound_of(high, manifest())
-    few = modes()
-    few["standard_error"][0, 5:30] = np.nan  # each mode has enough by itself, both have not
-    few["amplitude_real"][1, 30:] = np.nan
+    if made_of is modes:  # each mode has enough by itself, both have not
+        few["standard_error"][0, 5:30] = np.nan
+        few["amplitude_real"][1, 30:] = np.nan
+    else:
+        few["standard_error"][5:] = np.nan
     with pytest.raises(ChainError, match="5 markers were measured, allowed: 6 or more"):
         sound_of(few, manifest())
 

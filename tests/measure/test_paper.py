@@ -138,6 +138,7 @@ def test_a_stand_tells_where_each_camera_is(tmp_path):
     ("options", "words"),
     [
         (["board", "x.pdf", "--tile-mm", "45"], ["--tile-mm", "at most 30.33", "or --paper A2"]),
+        (["board", "x.png"], ["x.png", "allowed: one that ends in .pdf"]),
         (["board", "x.pdf", "--columns", "2"], ["--columns", "2", "4"]),
         (["board", "x.pdf", "--charuco", "--two-sided"], ["--two-sided", "with --charuco"]),
         (["board", "x.pdf", "--charuco", "--columns", "90", "--rows", "90"], ["90 × 90", "2001"]),

@@ -87,10 +87,6 @@ def test_what_is_wrong_is_told_and_nothing_is_written(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-def test_where_there_are_no_videos_it_is_told_how_to_ask(tmp_path):
-    assert "-p cameras=4" in thesis("measure", "--new", tmp_path).err
-
-
 def test_the_example_of_a_plan_is_read_back(tmp_path):
     thesis("measure", "--new", tmp_path, *options(PLATE))
     assert read_manifest(tmp_path / "planned.yaml", check_files=False) == draft_manifest(PLATE)

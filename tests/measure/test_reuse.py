@@ -26,7 +26,7 @@ from thesis_lib.measure.calibration.uncertainty import (
     with_lenses,
 )
 from thesis_lib.measure.exchange import cameras as written
-from thesis_lib.measure.exchange.reading import read_cameras
+from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape

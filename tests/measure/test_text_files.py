@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from thesis_lib.measure.exchange.reading import read_cameras
+from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.recordings.text_files import (
     MAX_BYTES,

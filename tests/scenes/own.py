@@ -1,12 +1,11 @@
 """Recordings as someone else would make them: other structures, markers, boards and sound."""
 
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 import xarray as xr
+from scenes.sounds import write_film
 
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
@@ -71,7 +70,7 @@ def make(
         audio = laboratory_film.render_sound(rig, index) if sound is None else sound(rig, index)
         frames = laboratory_film.render_frames(rig, index)
         if colour:
-            write_colour(folder / f"{name}.mp4", frames, files.size, station.frame_rate, audio)
+            write_colour(folder / f"{name}.mp4", frames, station.frame_rate, audio)
             files = files.model_copy(update={"video": f"{name}.mp4"})
         else:
             media.write_video(folder / f"{name}.mkv", frames, station.frame_rate, audio, RATE)
@@ -94,22 +93,11 @@ def shape_of(manifest: Path, steps: Path) -> xr.Dataset:
     return fit_deflection(given, record_tracks(given, manifest.parent, steps, lambda line: None))[0]
 
 
-def write_colour(path: Path, frames, size, rate: float, audio: np.ndarray) -> None:
+def write_colour(path: Path, frames, rate: float, audio: np.ndarray) -> None:
     """A colour video of a phone's kind: H.264 in 4:2:0 and AAC sound, slightly reddish."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w") as file:
-        video = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
-        track = file.add_stream("aac", rate=RATE, layout="mono")
-        video.pix_fmt, video.options = "yuv420p", {"crf": "14"}
-        video.width, video.height = size
-        for image in frames:
-            tinted = np.stack([image, 0.95 * image, 0.9 * image], axis=-1).astype(np.uint8)
-            frame = av.VideoFrame.from_ndarray(tinted, format="rgb24")
-            file.mux(video.encode(frame))
-        file.mux(video.encode())
-        for k in range(0, len(audio), 1024):
-            block = np.ascontiguousarray(audio[None, k : k + 1024], np.float32)
-            sound = av.AudioFrame.from_ndarray(block, format="fltp", layout="mono")
-            sound.sample_rate, sound.pts = RATE, k
-            file.mux(track.encode(sound))
-        file.mux(track.encode())
+    tinted = (
+        np.stack([image, 0.95 * image, 0.9 * image], axis=-1).astype(np.uint8) for image in frames
+    )
+    write_film(path, [audio], RATE, frames=tinted, frame_rate=rate, pictures="libx264",
+               options={"crf": "14"})  # fmt: skip

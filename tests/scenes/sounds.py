@@ -1,11 +1,45 @@
 """Videos with sound as recorders write it: paces, jumps, priming, channels and tracks."""
 
+from contextlib import nullcontext
+from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
+from pathlib import Path
 
 import av
 import numpy as np
 
+from thesis_lib.measure.recordings.audio import AudioTrack
+from thesis_lib.measure.synchronisation.audio import AudioSource, load_audio
+from thesis_lib.measure.synchronisation.listen import synchronise_cameras
+
 BLOCK = 1024  # samples of a frame of AAC
+DEEP = "gray16le"
+
+
+@dataclass(frozen=True)
+class HeldSound(AudioSource):
+    """Sound in memory, as a file has it."""
+
+    samples: object = ()
+    rate: float = 48000.0
+    start: float = 0.0
+
+    def opened(self):
+        block = np.asarray(self.samples, float)
+        return nullcontext(AudioTrack(self.rate, self.start, iter([block]), self.rate))
+
+
+def synchronise_sounds(signals, rate, frame_rate, frequency=None, names=None, starts=None):
+    """The starts of cameras from sounds in memory; a room's without a frequency."""
+    names = names or [f"recording {k}" for k in range(len(signals))]
+    starts = np.zeros(len(signals)) if starts is None else starts
+    sources = [
+        HeldSound(name, Path(name), None, signal, rate, start)
+        for name, signal, start in zip(names, signals, starts, strict=True)
+    ]
+    heard = load_audio(sources, frequency, 0.0)
+    return synchronise_cameras(sources, heard, frame_rate, frequency)
 
 
 def click(seconds, at, rate=48000):
@@ -49,23 +83,39 @@ def later(sound, start, seconds, rate=16000, fast=0.0, to_rate=None, seed=0):
     return heard + 0.003 * np.random.default_rng(seed).standard_normal(len(heard))
 
 
-def write_film(path, tracks, rate=48000, *, stamps=None, codec="aac", layout="mono", frames=30,
-               frame_rate=30, pictures="mpeg4", container=None):  # fmt: skip
-    """A small film with sound tracks of shape (samples,) or (channels, samples).
+def write_film(path, tracks=(), rate=48000, *, frames=30, frame_rate=30, pictures="mpeg4",
+               pix_fmt="yuv420p", limited=None, times=None, options=None, container=None,
+               codec="aac", layout="mono", start=0, stamps=None):  # fmt: skip
+    """A film as other programs write it, with sound tracks (samples,) or (channels, samples).
 
-    `stamps` maps the time stamps of the packets of sound, in samples.
+    `frames` are images, or a number of plain ones; they are shown at `times`, in frames. `limited`
+    is whether grey levels are 16…235. Sound begins `start` samples late; `stamps` maps the time
+    stamps of its packets, in samples.
     """
+    if isinstance(frames, int):
+        frames = [np.full((48, 64), 40 + k % 100, np.uint8) for k in range(frames)]
+    images = iter(frames)
+    first = next(images, None)
     with av.open(str(path), "w", options=container or {}) as file:
         film = None
-        if frames:
-            film = file.add_stream(pictures, rate=frame_rate)
-            film.width, film.height, film.pix_fmt = 64, 48, "yuv420p"
+        if first is not None:
+            rate_of_frames = Fraction(frame_rate).limit_denominator(1001)
+            film = file.add_stream(pictures, rate=rate_of_frames, options=options or {})
+            film.height, film.width = first.shape[:2]
+            film.pix_fmt = pix_fmt
+            ranges = {}
+            if limited is not None:
+                film.codec_context.color_range = 1 if limited else 2
+                ranges = {"src_color_range": 2, "dst_color_range": 1 if limited else 2}
         outs = [file.add_stream(codec, rate=rate, layout=layout) for _ in tracks]
         if film is not None:
-            for k in range(frames):
-                grey = np.full((48, 64), 40 + k % 100, np.uint8)
-                frame = av.VideoFrame.from_ndarray(grey, format="gray").reformat(format="yuv420p")
-                frame.pts, frame.time_base = k, Fraction(1, frame_rate)
+            for k, image in enumerate(chain([first], images)):
+                kind = "rgb24" if image.ndim == 3 else "gray" if image.dtype == np.uint8 else DEEP
+                frame = av.VideoFrame.from_ndarray(image, format=kind)
+                if kind != pix_fmt:
+                    frame = frame.reformat(format=pix_fmt, **ranges)
+                frame.pts = k if times is None else times[k]
+                frame.time_base = 1 / rate_of_frames
                 file.mux(film.encode(frame))
             file.mux(film.encode(None))
         for track, sound in zip(outs, tracks, strict=True):
@@ -73,7 +123,7 @@ def write_film(path, tracks, rate=48000, *, stamps=None, codec="aac", layout="mo
             samples = np.atleast_2d(np.asarray(sound, np.float32))
             convert = av.AudioResampler(format=track.format, layout=layout, frame_size=BLOCK)
             block = av.AudioFrame.from_ndarray(np.ascontiguousarray(samples), "fltp", layout)
-            block.sample_rate, block.pts, block.time_base = rate, 0, Fraction(1, rate)
+            block.sample_rate, block.pts, block.time_base = rate, start, Fraction(1, rate)
             if codec.startswith("pcm") or codec == "aac":
                 parts = [*convert.resample(block), *convert.resample(None)]
             else:

@@ -35,7 +35,7 @@ from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_files, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
-from thesis_lib.measure.synchronisation.synchronise import whole_frames
+from thesis_lib.measure.synchronisation.listen import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision import lens

@@ -9,7 +9,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS, POSE_UNKNOWNS
-from thesis_lib.measure.exchange.reading import Found, read_cameras
+from thesis_lib.measure.exchange.cameras import Found, read_cameras
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES

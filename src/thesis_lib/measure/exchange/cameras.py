@@ -1,16 +1,20 @@
-"""Calibrated cameras as other programs read them: OpenCV's YAML, and the TOML of aniposelib.
+"""Calibrated cameras in files of other programs and of earlier measurements, read and written.
 
-Both put the world where the structure is at rest: origin at its centre, X along its length, Z along
-its normal, in m. Both count pixels from the middle of the first one, half a pixel less than we do.
+YAML, XML and JSON are those of ``cv2.FileStorage``, YAML that of ROS and Kalibr, too, TOML that of
+aniposelib, caliscope and Pose2Sim. All of them count pixels from the middle of the first one, half
+a pixel less than we do. What is written puts the world where the structure is at rest: origin at
+its centre, X along its length, Z along its normal, in m.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
 
 import cv2
 import numpy as np
@@ -18,7 +22,274 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
+from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.recordings.manifest import ManifestError
+from thesis_lib.measure.recordings.text_files import (
+    TextFileError,
+    parse_json,
+    parse_toml,
+    parse_xml,
+    parse_yaml,
+    read_text,
+)
+from thesis_lib.studies import storage
+from thesis_lib.studies.fields import format_given
+from thesis_lib.text import one_line
 from thesis_lib.vision.lens import HALF_PIXEL, Camera
+
+OWN_FILE = "calibration.nc"
+FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")
+CALIBRATION_KINDS = (
+    "YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of aniposelib, caliscope or Pose2Sim"
+)
+MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are taken for millimetres
+_BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
+# Names under which programs and scripts write what a camera needs, in lower case
+_MATRIX_NAMES = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
+_COEFFICIENT_NAMES = (
+    "distortion_coefficients",
+    "distortions",
+    "distortion_coeffs",
+    "dist_coeffs",
+    "dist_coeff",
+    "distcoeffs",
+    "dist",
+    "d",
+)
+_SIZE_NAMES = ("size", "image_size", "imagesize", "resolution")
+_ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
+# Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
+_MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
+_MAX_SIDE_PX = 100_000
+_OTHER_MODELS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
+
+
+@dataclass(frozen=True)
+class Found:
+    """Cameras of a file."""
+
+    cameras: list[Camera]  #: In one frame, m
+    placed: bool  #: Whether the file says where they are
+    #: Of their poses, then lenses:
+    #: :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`
+    covariance: Array | None = None
+
+
+def read_cameras(path: Path, unit: str | None = None) -> Found:
+    """Return the cameras of a calibration in a file or folder.
+
+    Parameters
+    ----------
+    path : Path
+        A file; the folder of a measurement; or one that has a file for each camera.
+    unit : str, optional
+        "m" or "mm", of the file's lengths; else what the file says, or m.
+
+    Raises
+    ------
+    ManifestError
+        If it cannot be read, or has cameras that cannot be used, in one line.
+    """
+    if path.is_dir():
+        if (path / OWN_FILE).is_file():
+            return read_cameras(path / OWN_FILE)
+        files = sorted(one for one in path.iterdir() if one.suffix.lower() in FILE_SUFFIXES[:-1])
+    else:
+        files = [path]
+    if not files or not all(map(Path.is_file, files)):
+        raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(FILE_SUFFIXES)}")
+    if files[0].suffix.lower() == ".nc":
+        return _own(files[0])
+    cameras, placed = [], []
+    for file in files:
+        values = _values(file)
+        said = values.get("metadata")
+        scale = unit or (said.get("units") if isinstance(said, Mapping) else None) or "m"
+        if scale not in ("m", "mm"):
+            raise ManifestError(f"{file}: lengths in {format_given(scale)}, allowed: m or mm")
+        name = file.stem
+        try:
+            for name, entry in _entries(values, file.stem):
+                camera, at = _camera(entry, name, 1e-3 if scale == "mm" else 1.0)
+                cameras.append(camera)
+                placed.append(at)
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            why = f"no {error.args[0]}" if isinstance(error, KeyError) else error
+            raise ManifestError(f"{file}: camera {one_line(name)}: {why}") from None
+    if not cameras:
+        raise ManifestError(f"{path}: no camera in it, allowed: those with a camera_matrix")
+    centres = np.array([one.centre for one in cameras])
+    apart = float(np.linalg.norm(np.ptp(centres, axis=0)))
+    if apart > MIN_MILLIMETRE_SPAN_M:
+        raise ManifestError(
+            f"{path}: cameras {apart:.4g} m apart, allowed: {MIN_MILLIMETRE_SPAN_M:g} m; if its "
+            "lengths are in mm, "
+            "give calibration.unit: mm"
+        )
+    return Found(cameras, all(placed))
+
+
+def _own(path: Path) -> Found:
+    try:
+        data = storage.open_netcdf(path)
+        covariance = np.asarray(data["covariance"].values, float)
+        known = bool(np.isfinite(covariance).all())
+        return Found(cameras_in(data), True, covariance if known else None)
+    except (storage.CubeError, KeyError):
+        raise ManifestError(f"{path}: no calibration, allowed: one that was measured") from None
+
+
+def _values(path: Path) -> dict[str, Any]:
+    """Read the values of a text file, by names."""
+    try:
+        text = read_text(path)
+        match path.suffix.lower():
+            case ".toml":
+                values = parse_toml(text)
+            case ".json":
+                values = parse_json(text)
+            case ".xml":
+                values = _of_xml(parse_xml(text))
+            case _:
+                values = parse_yaml(text)
+    except (OSError, TextFileError) as error:
+        why = error if isinstance(error, TextFileError) else error.strerror
+        raise ManifestError(
+            f"{path}: not a calibration that can be read ({why}), allowed: {CALIBRATION_KINDS}, "
+            f"{OWN_FILE}"
+        ) from None
+    return values if isinstance(values, dict) else {}
+
+
+def _of_xml(element: Element) -> Any:
+    """Return values of an element of OpenCV's XML: an object, or a text, a number or numbers."""
+    if len(element):
+        return {inside.tag: _of_xml(inside) for inside in element}
+    text = (element.text or "").strip()
+    try:
+        numbers = [float(number) for number in text.split()]
+    except ValueError:
+        return text.strip('"')
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each camera's name and values, from a file of one or of several."""
+    own = {str(key).lower(): value for key, value in values.items()}
+    if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
+        return
+    if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
+        name = next(
+            (own[key] for key in ("name", "camera_name", "cam_id", "port") if key in own), stem
+        )
+        yield str(name), own
+        return
+    if cameras := {k: v for k, v in values.items() if isinstance(v, Mapping) and "intrinsics" in v}:
+        yield from _of_kalibr(cameras)
+        return
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _entries(value, str(key))
+
+
+def _of_kalibr(cameras: Mapping[Any, Mapping[str, Any]]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the names and values of the cameras of a camchain, each placed by the one before."""
+    pose = np.eye(4)
+    for k, (name, given) in enumerate(cameras.items()):
+        entry = {key.lower(): value for key, value in given.items()}
+        focal = entry["intrinsics"]
+        if entry.get("camera_model", "pinhole") != "pinhole":
+            entry["distortion_model"] = entry["camera_model"]
+        if isinstance(focal, list) and len(focal) == 4:
+            f_x, f_y, c_x, c_y = focal
+            entry["camera_matrix"] = [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]
+        step = entry.get("t_cn_cnm1")
+        if k == 0 and len(cameras) > 1:
+            step = np.eye(4).tolist()
+        if step is not None:
+            pose = _numbers(step, "T_cn_cnm1", (16,)).reshape(4, 4) @ pose
+            entry |= {"rotation": pose[:3, :3].tolist(), "translation": pose[:3, 3].tolist()}
+        yield str(name), entry
+
+
+def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, bool]:
+    """Return one camera with lengths times a scale, and whether its place is known."""
+
+    def first_given(*names: str) -> Any:
+        return next((entry[one] for one in names if entry.get(one) is not None), None)
+
+    K = _numbers(first_given(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
+    if K[0, 0] < 0 or K[1, 1] < 0:
+        raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
+    if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
+        raise ValueError(
+            f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
+        )
+    K[:2, 2] += HALF_PIXEL
+    size = first_given(*_SIZE_NAMES) or [
+        first_given("image_width", "width"),
+        first_given("image_height", "height"),
+    ]
+    width, height = _numbers(size, "image_width and image_height", (2,))
+    if not (0 < width <= _MAX_SIDE_PX and 0 < height <= _MAX_SIDE_PX):
+        raise ValueError(
+            f"given {width:.6g} × {height:.6g} px, allowed: sides of 1 to {_MAX_SIDE_PX} px"
+        )
+    if not all(_MIN_FOCAL < focal / width < _MAX_FOCAL for focal in (K[0, 0], K[1, 1])):
+        raise ValueError(
+            f"focal lengths {K[0, 0]:.4g} and {K[1, 1]:.4g} px, allowed: {_MIN_FOCAL} to "
+            f"{_MAX_FOCAL} widths of the image"
+        )
+    turn, move = first_given(*_ROTATION_NAMES), first_given(*_TRANSLATION_NAMES)
+    R, t = np.eye(3), np.zeros(3)
+    if turn is not None and move is not None:
+        R = _rotation(_numbers(turn, "rotation", (3, 9)))
+        t = scale * _numbers(move, "translation", (3,))
+    camera = Camera(
+        name, K, _distortion(entry, first_given), R, -R.T @ t, (int(width), int(height))
+    )
+    return camera, turn is not None and move is not None
+
+
+def _rotation(given: Array) -> Array:
+    """Return the rotation matrix of nine or three numbers."""
+    R = given.reshape(3, 3) if given.size == 9 else np.asarray(cv2.Rodrigues(given)[0], float)
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
+        raise ValueError("rotation: no rotation matrix, allowed: nine or three numbers of one")
+    if np.linalg.det(R) < 0:
+        raise ValueError("mirrored axes (a rotation of determinant -1), allowed: x right, y down")
+    return R
+
+
+def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
+    """Return the coefficients k₁, k₂, p₁, p₂, k₃, or a refusal of another model by its name."""
+    allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
+    model = str(of("distortion_model", "camera_model", "model") or "").lower()
+    if of("fisheye", "fisheye_model"):
+        model = "fisheye"
+    given = of(*_COEFFICIENT_NAMES)
+    values = np.zeros(5) if given is None else _numbers(given, "distortion_coefficients", ())
+    count, extra = values.size, bool(values[5:].any())
+    if model not in _BROWN_MODELS and (model != "rational_polynomial" or extra):
+        raise ValueError(f"distortion model {format_given(model)}, {allowed}")
+    if extra or count not in (0, 4, 5, *_OTHER_MODELS):
+        named = f" ({_OTHER_MODELS[count]} model)" if count in _OTHER_MODELS else ""
+        raise ValueError(f"{count} coefficients of distortion{named}, {allowed}")
+    return np.concatenate([values, np.zeros(5)])[:5]
+
+
+def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
+    """Return the finite numbers in a row, of a matrix in OpenCV's form or of lists."""
+    if given is None or (isinstance(given, list) and None in given):
+        raise KeyError(name)
+    inner = given.get("data") if isinstance(given, Mapping) else given
+    try:
+        values = np.ravel(np.asarray(inner, float))
+    except (TypeError, ValueError, OverflowError):
+        values = np.array([np.nan])
+    if not np.isfinite(values).all() or (counts and values.size not in counts):
+        raise ValueError(f"{name}: given {format_given(inner)}, allowed: finite numbers")
+    return values
 
 
 def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:

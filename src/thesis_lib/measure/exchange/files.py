@@ -15,12 +15,9 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from thesis_lib.measure.exchange import history, uff, vtk
-from thesis_lib.measure.exchange.cameras import (
-    in_structure_axes,
-    write_aniposelib,
-    write_opencv,
-)
+from thesis_lib.measure.exchange import history, uff
+from thesis_lib.measure.exchange.cameras import in_structure_axes, write_aniposelib, write_opencv
+from thesis_lib.measure.exchange.mesh import write_vtk
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.vision.lens import Camera
@@ -63,14 +60,14 @@ def write_formats(folder: Path, measured: Measured) -> None:
 
 def _write_shape_grids(folder: Path, measured: Measured) -> None:
     folder.mkdir(exist_ok=True)
-    vtk.write_vtk(folder, measured.data)
+    write_vtk(folder, measured.data)
 
 
 def _write_mode_grids(folder: Path, measured: Measured) -> None:
     for k in range(measured.data.sizes["mode"]):
         part = folder / f"mode-{k + 1}"
         part.mkdir(parents=True)
-        vtk.write_vtk(part, measured.data.isel(mode=k))
+        write_vtk(part, measured.data.isel(mode=k))
 
 
 def _motion_of(measured: Measured) -> xr.Dataset:

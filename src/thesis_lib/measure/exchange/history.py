@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array, IntArray, Mask
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
@@ -94,8 +94,11 @@ def time_histories(
     if not parts:
         raise ChainError("the cameras did not record at one time: no frame of one lies within all")
     whole = xr.concat(parts, "time")
-    whole = whole.assign(label_values(_places(data), VARIABLES)).assign_coords(
-        camera=data["camera"], axis=data["axis"], marker=_numbers(rest.shape[1])
+    sources = {"x": "x", "y": "y", "rest": "rest_position"}
+    places = {name: 1e3 * data[source].values for name, source in sources.items()}
+    numbers = "marker", np.arange(1, rest.shape[1] + 1), {"long_name": "number of the marker"}
+    whole = whole.assign(label_values(places, VARIABLES)).assign_coords(
+        camera=data["camera"], axis=data["axis"], marker=numbers
     )
     whole["time"].attrs = {
         "units": "s",
@@ -112,18 +115,6 @@ def write_csv(path: Path, moved: xr.Dataset) -> None:
     rows = np.column_stack([moved["time"].values, deflection])
     form = ["%.6f", *["%.6g"] * deflection.shape[1]]
     np.savetxt(path, rows, form, ",", header=",".join(header), comments="")
-
-
-def _places(data: xr.Dataset) -> dict[str, Array]:
-    return {
-        "x": 1e3 * data["x"].values,
-        "y": 1e3 * data["y"].values,
-        "rest": 1e3 * data["rest_position"].values,
-    }
-
-
-def _numbers(count: int) -> tuple[str, IntArray, dict[str, str]]:
-    return "marker", np.arange(1, count + 1), {"long_name": "number of the marker"}
 
 
 def _span(own: Recording) -> tuple[float, float]:

@@ -47,13 +47,7 @@ def channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
     clock: dict[str, Any] = {"fs": float(1 / step)} if even else {"time": times}
     deflection = motion["displacement"].sel(axis="z")
     return [
-        {
-            "name": f"marker {number} z",
-            "data": row / 1e3,
-            "unit_str": "m",
-            "quantity": "d",
-            **clock,
-        }
+        {"name": f"marker {number} z", "data": row / 1e3, "unit_str": "m", "quantity": "d", **clock}
         for number, row in zip(
             motion["marker"].values, deflection.values.T.astype(float), strict=True
         )

@@ -14,15 +14,11 @@ import xarray as xr
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.exchange.mesh import marker_edges
 
-RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE, TRANSLATION_Z = (
-    1,
-    4,
-    6,
-    3,
-)  # UFF's numbers of functions, a direction
+RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE = 1, 4, 6  # UFF's numbers of functions
+TRANSLATION_Z = 3  # and of a direction
 SAMPLES_PER_PERIOD = 64  # of the period that is written
 LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125th node only
-MAX_UNEVENNESS = 1e-6  # of a step, within which times are even
+MAX_UNEVENNESS = 1e-6  # of a step, within which times or frequencies are even
 
 
 def write_uff(path: Path, data: xr.Dataset) -> None:
@@ -130,37 +126,21 @@ def write_response(path: Path, data: xr.Dataset) -> None:
     """
     name, f = _name(data), data["frequency"].values
     curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
-    step = float(f[-1] - f[0]) / (len(f) - 1)
     sets = [*_geometry(name, _with_force(data))]
+    receptance = {"func_type": RECEPTANCE_CODE, "ordinate_spec_data_type": 8,
+                  "ordinate_axis_units_lab": "m", "orddenom_spec_data_type": 13,
+                  "orddenom_axis_units_lab": "N"}  # fmt: skip
+    coherence = {"func_type": COHERENCE_CODE, "ordinate_spec_data_type": 0,
+                 "ordinate_axis_units_lab": "", "orddenom_spec_data_type": 0,
+                 "orddenom_axis_units_lab": ""}  # fmt: skip
     for k in np.flatnonzero(np.isfinite(curves).all(axis=1)):
-        for kind, row in (
-            (RECEPTANCE_CODE, curves[k]),
-            (COHERENCE_CODE, data["coherence"].values[k]),
-        ):
-            over = kind == RECEPTANCE_CODE
+        for kind, row in ((receptance, curves[k]), (coherence, data["coherence"].values[k])):
             sets.append(
-                pyuff.prepare_58(
-                    binary=0,
-                    id1=name,
-                    func_type=kind,
-                    rsp_node=int(k) + 1,
-                    rsp_dir=TRANSLATION_Z,
-                    ref_node=len(curves) + 1,
-                    ref_dir=TRANSLATION_Z,
-                    abscissa_spacing=1,
-                    abscissa_min=float(f[0]),
-                    abscissa_inc=step,
-                    abscissa_spec_data_type=18,
-                    abscissa_axis_units_lab="Hz",
-                    ordinate_spec_data_type=8 if over else 0,
-                    ordinate_axis_units_lab="m" if over else "",
-                    z_axis_spec_data_type=0,
-                    orddenom_spec_data_type=13 if over else 0,
-                    orddenom_axis_units_lab="N" if over else "",
-                    data=row,
-                    x=f,
+                _function(
+                    name, int(k) + 1, f, row, abscissa_spec_data_type=18, ref_dir=TRANSLATION_Z,
+                    abscissa_axis_units_lab="Hz", ref_node=len(curves) + 1, **kind
                 )
-            )
+            )  # fmt: skip
     _write(path, sets)
 
 
@@ -215,13 +195,22 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
-    """Yield a time response along Z of every node, in m; uneven times are written one by one."""
-    step = float(times[-1] - times[0]) / (len(times) - 1)
-    even = bool(np.all(np.abs(np.diff(times) - step) < MAX_UNEVENNESS * step))
+    """Yield a time response along Z of every node, in m."""
     for node, row in zip(nodes, rows, strict=True):
-        yield pyuff.prepare_58(
-            binary=0, id1=name, func_type=RESPONSE_CODE, rsp_node=int(node), rsp_dir=TRANSLATION_Z,
-            ref_node=0, ref_dir=0, abscissa_spacing=int(even), abscissa_min=float(times[0]),
-            abscissa_inc=step if even else 0.0, abscissa_spec_data_type=17,
-            ordinate_spec_data_type=8, ordinate_axis_units_lab="m", abscissa_axis_units_lab="s",
-            orddenom_spec_data_type=0, z_axis_spec_data_type=0, data=row, x=times)  # fmt: skip
+        yield _function(
+            name, int(node), times, row, func_type=RESPONSE_CODE, ref_node=0, ref_dir=0,
+            abscissa_spec_data_type=17, abscissa_axis_units_lab="s", ordinate_spec_data_type=8,
+            ordinate_axis_units_lab="m", orddenom_spec_data_type=0)  # fmt: skip
+
+
+def _function(
+    name: str, node: int, x: Array, row: Array | ComplexArray, **kind: Any
+) -> dict[str, Any]:
+    """Return a dataset 58 of a node along Z; an uneven abscissa is written value by value."""
+    step = float(x[-1] - x[0]) / (len(x) - 1)
+    even = bool(np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step))
+    made: dict[str, Any] = pyuff.prepare_58(
+        binary=0, id1=name, rsp_node=node, rsp_dir=TRANSLATION_Z, abscissa_spacing=int(even),
+        abscissa_min=float(x[0]), abscissa_inc=step if even else 0.0, z_axis_spec_data_type=0,
+        data=row, x=x, **kind)  # fmt: skip
+    return made

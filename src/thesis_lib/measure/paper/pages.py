@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
@@ -43,34 +45,20 @@ class PaperError(ValueError):
     """A sheet that cannot be; the message is one line: the option, what was given, what allowed."""
 
 
-def drawable_area(paper: str, landscape: bool) -> tuple[float, float]:
+def _drawable_mm(paper: str, landscape: bool) -> tuple[float, float]:
     """Return the width and height in mm that can be drawn on, above the strip with the ruler."""
     width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
     return width - 2 * BORDER_MM, height - 2 * BORDER_MM - STRIP_MM
 
 
-def write_pages(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[Draw, str]]) -> None:
+def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw, str]]) -> None:
     """Write pages of a size as a PDF, whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    paper : str
-        One of ``SIZES``.
-    landscape : bool
-        Whether pages lie.
-    pages : iterable of (callable, str)
-        What draws on axes in mm, whose origin is the lower left corner of the
-        :func:`drawable_area`, and words that stand beside the ruler.
-
-    Raises
-    ------
-    OutputError
-        If the file is there already, or does not end in .pdf.
+    Each is a function that draws on axes in mm, whose origin is the lower left corner of the
+    :func:`_drawable_mm`, and words that stand next to the ruler.
     """
     check_file(path, ".pdf")
-    width, height = sorted(PAGE_SIZES_MM[paper], reverse=landscape)
+    width, height = sorted(PAGE_SIZES_MM[paper], reverse=lying)
     made = io.BytesIO()
     with PdfPages(made, metadata={"CreationDate": None, "Creator": "thesis_lib"}) as file:
         for draw, words in pages:
@@ -87,7 +75,7 @@ def write_pages(path: Path, paper: str, landscape: bool, pages: Iterable[tuple[D
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
 
-def draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
+def _draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
     """Draw filled polygons without outline, (polygons, vertices, 2), mm."""
     axes.add_collection(
         PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
@@ -95,14 +83,7 @@ def draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> Non
     )
 
 
-def draw_discs(axes: Axes, centres: ArrayLike, diameter: float, colour: str = "black") -> None:
-    """Draw filled discs about centres (2, n), mm."""
-    around = np.linspace(0, 2 * np.pi, 97)[:-1]
-    ring = diameter / 2 * np.column_stack([np.cos(around), np.sin(around)])
-    draw_polygons(axes, np.asarray(centres, float).T[:, None] + ring, colour)
-
-
-def rectangle_vertices(
+def _rectangle_vertices(
     x: float, y: float, width: float, height: float
 ) -> list[tuple[float, float]]:
     """Return the vertices of a rectangle with its lower left corner at x, y."""
@@ -111,16 +92,12 @@ def rectangle_vertices(
 
 def _ruler(axes: Axes, words: str, width: float) -> None:
     y = -STRIP_MM + 4
-    draw_polygons(axes, [rectangle_vertices(0, y, RULER_MM, 0.25)])
+    _draw_polygons(axes, [_rectangle_vertices(0, y, RULER_MM, 0.25)])
     for k in range(11):
         tall = 4.0 if k in (0, 10) else 2.5
-        draw_polygons(axes, [rectangle_vertices(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
-    axes.text(
-        0,
-        y - 3.2,
-        "Print at 100 %, without scaling. This line is 100 mm long: measure it.",
-        size=6.5,
-    )
+        _draw_polygons(axes, [_rectangle_vertices(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
+    told = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
+    axes.text(0, y - 3.2, told, size=6.5)
     axes.text(RULER_MM + 6, y, words, size=6.5, va="bottom", wrap=False)
     if width < RULER_MM + 6:
         raise PaperError(f"--paper: narrower than the ruler of {RULER_MM:g} mm")
@@ -181,14 +158,14 @@ def write_board(
             f"{2 * DICTIONARY_MARKS + 1}, {MARK_DICTIONARY} has no more marks"
         )
     landscape = columns >= rows
-    wide, high = drawable_area(paper, landscape)
+    wide, high = _drawable_mm(paper, landscape)
     need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
     if need[0] > wide + 1e-9 or need[1] > high + 1e-9:
         most = min(wide / (columns + 1), high / (rows + 1))
         larger = [
             name
             for name in PAGE_SIZES_MM
-            if all(n <= a + 1e-9 for n, a in zip(need, drawable_area(name, landscape), strict=True))
+            if all(n <= a + 1e-9 for n, a in zip(need, _drawable_mm(name, landscape), strict=True))
         ]
         or_paper = f", or --paper {larger[0]}" if larger else ""
         raise PaperError(
@@ -209,20 +186,15 @@ def write_board(
         dark = np.concatenate([dark[:, ::-1], _marks(columns, rows, tile_mm)])
         said += (
             f"\nfor OpenCV: CharucoBoard(({columns}, {rows}), {tile_mm:g}, "
-            f"{MARK_RATIO * tile_mm:g}, "
-            f"{MARK_DICTIONARY})"
+            f"{MARK_RATIO * tile_mm:g}, {MARK_DICTIONARY})"
         )
     dark = dark + [left, low]
-    sides = [("", dark)]
+    sides = [("front: " if two_sided else "", dark)]
     if two_sided:
-        sides = [("front: ", dark), ("back: ", (dark * [-1, 1] + [wide, 0])[:, ::-1])]
-
-    write_pages(path, paper, landscape, [(_drawing(tiles), side + said) for side, tiles in sides])
+        sides.append(("back: ", (dark * [-1, 1] + [wide, 0])[:, ::-1]))
+    drawn = [(partial(_draw_polygons, vertices=tiles), side + said) for side, tiles in sides]
+    _write_pages(path, paper, landscape, drawn)
     return said
-
-
-def _drawing(tiles: Array) -> Draw:
-    return lambda axes: draw_polygons(axes, tiles)
 
 
 def _marks(columns: int, rows: int, tile: float) -> Array:
@@ -242,7 +214,7 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
             y = (rows - row) * tile - (tile - side) / 2
             step = side / BITS_PER_MARK
             for i, j in np.argwhere(bits):
-                cells.append(rectangle_vertices(x + j * step, y - (i + 1) * step, step, step))
+                cells.append(_rectangle_vertices(x + j * step, y - (i + 1) * step, step, step))
     return np.array(cells)
 
 
@@ -292,7 +264,7 @@ def write_markers(
         raise PaperError(
             f"--diameter-mm: given {diameter_mm:g}, allowed: below {least:g}, the spacing"
         )
-    wide, high = drawable_area(paper, landscape=True)
+    wide, high = _drawable_mm(paper, landscape=True)
     per = int(wide // spacing_mm), int(high // across)
     if not all(per):
         raise PaperError(
@@ -312,7 +284,7 @@ def write_markers(
             )
             size = nx * spacing_mm, ny * across
             pages.append((_sheet(centres, size, diameter_mm, bright), words))
-    write_pages(path, paper, True, pages)
+    _write_pages(path, paper, True, pages)
     return len(pages)
 
 
@@ -320,8 +292,10 @@ def _sheet(centres: Array, size: tuple[float, float], diameter: float, bright: b
     def draw(axes: Axes) -> None:
         width, height = size
         if bright:
-            draw_polygons(axes, [rectangle_vertices(0, 0, width, height)])
-        draw_discs(axes, centres, diameter, "white" if bright else "black")
+            _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
+        for centre in centres.T:
+            colour = "white" if bright else "black"
+            axes.add_patch(Circle((centre[0], centre[1]), diameter / 2, fc=colour, ec="none"))
         for x in (0.0, width):  # corner marks, outside of what is used
             for y in (0.0, height):
                 side, up = (-1 if x == 0 else 1), (-1 if y == 0 else 1)
@@ -356,7 +330,7 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         for name in PLACE_FIELDS:
             if getattr(camera, name) is None:
                 raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
-    wide, high = drawable_area(paper, landscape=False)
+    wide, high = _drawable_mm(paper, landscape=False)
     radius = min(wide, high) / 2 - 12
 
     def draw(axes: Axes) -> None:
@@ -368,22 +342,15 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             return float(x), float(y)
 
         for azimuth in map(float, range(-180, 180, 5)):
-            ends = (
-                polar_point(azimuth, radius - (6 if azimuth % 10 == 0 else 3)),
-                polar_point(azimuth, radius),
-            )
+            inner = radius - (6 if azimuth % 10 == 0 else 3)
+            ends = polar_point(azimuth, inner), polar_point(azimuth, radius)
             axes.plot(*np.transpose(ends), "k-", lw=0.4)
             if azimuth % 30 == 0:
-                axes.text(
-                    *polar_point(azimuth, radius + 5), f"{azimuth:g}°", size=7, **CENTRED_TEXT
-                )
+                place = polar_point(azimuth, radius + 5)
+                axes.text(*place, f"{azimuth:g}°", size=7, **CENTRED_TEXT)
+        arrow = {"arrowstyle": "->", "lw": 0.8}
         for name, azimuth in (("X", 90.0), ("Y", 0.0)):
-            axes.annotate(
-                "",
-                polar_point(azimuth, 26),
-                polar_point(0, 0),
-                arrowprops={"arrowstyle": "->", "lw": 0.8},
-            )
+            axes.annotate("", polar_point(azimuth, 26), polar_point(0, 0), arrowprops=arrow)
             axes.text(*polar_point(azimuth, 30), name, size=9, **CENTRED_TEXT)
         lines = [
             "Lay the sheet under the structure's centre, X along its length.",
@@ -394,9 +361,8 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             azimuth, elevation, distance = (
                 float(getattr(camera, name) or 0.0) for name in PLACE_FIELDS
             )
-            axes.plot(
-                *np.transpose([centre, polar_point(azimuth, radius)]), color=cycle_color(k), lw=1.2
-            )
+            ray = np.transpose([centre, polar_point(azimuth, radius)])
+            axes.plot(*ray, color=cycle_color(k), lw=1.2)
             axes.text(*polar_point(azimuth, 0.8 * radius), names[k], size=10, color=cycle_color(k))
             away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
             lines.append(
@@ -407,4 +373,4 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         for k, line in enumerate(lines):
             axes.text(4, high - 2 * radius - 24 - 6 * k, line, size=8)
 
-    write_pages(path, paper, False, [(draw, "")])
+    _write_pages(path, paper, False, [(draw, "")])

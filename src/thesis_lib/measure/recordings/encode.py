@@ -17,8 +17,7 @@ import numpy as np
 
 from thesis_lib.arrays import Image, IntArray
 from thesis_lib.files import whole_file
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, by_number
+from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images
 from thesis_lib.measure.recordings.media import depth_of, read_frames, read_png, write_video
 from thesis_lib.measure.recordings.media_info import (
     PACKED_FROM,
@@ -44,6 +43,7 @@ RAW_FIELDS = {
     "bits": ("Color Bit", "bit", (8, 16)),
     "depth": ("EffectiveBit Depth", "depth", (8, 16)),
 }
+RAW_BITS = 8, 12, 16  # of a pixel, that are read
 BIT_SIDE_FIELD = ("EffectiveBit Side", "side")  # "Lower" or "Higher" bits of sixteen
 
 
@@ -85,8 +85,8 @@ def pack_frames(
         if rate is None:
             raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
         probe_media(source)
-        return retime_frames(source, target, rate), probe_media(target).size
-    own, frames = _raw(source) if raw else _pictures(source, say)
+        return _retime_frames(source, target, rate), probe_media(target).size
+    own, frames = _raw(source) if raw else (None, _pictures(source, say))
     if rate is None and own is None:
         raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
     count, shape = 0, (0, 0)
@@ -99,25 +99,20 @@ def pack_frames(
             yield frame[: shape[0], : shape[1]]
 
     frequency = float(rate or own or 0)
-    media.write_video(target, even(), frequency, None, codec="h264", crf=0)  # 0 loses nothing
+    write_video(target, even(), frequency, None, codec="h264", crf=0)  # 0 loses nothing
     return count, shape[::-1]
 
 
-def _pictures(folder: Path, say: Callable[[str], object]) -> tuple[None, Iterator[Image]]:
+def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
     if not folder.is_dir():
         raise MediaError(f"{folder}: allowed: a folder of images, a video, a .cih or a .cihx")
-    files = [
-        file
-        for file in folder.iterdir()
-        if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
-    ]
+    files = find_images(folder.iterdir())
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
-    files.sort(key=lambda file: by_number(file.name))
     depth = max(map(depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
     if 8 < depth < 16:
         say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
-    return None, (read_png(file, depth) for file in files)
+    return (read_png(file, depth) for file in files)
 
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:
@@ -141,11 +136,10 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
             f"{header}: {BIT_SIDE_FIELD[xml]}: given {format_given(side)}, allowed: Lower or Higher"
         )
     bits, shape = number["bits"], (number["height"], number["width"])
-    taken = _EIGHT_BITS.get(bits)
-    if taken is None or number["depth"] > bits:
+    if bits not in RAW_BITS or number["depth"] > bits:
         raise MediaError(
             f"{header}: {bits} bits for a pixel, {number['depth']} of them used, allowed: "
-            f"{[*_EIGHT_BITS]}, grey"
+            f"{[*RAW_BITS]}, grey"
         )
     if bits == 12 and shape[0] * shape[1] % 2:
         raise MediaError(f"{header}: given {shape[1]} × {shape[0]} px, allowed: an even number")
@@ -159,7 +153,8 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     def frames() -> Iterator[Image]:
         with raw.open("rb") as file:
             for _ in range(number["frames"]):
-                yield taken(np.frombuffer(file.read(size), np.uint8), shift).reshape(shape)
+                data = np.frombuffer(file.read(size), np.uint8)
+                yield _take_eight(data, bits, shift).reshape(shape)
 
     return rate, frames()
 
@@ -187,50 +182,26 @@ def _header_number(header: Path, text: str, name: str, low: float, high: float) 
     return value
 
 
-def _eight(data: Image, shift: int) -> Image:
-    return data
-
-
-def _twelve(data: Image, shift: int) -> Image:
-    """Return two pixels in three bytes, the highest bits first."""
-    first, middle, last = data.reshape(-1, 3).T
+def _take_eight(data: Image, bits: int, shift: int) -> Image:
+    """Return the highest eight bits that are used of pixels of 8, 12 or 16 bits."""
+    if bits == 16:
+        return (data.view("<u2") >> shift).astype(np.uint8)
+    if bits == 8:
+        return data
+    first, middle, last = data.reshape(-1, 3).T  # two pixels in three bytes, highest bits first
     return np.stack([first, (middle & 15) << 4 | last >> 4], axis=1).ravel()
-
-
-def _sixteen(data: Image, shift: int) -> Image:
-    return (data.view("<u2") >> shift).astype(np.uint8)
-
-
-_EIGHT_BITS: dict[int, Callable[[Image, int], Image]] = {8: _eight, 12: _twelve, 16: _sixteen}
 
 
 TIME_UNIT_S = Fraction(1, 1_000_000)  # s, unit of the times of frames that come unevenly
 
 
-def retime_frames(source: Path, target: Path, rate: float) -> int:
+def _retime_frames(source: Path, target: Path, rate: float) -> int:
     """Write the frames of a film or of a raw stream to a video that plays at another rate.
 
     Sound is left out: it does not go with frames that were taken at another rate. Frames are copied
-    as they are; what a .mov cannot hold is encoded without loss of grey levels of eight bits.
-
-    Parameters
-    ----------
-    source : Path
-        Any video, or a raw stream of packets without time stamps, such as ``.h264``.
-    target : Path
-        File to write, ending in .mov.
-    rate : float
-        Mean rate of the frames in Hz, from now on.
-
-    Returns
-    -------
-    int
-        Number of frames.
-
-    Raises
-    ------
-    MediaError
-        If the source cannot be read, is the target, or can neither be copied nor is even.
+    as they are; what a .mov cannot hold is encoded without loss of grey levels of eight bits. The
+    source may be a raw stream of packets without time stamps, such as ``.h264``. Return the number
+    of frames.
     """
     if source.resolve() == target.resolve():
         raise MediaError(f"{target}: given the source itself, allowed: another file")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import codecs
 import csv
 import datetime as dt
-import io
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -18,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.arrays import Array
 
@@ -85,10 +83,10 @@ class _Form:
 
     def number(self, cell: str) -> float | None:
         """Return the number that a cell holds, None if it holds none."""
-        thousands, mark = ("," if self.decimal == "." else "."), re.escape(self.decimal)
-        if re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}(\{thousands}\d{{3}})+({mark}\d+)?", cell):
+        thousands, grouped, plain = NUMBER_PATTERNS[self.decimal]
+        if grouped.fullmatch(cell):
             cell = cell.replace(thousands, "")
-        if not re.fullmatch(rf"[+-]?(\d+{mark}?\d*|{mark}\d+)([eE][+-]?\d+)?", cell):
+        if not plain.fullmatch(cell):
             return _clock_seconds(cell)
         return float(cell.replace(self.decimal, "."))
 
@@ -106,6 +104,15 @@ class _Form:
 CLOCK_PATTERN = re.compile(
     r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
 )
+#: By decimal mark: the one that may part thousands, numbers in which it does, and others
+NUMBER_PATTERNS = {
+    mark: (
+        thousands,
+        re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{thousands}\d{{3}})+(\{mark}\d+)?"),
+        re.compile(rf"[+-]?(\d+\{mark}?\d*|\{mark}\d+)([eE][+-]?\d+)?"),
+    )
+    for mark, thousands in ((".", ","), (",", "."))
+}
 TABLE_FORMS = [_Form(s, d) for s in ("\t", ";", ",", "|", " ") for d in (".", ",") if s != d]
 QUOTED_FORM = _Form(",", ",")  # whose cells are in quotes
 
@@ -149,7 +156,8 @@ def read_force_table(path: Path) -> ForceTable:
     names, units = _header(header, width)
     time, force = _columns(path, names, units, values)
     times = values[:, time] * TIME_UNITS_S.get(units[time].lower(), 1.0)
-    newtons = values[:, force] * _newtons(units[force])
+    mega = units[force] == MEGANEWTON_UNIT  # "mn" are millinewtons
+    newtons = values[:, force] * (1e6 if mega else FORCE_UNITS_N.get(units[force].lower(), 1.0))
     _check(path, times, [number for number, _ in body], units[time], names[time])
     told = [
         f"{kind} from column {k + 1}{_name_column(names, k)} in {units[k] or unit}"
@@ -161,19 +169,14 @@ def read_force_table(path: Path) -> ForceTable:
 def _text_of(path: Path) -> str:
     """Decode a file by its mark, by its zeros, or as UTF-8, else as Latin-1 of Windows."""
     data = path.read_bytes()
-    for mark, name in (
-        (codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
-        (codecs.BOM_UTF16_BE, "utf-16"),
-    ):  # fmt: skip
-        if data.startswith(mark):
-            return data.decode(name, errors="replace")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
     start = data[:1000]
-    if start[1::2].count(0) > len(start) / 4:
-        return data.decode("utf-16-le", errors="replace")
-    if start[0::2].count(0) > len(start) / 4:
-        return data.decode("utf-16-be", errors="replace")
+    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if start[first::2].count(0) > len(start) / 4:
+            return data.decode(name, errors="replace")
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")  # which reads UTF-8 without a mark, too
     except UnicodeDecodeError:
         return data.decode("cp1252", errors="replace")
 
@@ -222,36 +225,18 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
 
 def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int) -> Array:
     """Read the numbers of all rows, shape (rows, columns), NaN where a cell is empty or a word."""
+    rows = []
     for number, line in body:
         if not form.is_data(line):
             raise ForceError(
                 f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
                 f"{EXAMPLE_TEXT}"
             )
-    plain = form.separator != " "
-    text = "\n".join(line if plain else " ".join(line.split()) for _, line in body)
-    table = pd.read_csv(
-        io.StringIO(text),
-        sep=form.separator,
-        header=None,
-        names=range(max(width, max(line.count(form.separator) for _, line in body) + 1)),
-        dtype=str,
-        skipinitialspace=plain,
-        keep_default_na=False,
-        index_col=False,
-    ).iloc[:, :width]
-    found = np.full(table.shape, np.nan)
-    thousands = "," if form.decimal == "." else "."
-    for k in range(width):
-        cells = table.iloc[:, k].fillna("").str.strip()
-        grouped = cells.str.match(rf"[+-]?[1-9]\d{{0,2}}\{thousands}\d{{3}}")
-        cells = cells.where(~grouped, cells.str.replace(thousands, "", regex=False))
-        found[:, k] = pd.to_numeric(
-            cells.str.replace(form.decimal, ".", regex=False), errors="coerce"
-        )
-        if np.isnan(found[:, k]).all():
-            clock = [_clock_seconds(cell) for cell in cells]
-            found[:, k] = [np.nan if one is None else one for one in clock]
+        row = form.numbers(line)[:width]
+        rows.append([*row, *[None] * (width - len(row))])
+    found = np.array(rows, float)
+    for k, cell in enumerate(form.cells(body[0][1])[:width]):
+        if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
             found[:, k] -= found[0, k]
     return found
 
@@ -270,7 +255,7 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
                 unit if _is_unit(unit) else old for unit, old in zip(alone, units, strict=True)
             ]
             continue
-        if names != [""] * width and not any(_is_known(_split(cell)[0]) for cell in cells):
+        if names != [""] * width and not any(_kinds(_split(cell)[0]) for cell in cells):
             continue
         split = [_split(cell) for cell in cells]
         names, units = [name for name, _ in split], [unit for _, unit in split]
@@ -280,10 +265,6 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
 def _is_unit(text: str) -> bool:
     low = text.lower()
     return low in TIME_UNITS_S or low in FORCE_UNITS_N or low in OTHER_UNITS
-
-
-def _is_known(name: str) -> bool:
-    return bool(_kinds(name))
 
 
 def _split(cell: str) -> tuple[str, str]:
@@ -351,11 +332,13 @@ def _columns(
     if len(times) != 1 or len(forces) != 1:
         what = "time" if len(times) != 1 else "force"
         many = len(times if what == "time" else forces) > 1
-        _refuse(
-            path,
-            names,
-            units,
-            f"{'several columns may be' if many else 'no column is clearly'} the {what}",
+        shown = ", ".join(
+            f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
+            for k, unit in enumerate(units)
+        )
+        raise ForceError(
+            f"{path}: {'several columns may be' if many else 'no column is clearly'} the {what}, "
+            f"of columns {shown}; {EXAMPLE_TEXT}"
         )
     time, force = times[0], forces[0]
     for k, what in ((time, "time"), (force, "force")):
@@ -363,32 +346,18 @@ def _columns(
             bad = int(np.flatnonzero(~np.isfinite(values[:, k]))[0])
             raise ForceError(
                 f"{path}: row {bad + 1} has no number in column {k + 1}{_name_column(names, k)}, "
-                "the "
-                f"{what}; {EXAMPLE_TEXT}"
+                f"the {what}; {EXAMPLE_TEXT}"
             )
     if unit[force] and unit[force] not in FORCE_UNITS_N:
         raise ForceError(
             f"{path}: column {force + 1}{_name_column(names, force)} is in {units[force]}, "
-            "allowed: "
-            "N, mN, kN or lbf"
+            "allowed: N, mN, kN or lbf"
         )
     return time, force
 
 
 def _name_column(names: Sequence[str], k: int) -> str:
     return f" ({names[k]})" if names[k] else ""
-
-
-def _refuse(path: Path, names: Sequence[str], units: Sequence[str], why: str) -> None:
-    shown = ", ".join(
-        f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
-        for k, unit in enumerate(units)
-    )
-    raise ForceError(f"{path}: {why}, of columns {shown}; {EXAMPLE_TEXT}")
-
-
-def _newtons(unit: str) -> float:
-    return 1e6 if unit == MEGANEWTON_UNIT else FORCE_UNITS_N.get(unit.lower(), 1.0)
 
 
 def _check(path: Path, times: Array, lines: Sequence[int], unit: str, name: str) -> None:

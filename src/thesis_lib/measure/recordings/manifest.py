@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +19,11 @@ from thesis_lib.measure.recordings.text_files import (
 )
 from thesis_lib.studies.fields import first_problem, format_given
 
-IMAGE_SUFFIXES = {
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".tif",
-    ".tiff",
-    ".bmp",
-    ".webp",
-    ".heic",
-}  # sought in folders
-
-
+#: Endings of images that are sought in folders
+IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
 #: Old to new names of fields, and of kinds of excitation; read until version 2.
-RENAMED_FIELDS = {
-    "shots": "board_images",
-    "rest_s": "rest_duration_s",
-    "steady_s": "steady_interval_s",
-}
+RENAMED_FIELDS = {"shots": "board_images", "rest_s": "rest_duration_s",
+                  "steady_s": "steady_interval_s"}  # fmt: skip
 RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
 
 
@@ -78,7 +65,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(
             f"{path}: given {format_given(values)}, allowed: fields and their values"
         )
-    values = rename_fields(values, path)
+    values = _rename_fields(values, path)
     try:
         manifest = Manifest.model_validate(values)
     except ValidationError as error:
@@ -88,7 +75,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
     return manifest
 
 
-def rename_fields(values: dict[str, Any], path: Path) -> dict[str, Any]:
+def _rename_fields(values: dict[str, Any], path: Path) -> dict[str, Any]:
     """Return the values of a manifest under today's names, and report old names in one line."""
     found: dict[str, str] = {}
     values = dict(values)
@@ -155,16 +142,23 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     place = folder / camera.board_images
     inside = place.is_dir()
     try:
-        files = place.glob("*") if inside else folder.glob(camera.board_images)
-        pictures = [
-            file
-            for file in files
-            if not file.name.startswith(".")  # as macOS puts beside those it copies
-            and (not inside or file.suffix.lower() in IMAGE_SUFFIXES)
-        ]
-        return [*sorted(pictures, key=lambda file: by_number(file.name))]
+        if inside:
+            return [*find_images(place.iterdir())]
+        files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
+        return [*sorted(files, key=lambda file: by_number(file.name))]
     except (ValueError, NotImplementedError):  # no pattern that pathlib knows
         return []
+
+
+def is_hidden(path: Path) -> bool:
+    """Return whether a file is hidden, such as macOS puts next to those that it copies."""
+    return path.name.startswith(".")
+
+
+def find_images(files: Iterable[Path]) -> list[Path]:
+    """Return the images among files in the order of their names, numbers by value."""
+    found = [one for one in files if one.suffix.lower() in IMAGE_SUFFIXES and not is_hidden(one)]
+    return sorted(found, key=lambda file: by_number(file.name))
 
 
 def by_number(name: str) -> list[tuple[int, str]]:

@@ -14,13 +14,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
-from thesis_lib.measure.recordings.excitation import (
-    Excitation,
-    FileName,
-    Force,
-    Place,
-    list_kinds,
-)
+from thesis_lib.measure.recordings.excitation import Excitation, FileName, Force, Place, list_kinds
 from thesis_lib.studies.fields import (
     Azimuth,
     Elevation,

@@ -22,6 +22,8 @@ from thesis_lib.files import staging
 from thesis_lib.measure.recordings.manifest import (
     IMAGE_SUFFIXES,
     ManifestError,
+    find_images,
+    is_hidden,
     shot_paths,
 )
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -42,10 +44,11 @@ from thesis_lib.text import has_hidden
 from thesis_lib.web.fragment import join_modules, read_asset, static_html
 from thesis_lib.web.html import render_html
 
-MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = (
-    3,
-    12,
-)  # board images that are needed, that are wanted
+MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
+#: What is printed and filmed by the guide, where nothing else is given: a board that fits on A4,
+#: glued on a plate, and sound of the room
+GUIDE_VALUES = {"board.columns": 7, "board.rows": 5, "board.tile_mm": 28.0, "board.margin_mm": 21.0,
+                "board.two_sided": False, "excitation.sound": "room"}  # fmt: skip
 ASKED_FIELDS = (  # what no file shows
     "structure.kind", "structure.length_mm", "structure.width_mm", "structure.thickness_mm",
     "structure.density_kg_m3", "structure.youngs_modulus_pa", "structure.force_position_mm",
@@ -90,7 +93,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         raise ManifestError(f"{folder}: no such folder")
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: a folder without one")
-    videos, passed = find_videos(folder)
+    videos, passed = _find_videos(folder)
     if not 2 <= len(videos) <= 16:
         others = f" ({'; '.join(passed)})" if passed else ""
         raise ManifestError(
@@ -146,7 +149,7 @@ def _values(
             "exposure_s": exposure,
             "board_images": _shots(folder, video.stem),
         }
-        for video, info, name in zip(videos, infos, name_cameras(videos), strict=True)
+        for video, info, name in zip(videos, infos, _name_cameras(videos), strict=True)
     ]
     values = with_given(cameras, given)
     reused = values.get("calibration")
@@ -158,9 +161,10 @@ def _values(
 
 
 def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest's values: those of cameras, which are changed, and all that is given."""
+    """Return a manifest's values: of cameras, which are changed, the guide's, and what is given."""
     values: dict[str, Any] = {"cameras": cameras}
-    for name, value in given.items():
+    guide = {name: one for name, one in GUIDE_VALUES.items() if not _is_given(name, given)}
+    for name, value in (dict(given) | guide).items():
         *parts, last = name.split(".")
         if parts[:1] == ["cameras"]:
             for camera in cameras:
@@ -182,28 +186,17 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 
 def _shots(folder: Path, name: str) -> str | None:
     """Return the folder or pattern of a camera's calibration images; None if there are none."""
-    inside = [place for place in folder.rglob("*") if place.is_dir() and not _is_hidden(place)]
+    inside = [place for place in folder.rglob("*") if place.is_dir() and not is_hidden(place)]
     for place in sorted(inside):
-        if place.name.lower() == name.lower() and _pictures(place.iterdir()):
+        if place.name.lower() == name.lower() and find_images(place.iterdir()):
             return place.relative_to(folder).as_posix()
     for place in [folder, *sorted(inside)]:
-        own = _pictures(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
+        own = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
         kinds = {file.suffix for file in own}
         if len(kinds) == 1:
             start = glob.escape((place.relative_to(folder) / f"{name}-").as_posix())
             return f"{start}*{kinds.pop()}"
     return None
-
-
-def _pictures(files: Iterator[Path] | Any) -> list[Path]:
-    """Return images among files, but for hidden ones."""
-    return [
-        file for file in files if file.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(file)
-    ]
-
-
-def _is_hidden(path: Path) -> bool:
-    return path.name.startswith(".")
 
 
 def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]) -> Iterator[str]:
@@ -234,8 +227,7 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
             )
         if camera.board_images and len(shots) < MIN_BOARD_IMAGES:
             yield (
-                f"missing: board images by {camera.name}, at least {MIN_BOARD_IMAGES}, "
-                "better "
+                f"missing: board images by {camera.name}, at least {MIN_BOARD_IMAGES}, better "
                 f"{WANTED_BOARD_IMAGES}, in {camera.board_images}"
             )
     if len(set(counts)) > 1:
@@ -296,15 +288,6 @@ def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) 
     return "\n".join(lines) + "\n"
 
 
-def _part(
-    part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
-) -> Iterator[str]:
-    lines = [*_fields(part, path, indent, asked, given)]
-    if lines:  # else all of it is left out
-        yield f"{' ' * indent}{path.rpartition('.')[2]}:"
-        yield from lines
-
-
 def _fields(
     part: BaseModel, path: str, indent: int, asked: Sequence[str], given: Mapping[str, Any]
 ) -> Iterator[str]:
@@ -315,7 +298,9 @@ def _fields(
         if place == "cameras":  # come last, one by one
             continue
         if isinstance(value, BaseModel):
-            yield from _part(value, place, indent + 2, asked, given)
+            if lines := [*_fields(value, place, indent + 2, asked, given)]:
+                yield f"{space}{name}:"
+                yield from lines
         elif value is not None or place in asked or _is_given(place, given):
             check = "CHECK: " if place in asked and not _is_given(place, given) else ""
             text = json.dumps(part.model_dump(mode="json")[name], ensure_ascii=False)
@@ -343,22 +328,15 @@ _CHAPTER_PATTERN = re.compile(
 )
 
 
-def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
+def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
     """Return the videos in a folder, in the order of their names, and a line on each other file.
 
-    Hidden files, such as macOS puts beside those that it copies, are none. A file with an unknown
-    ending is a video if it can be read as one.
-
-    Raises
-    ------
-    ManifestError
-        If two videos have one name but for the ending, or are chapters of one recording, or a
-        name holds a character that cannot be seen.
+    Hidden files are none. A file with an unknown ending is a video if it can be read as one.
     """
     videos, lines = [], []
     for file in sorted(folder.iterdir()):
         ending = file.suffix.lower()
-        if file.name.startswith(".") or ending in OTHER_ENDINGS or not file.is_file():
+        if is_hidden(file) or ending in OTHER_ENDINGS or not file.is_file():
             continue
         if ending in RAW_ENDINGS:
             lines.append(
@@ -377,7 +355,7 @@ def find_videos(folder: Path) -> tuple[list[Path], list[str]]:
     return videos, lines
 
 
-def name_cameras(videos: Sequence[Path]) -> list[str]:
+def _name_cameras(videos: Sequence[Path]) -> list[str]:
     """Return a name for the camera of each video, from the video's own."""
     names: list[str] = []
     for k, video in enumerate(videos):

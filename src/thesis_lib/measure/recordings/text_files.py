@@ -1,5 +1,7 @@
 """Text files from elsewhere, in YAML, TOML, XML or JSON: read within bounds of size and depth.
 
+Tables are written as CSV, which spreadsheets open: no text in them is a formula.
+
 A few lines of YAML can stand for gigabytes, a list in a list for ever. Whatever is read here is
 read, or refused in one line, within a second.
 """
@@ -10,12 +12,15 @@ import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import yaml
 
 from thesis_lib.text import one_line
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MAX_BYTES = 1_000_000  # of a file; fifty views of a board, with all their corners, are 150 kB
 MAX_VALUES = 50_000  # in a YAML text, which takes a third of a second
@@ -25,6 +30,7 @@ MAX_CHARACTERS = 10_000  # of a single value in YAML
 _LONG_NAME = re.compile(r"(?:\.[ \t]*+[\w-]++[ \t]*+){20}")
 _QUOTED_PART = re.compile(r"""["'][ \t]*+\.""")
 POWER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")  # as 210e9, which YAML 1.1 has as text
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of a cell that a spreadsheet computes
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -203,3 +209,19 @@ def _shallow(values: Any) -> Any:
     if any(isinstance(one, dict | list) for one in level):
         raise TextFileError(f"nested too deep, allowed: {MAX_DEPTH} levels")
     return values
+
+
+def quote_formula(value: Any) -> Any:
+    """Return a value as it stands in a cell: a text that is a formula after an apostrophe.
+
+    Examples
+    --------
+    >>> quote_formula("=1+1"), quote_formula("A"), quote_formula(-1.0)
+    ("'=1+1", 'A', -1.0)
+    """
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_STARTS) else value
+
+
+def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) -> None:
+    """Write a table of numbers and texts."""
+    table.map(quote_formula).to_csv(path, index=False, float_format=float_format)

@@ -10,20 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, StructureSpec
-from thesis_lib.measure.recordings.media import read_png
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    VideoInfo,
-    frame_clock,
-    probe_media,
-)
+from thesis_lib.measure.recordings.media import read_frames, read_png
+from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, frame_clock, probe_media
 from thesis_lib.studies.fields import format_given
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
@@ -148,46 +142,37 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
     """
     lines, rates = check_excitation(manifest) + _check_plane(manifest.structure), []
     for i, camera in enumerate(manifest.cameras):
-        path = folder / camera.video
-        where, says = f"cameras[{i}].video: {path}", "as the manifest says"
+        path, says = folder / camera.video, "as the manifest says"
+        where = f"cameras[{i}].video: {path}"
         try:
             info = probe_media(path)
-            rate = info.frame_rate
+            if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
+                rates.append(
+                    f"{where}: {info.frame_rate:.6g} frames per second, allowed: "
+                    f"{camera.frame_rate_hz:.6g} {says}, as cameras[{i}].frame_rate_hz; slow "
+                    f"motion that plays slowly has the sensor's rate in cameras[{i}].captured_hz"
+                )
             if info.size != camera.size:
                 lines.append(f"{where}: {_px(info.size)}, allowed: {_px(camera.size)} {says}")
-            if abs(rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
-                rates.append(
-                    f"{where}: {rate:.6g} frames per second, allowed: {camera.frame_rate_hz:.6g} "
-                    f"{says}, as cameras[{i}].frame_rate_hz; slow motion that plays slowly "
-                    f"has the sensor's rate in cameras[{i}].captured_hz"
-                )
-            lines += [
-                f"{where}: {line}" for line in _check_slow_motion(camera, info, manifest.excitation)
-            ]
-            if info.interlaced:
-                lines.append(
-                    f"{where}: interlaced, so that even and odd lines were taken at different "
-                    "times; allowed: progressive (p, not i)"
-                )
-            lines += [f"{where}: {line}" for line in _lengths(info, manifest.excitation)]
+            lines += [f"{where}: {one}" for one in _check_video(camera, info, manifest.excitation)]
             if manifest.excitation.sound != "none" and info.has_audio:
-                lines += [f"{where}: {line}" for line in _sound(path)]
+                lines += [f"{where}: {line}" for line in _check_sound(path)]
         except MediaError as error:
             lines.append(f"cameras[{i}].video: {error}")
         for shot in filter(None, shot_paths(camera, folder)):
+            where = f"cameras[{i}].board_images"
             try:
-                height, width = read_png(shot).shape
-                if (width, height) != camera.size:
+                size = read_png(shot).shape[::-1]
+                if size != camera.size:
                     lines.append(
-                        f"cameras[{i}].board_images: {shot}: {_px((width, height))}, allowed: "
-                        f"{_px(camera.size)} {says}"
+                        f"{where}: {shot}: {_px(size)}, allowed: {_px(camera.size)} {says}"
                     )
             except MediaError as error:
-                lines.append(f"cameras[{i}].board_images: {error}")
+                lines.append(f"{where}: {error}")
     return rates + lines + _check_force(manifest, folder)
 
 
-def _sound(path: Path, channel: int | None = None) -> Iterator[str]:
+def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
     """Say what a sound lacks; a gap or damage is raised."""
     with open_audio(path, channel) as audio:
         if audio.level < MAX_SILENT_RMS:
@@ -206,9 +191,9 @@ def _check_force(manifest: Manifest, folder: Path) -> list[str]:
         if given.is_table:
             read_force_table(path)
             return []
-        lines = [*_sound(path, given.channel)]
+        lines = [*_check_sound(path, given.channel)]
         if given.sound_channel is not None and given.offset_s is None:
-            lines += _sound(path, given.sound_channel)
+            lines += _check_sound(path, given.sound_channel)
     except (MediaError, ForceError, OSError) as error:
         return [f"force.file: {error}"]
     return [f"force.file: {path}: {line}" for line in lines]
@@ -220,20 +205,38 @@ def is_slowed(info: VideoInfo) -> bool:
     return taken is not None and abs(taken / info.frame_rate - 1) > RATE_TOLERANCE
 
 
-def _check_slow_motion(
-    camera: CameraFiles, info: VideoInfo, excitation: Excitation
-) -> Iterator[str]:
-    """Yield what is wrong with a film that plays more slowly than it was taken."""
+def _check_video(camera: CameraFiles, info: VideoInfo, excitation: Excitation) -> Iterator[str]:
+    """Yield what is wrong with a film's rate, lines and stated lengths."""
+    heard, rest = excitation.sound != "none", excitation.rest_duration_s
     if is_slowed(info) and camera.captured_hz is None:
         yield (
             f"it says that it was taken at {info.captured_hz:.6g} frames per second, and plays at "
             f"{info.frame_rate:.6g}; allowed: captured_hz: {info.captured_hz:.6g} in the manifest, "
             f"or {info.frame_rate:.6g} if it plays at its true speed"
         )
-    if camera.rate_hz != camera.frame_rate_hz and excitation.sound != "none":
+    if camera.rate_hz != camera.frame_rate_hz and heard:
         yield (
             f"slow motion by captured_hz, {camera.captured_hz:.6g}, whose sound does not go with "
             "its frames, allowed: excitation.sound: none"
+        )
+    if info.interlaced:
+        yield (
+            "interlaced, so that even and odd lines were taken at different times; allowed: "
+            "progressive (p, not i)"
+        )
+    if heard and not info.has_audio:
+        yield (
+            "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
+            "with excitation.sound: none"
+        )
+    if info.duration is None:
+        return
+    if info.duration <= rest:
+        yield f"{info.duration:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
+    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
+        yield (
+            f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
+            f"allowed: at most {MAX_END_GAP_S:g} s apart"
         )
 
 
@@ -257,25 +260,6 @@ def _check_plane(structure: StructureSpec) -> list[str]:
     name = "points_mm" if markers.points_mm else "rows" if markers.rows == 1 else "columns"
     given = format_given(getattr(markers, name))
     return [f"structure.markers.{name}: given {given}, allowed: markers that are not on one line"]
-
-
-def _lengths(info: VideoInfo, excitation: Excitation) -> Iterator[str]:
-    """Yield what is wrong with the stated lengths of a video's images and sound."""
-    heard, rest = excitation.sound != "none", excitation.rest_duration_s
-    if heard and not info.has_audio:
-        yield (
-            "no audio track; it is needed to synchronise the cameras, but for a steady vibration "
-            "with excitation.sound: none"
-        )
-    if info.duration is None:
-        return
-    if info.duration <= rest:
-        yield f"{info.duration:.3f} s of images, allowed: more than rest_duration_s, {rest:g} s"
-    if heard and info.sound_end is not None and abs(info.sound_end - info.duration) > MAX_END_GAP_S:
-        yield (
-            f"its images end at {info.duration:.3f} s, its sound at {info.sound_end:.3f} s, "
-            f"allowed: at most {MAX_END_GAP_S:g} s apart"
-        )
 
 
 def _px(size: Sequence[int]) -> str:
@@ -316,7 +300,7 @@ def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) 
     """
     last: deque[Array] = deque(maxlen=4)
     steps, across = np.zeros((2, len(clock)))
-    for k, image in enumerate(media.read_frames(path, stop=len(clock), clock=clock)):
+    for k, image in enumerate(read_frames(path, stop=len(clock), clock=clock)):
         last.append(image[::SAMPLING_PX, ::SAMPLING_PX].astype(float))
         if k >= 1:
             steps[k] = np.mean(np.abs(last[-1] - last[-2]))

@@ -20,10 +20,9 @@ from thesis_lib.measure.recordings.excitation import Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.synchronisation.audio import AudioSource
-from thesis_lib.measure.synchronisation.checks import FULL_SCALE
 from thesis_lib.measure.synchronisation.decimation import cut_off, decimate_blocks, step_to
-from thesis_lib.measure.synchronisation.pairs import COMPARED_RATE_HZ, beside_first
-from thesis_lib.measure.synchronisation.tones import SynchronisationError
+from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
+from thesis_lib.measure.synchronisation.tones import FULL_SCALE, SynchronisationError
 
 # Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
 SETTLING_TIME_CONSTANTS = 4.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,11 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
-from thesis_lib.measure.exchange.tables import write_csv
 from thesis_lib.measure.recordings.audio import open_audio
-from thesis_lib.measure.recordings.media_info import MediaError, probe_media
+from thesis_lib.measure.recordings.media_info import probe_media, start_of_film
+from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.synchronisation.audio import AudioSource, load_audio
-from thesis_lib.measure.synchronisation.drift import Drift
-from thesis_lib.measure.synchronisation.pairs import beside_first
+from thesis_lib.measure.synchronisation.drift import Drift, beside_first
 from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
 
@@ -41,18 +39,10 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
-def frame_rate_of(videos: Sequence[Path]) -> float:
-    """Return the frame rate of the first file that has images, Hz; NaN if none has."""
-    for video in videos:
-        with suppress(MediaError):
-            return probe_media(video).frame_rate
-    return np.nan
-
-
-def start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
+def _start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
     """Return a row a video: start after the first, in s and frames, and drift in 10⁻⁶."""
-    nothing = np.array([])
-    rows = [Drift(0.0, 0.0, 0.0, 0.0, nothing, nothing), *drifts]
+    first = Drift(0.0, 0.0, 0.0, 0.0, np.array([]), np.array([]), agreement=1.0)
+    rows = [first, *drifts]
     return pd.DataFrame(
         {
             "video": list(names),
@@ -61,12 +51,12 @@ def start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float
             "in_frames": [one.delay * frame_rate for one in rows],
             "clock_fast_by_ppm": [1e6 * one.fast for one in rows],
             "ppm_standard_error": [1e6 * one.drift_deviation for one in rows],
-            "agreeing_share": [1.0, *(one.agreement for one in drifts)],
+            "agreeing_share": [one.agreement for one in rows],
         }
     )
 
 
-def describe_starts(
+def _describe_starts(
     drifts: Sequence[Drift], names: Sequence[str], frame_rate: float
 ) -> Iterator[str]:
     """Report the table in sentences, uncertainties with two digits."""
@@ -125,14 +115,15 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     """
     check_outputs(out, [out / "sync.csv", out / "sync.png"])
     drifts, names = synchronise_videos(videos)
-    frame_rate = frame_rate_of(videos)
+    rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
+    frame_rate = next(rates, np.nan)
     picture = save_figure(_picture(videos, drifts, names), "png", dpi=140)
     with staging(out) as part:
-        rows = start_table(drifts, names, frame_rate)
+        rows = _start_table(drifts, names, frame_rate)
         write_csv(rows, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    return [*describe_starts(drifts, names, frame_rate), *_sources(videos, names)]
+    return [*_describe_starts(drifts, names, frame_rate), *_sources(videos, names)]
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
-from thesis_lib.measure.synchronisation.checks import check_blocks, shortest_of
 from thesis_lib.measure.synchronisation.decimation import (
     LowRate,
     common_rate,
@@ -21,14 +20,20 @@ from thesis_lib.measure.synchronisation.decimation import (
     decimate_blocks,
     step_to,
 )
-from thesis_lib.measure.synchronisation.delays import CORRELATION_RATE, Match
-from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_rate
-from thesis_lib.measure.synchronisation.transients import ROOM_RATE, force_match, room_match
+from thesis_lib.measure.synchronisation.delays import (
+    CORRELATION_RATE,
+    ROOM_RATE,
+    Match,
+    force_match,
+    room_match,
+)
+from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_blocks, check_rate
 
 Track = NDArray[np.float32]
 
 SPAN_SAMPLES = 1 << 21  # samples of each camera that are held at a time
 ROOM_SPANS = 8  # of them in which a room's sound is compared: ten minutes
+MIN_AUDIO_S = 0.5  # of a track in which a tone is sought
 BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
 
 
@@ -46,7 +51,7 @@ class AudioSource:
 
 
 @dataclass(frozen=True)
-class Heard:
+class LoadedAudio:
     """What was read of all recordings."""
 
     low: LowRate  #: At which the force is measured
@@ -61,7 +66,7 @@ class Heard:
     sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
 
 
-def rates_of(recordings: Sequence[AudioSource]) -> list[float]:
+def _sample_rates(recordings: Sequence[AudioSource]) -> list[float]:
     """Return the sample rates of the recordings by their videos' clocks, Hz."""
     rates = []
     for recording in recordings:
@@ -103,7 +108,9 @@ def hold_signal(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, i
     return kept[:size].copy(), begin
 
 
-def load_audio(recordings: Sequence[AudioSource], frequency: float | None, skip: float) -> Heard:
+def load_audio(
+    recordings: Sequence[AudioSource], frequency: float | None, skip: float
+) -> LoadedAudio:
     """Read and check all tracks, and hold a tone of theirs.
 
     Parameters
@@ -120,8 +127,8 @@ def load_audio(recordings: Sequence[AudioSource], frequency: float | None, skip:
     MediaError, SynchronisationError
         If a track is missing, too short, silent or clipped.
     """
-    shortest = 4 * BUTTON_SOUND_S if frequency is None else shortest_of(frequency)
-    rates = rates_of(recordings)
+    shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
+    rates = _sample_rates(recordings)
     wanted = TONE_RATE * (frequency or 0.0)
     low = common_rate(rates, max(CORRELATION_RATE, wanted))
     step = step_to(low.rate, wanted) if frequency else 1
@@ -144,7 +151,7 @@ def load_audio(recordings: Sequence[AudioSource], frequency: float | None, skip:
             ends.append(audio.start + sum(lengths) / audio.rate)
             sources.append(audio.source)
     later, tone_rate = max(skipped), low.rate / step
-    return Heard(
+    return LoadedAudio(
         low=low,
         starts=np.array(starts),
         ends=np.array(ends),
@@ -186,7 +193,7 @@ def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track,
     with recording.opened() as audio:
         step = step_to(audio.rate, max(CORRELATION_RATE, least))
         rate = audio.rate / step
-        blocks = check_blocks(audio.blocks, audio.rate, shortest_of(None), recording.name)
+        blocks = check_blocks(audio.blocks, audio.rate, MIN_AUDIO_S, recording.name)
         track, before = hold_signal(decimate_blocks(blocks, step), round(skip * rate), SPAN_SAMPLES)
         return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
 
@@ -198,11 +205,11 @@ def low_part(recording: AudioSource, low: LowRate, first: int, last: int) -> Ite
 
 
 def match_recordings(
-    recordings: Sequence[AudioSource], frequency: float | None, room: bool
+    recordings: Sequence[AudioSource], frequency: float | None
 ) -> dict[int, Match]:
     """Match each recording but the first to the first.
 
-    Correlation sees a span of `SPAN` samples at a time, the same of all recordings: the first in
+    Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
     which a recording matches without doubt counts, or else the one in which it matches best. Spans
     overlap by half, so that what all heard is within one if they started less than that apart. In
     a room only the first `ROOM_SPANS` are tried.
@@ -212,11 +219,10 @@ def match_recordings(
     recordings : sequence of AudioSource
         The files, which :func:`load_audio` has checked.
     frequency : float or None
-        Frequency of the force's tone in Hz.
-    room : bool
-        Whether the tracks hold what microphones hear instead of the force.
+        Frequency of the force's tone in Hz; None of tracks that hold what microphones hear.
     """
-    low = common_rate(rates_of(recordings), ROOM_RATE if room else CORRELATION_RATE)
+    room = frequency is None
+    low = common_rate(_sample_rates(recordings), ROOM_RATE if room else CORRELATION_RATE)
     found: dict[int, Match] = {}
     with ExitStack() as files:
         tracks = []
@@ -232,7 +238,7 @@ def match_recordings(
                     continue
                 match = (
                     room_match(span[0], other, low.rate)
-                    if room
+                    if frequency is None
                     else force_match(span[0], other, low.rate, frequency)
                 )
                 best = found.get(i, match)

@@ -26,7 +26,7 @@ def step_to(rate: float, wanted: float) -> int:
 
 
 @cache
-def low_pass(step: int) -> Array:
+def _low_pass(step: int) -> Array:
     """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
     return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
 
@@ -47,12 +47,12 @@ def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
     Yields
     ------
     ndarray, shape (samples,)
-        The first sample lies `EDGE` · `step` samples after that of the signal.
+        The first sample lies `FILTER_REACH_SAMPLES` · `step` samples after that of the signal.
     """
     if step == 1:
         yield from blocks
         return
-    taps = low_pass(step)
+    taps = _low_pass(step)
     held = np.empty(0)
     for block in blocks:
         held = np.concatenate([held, block])
@@ -99,7 +99,7 @@ class LowRate:
         step = round(ratio)
         if abs(ratio - step) < 1e-12 * step and (step > 1) == (self.cut > 0):
             return decimate_blocks(blocks, step)
-        return resample_blocks(blocks, ratio, self.cut * rate)
+        return _resample_blocks(blocks, ratio, self.cut * rate)
 
 
 def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
@@ -122,20 +122,11 @@ def _phases(ratio: float) -> Array:
     return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
 
 
-def resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
+def _resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
     """Low-pass a signal in blocks, and take a sample every `ratio` of its own, at any ratio.
 
     As :func:`decimate_blocks` does it, with the low-pass between samples taken from a table; what
-    lies before the signal counts as 0.
-
-    Parameters
-    ----------
-    blocks : iterable of ndarray, shape (samples,)
-        The signal, of any division.
-    ratio : float
-        Samples of the signal for one that is yielded, 1 or more.
-    first : float
-        Where in the signal the first one lies, in samples.
+    lies before the signal counts as 0. The first one lies at `first` samples of the signal.
     """
     table = _phases(ratio)
     reach = table.shape[1] // 2 - 1

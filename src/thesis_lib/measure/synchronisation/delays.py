@@ -1,29 +1,37 @@
-"""Estimators of the delay between recordings of one signal: correlation, and phase of a tone.
+"""Delays between recordings of one signal: correlation, phase of a tone, and what does not repeat.
 
 Recording i is xᵢ(t) = x_ref(t + delayᵢ). Correlation works at a few kHz, which keeps a clap sharp;
-the phase of a tone at tens of samples per period, which keeps it cheap.
+the phase of a tone at tens of samples per period, which keeps it cheap. Peaks of correlation
+coefficients are found between samples.
 
-Peaks of correlation coefficients are found between samples.
+A steady tone matches itself at every period, and the longer it lasts the less weighs the one moment
+that tells the periods apart: its onset, a clap, a voice. So a second look is taken at signals from
+which it has been removed and in which only what stands out against the background is left. All of
+it treats each recording by a rule that does not depend on time, and so leaves the delays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, rfft
-from scipy.signal import find_peaks
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import find_peaks, oaconvolve, welch
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, IntArray, Signal
 from thesis_lib.measure.synchronisation.decimation import decimate_signal
 from thesis_lib.measure.synchronisation.tones import (
+    MIN_SAMPLES_PER_PERIOD,
+    MIN_SETTLED_PERIODS,
     TONE_RATE,
     SynchronisationError,
     check_rate,
     settle_interval,
     tone_at,
+    tone_frequency,
 )
 
 NORMALISED_LAGS = 1 << 18  # that are normalised at once
@@ -32,6 +40,19 @@ MIN_CORRELATION = 0.3  # correlation below which two recordings have nothing in 
 MIN_PEAK_SIGMAS = 5.0  # standard deviations by which one peak must beat the other
 # Ratio of peaks from which on they are alike, as recordings never are quite
 MAX_PEAK_RATIO = 0.9998
+ROOM_RATE = 16000  # Hz at which the sound of microphones is correlated: a clap is 5 ms
+ENERGY_SPAN_S = 0.01  # s over which the energy is averaged of what may stand out
+MIN_ONSET_RATIO = 12  # times the upper quartile's distance from the median that it must stand out
+MIN_ONSET_CORRELATION = 0.5  # correlation that what stands out must reach
+ONSET_SAME = 0.95  # ratio of peaks from which on onsets are alike
+CLAP_SAME = 0.9  # and claps
+ROOM_SAME = 0.6  # and the whole sound of a room
+FAR_ABOVE = 9.0  # times its scatter that the correlation of the whole sound must reach
+WHITENING_BINS = 1024  # of the spectrum by which a room's sound is made white
+# Samples that what is whitened starts later
+WHITENING_DELAY = WHITENING_BINS - 1 - WHITENING_BINS // 2
+SPECTRUM_PIECES = 32  # of a long sound that its spectrum is taken from
+MIN_POWER_RATIO = 1e-6  # of the highest power; what is below is left as weak as it is
 
 
 def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntArray, Array]:
@@ -50,7 +71,7 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     Returns
     -------
     lags, coefficients : ndarray, shape (lags,)
-        IntArray in samples, and −1…1.
+        Lags in samples, and −1…1.
     """
     n_x, n_y = len(np.asarray(a)), len(np.asarray(b))
     first, last = max(-most, 1 - n_y), min(most, n_x - 1)
@@ -58,7 +79,7 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     size = size // 4 * 3 if max(n_x, n_y) + most <= size // 4 * 3 else size
     product, other = rfft(_subtract_mean(a), size), rfft(_subtract_mean(b), size)
     product *= np.conj(other, out=other)
-    del other
+    del other  # each is large
     values = irfft(product, size, overwrite_x=True)
     del product
     c = np.concatenate([values[first:] if first else values[:0], values[: last + 1]])
@@ -74,7 +95,6 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
         c[k : k + NORMALISED_LAGS] = np.divide(
             covariance, energy, out=np.zeros_like(energy), where=energy > 0
         )
-    del sums_x, sums_y
     return np.arange(first, last + 1), c
 
 
@@ -119,7 +139,7 @@ def interpolate_peak(lags: IntArray, c: Array, top: int) -> float:
     return float(lags[top] + reach * shift)
 
 
-def peak_heights(c: Array, tops: IntArray) -> Array:
+def _peak_heights(c: Array, tops: IntArray) -> Array:
     """Return heights of peaks between samples, by a parabola through the three highest of each."""
     left, middle, right = (c[np.clip(tops + k, 0, len(c) - 1)] for k in (-1, 0, 1))
     bend = np.maximum(2 * middle - left - right, 1e-15)
@@ -128,20 +148,15 @@ def peak_heights(c: Array, tops: IntArray) -> Array:
 
 @dataclass(frozen=True)
 class Match:
-    """Where one recording lies on another: delay in s, other peaks, certainty.
+    """Where one recording lies on another: delay in s, other peaks, certainty."""
 
-    `ratio`, `threshold`, `period`, `ambiguous` and `snr` are as in :class:`Synchronisation`, `peak`
-    is the highest correlation, `least` what it must be.
-    """
-
-    delay: float
-    peak: float
-    ratio: float
-    threshold: float
-    period: float | None
-    ambiguous: bool
-    snr: float
-    least: float = MIN_CORRELATION
+    delay: float  #: s
+    peak: float  #: Highest correlation
+    ratio: float  #: Second highest peak over the highest
+    threshold: float  #: Ratio from which on the two cannot be told apart
+    ambiguous: bool  #: Whether the ratio reaches it; then the delay is the shortest possible one
+    snr: float  #: Signal-to-noise power ratio up to half of the correlation's rate
+    least: float = MIN_CORRELATION  #: What the peak must be
 
     @property
     def certain(self) -> bool:
@@ -149,11 +164,10 @@ class Match:
         return not self.ambiguous and self.peak >= self.least
 
 
-def compare_signals(
+def _compare_signals(
     a: ArrayLike,
     b: ArrayLike,
     rate: float,
-    max_delay: float | None,
     *,
     same: float = MAX_PEAK_RATIO,
     telling: int | None = None,
@@ -165,31 +179,16 @@ def compare_signals(
 
     Where two recordings match, 1 minus their correlation is the energy of their noises over that of
     the signal, ε; over n samples it scatters by ε √(2/n). Two peaks cannot be told apart if their
-    heights differ by less than `DOUBT` standard deviations of such a difference, and the part of
-    ε that the change of overlap may cause. Of such peaks that of the shortest delay is taken.
+    heights differ by less than `MIN_PEAK_SIGMAS` standard deviations of such a difference, and the
+    part of ε that the change of overlap may cause. Of such peaks the shortest delay is taken.
 
-    Parameters
-    ----------
-    a, b : array_like, shape (samples of each,)
-        The reference and the other recording.
-    rate : float
-        Their sample rate in Hz.
-    max_delay : float or None
-        Largest delay looked for in s; half of the shorter recording if not given.
-    same : float
-        Ratio of peaks from which on they are alike in any case.
-    telling : int, optional
-        Samples n in which there is anything; those that overlap if not given.
-    least : float
-        Other peaks nearer than this many s do not count.
-    by_noise : bool
-        Whether noise lowers the ratio from which on peaks are alike.
-    either_sign : bool
-        Whether one of the recordings may be inverted, as microphones are.
+    `same` is the ratio of peaks from which on they are alike in any case, `by_noise` whether noise
+    lowers it, `telling` the samples n in which there is anything, if not all that overlap. Peaks
+    nearer than `least` s do not count; with `either_sign` one recording may be inverted, as
+    microphones are.
     """
     shorter = min(len(np.asarray(a)), len(np.asarray(b)))
-    most = shorter // 2 if max_delay is None else min(int(max_delay * rate), shorter - 2)
-    lags, c = correlation_coefficient(a, b, most)
+    lags, c = correlation_coefficient(a, b, shorter // 2)
     if either_sign and -c.min() > c.max():
         c = -c
     best = int(np.argmax(c))
@@ -199,37 +198,25 @@ def compare_signals(
     tops = tops[np.abs(lags[tops] - lags[best]) > least * rate]
     if not len(tops):
         snr = peak / max(1 - peak, 1e-12)
-        return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, None, False, snr)
+        return Match(interpolate_peak(lags, c, best) / rate, peak, 0.0, 1.0, False, snr)
     overlap = shorter - np.abs(lags[best])
     noise = max(1 - peak, 1e-12) / max(peak, 1e-12)
     apart = np.abs(lags[tops] - lags[best])
     scatter = MIN_PEAK_SIGMAS * 2 / np.sqrt(telling or overlap)
     thresholds = np.minimum(same, 1 - by_noise * noise * (scatter + apart / overlap))
-    ratios = peak_heights(c, tops) / peak_heights(c, np.array([best]))
+    ratios = _peak_heights(c, tops) / _peak_heights(c, np.array([best]))
     doubtful = ratios >= thresholds
     second = int(np.argmax(ratios))
     alike = np.append(tops[doubtful], best)
     chosen = int(alike[np.argmin(np.abs(lags[alike]))])
-    others = np.abs(lags[alike[alike != chosen]] - lags[chosen])
-    period = float(others.min() if len(others) else apart[second])
     return Match(
         interpolate_peak(lags, c, chosen) / rate,
         peak,
         float(ratios[second]),
         float(thresholds[second]),
-        period / rate,
         bool(doubtful.any()),
         1 / noise,
     )
-
-
-def match_signals(
-    reference: ArrayLike, other: ArrayLike, rate: float, max_delay: float | None
-) -> Match:
-    """Return the delay of one recording after another; see :func:`compare_signals`."""
-    a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
-    b, _ = decimate_signal(other, rate, CORRELATION_RATE)
-    return compare_signals(a, b, low_rate, max_delay)
 
 
 def phase_delays(
@@ -237,7 +224,6 @@ def phase_delays(
     rate: float,
     frequency: float,
     guess: ArrayLike,
-    reference: int = 0,
     steady: tuple[float, float] | None = None,
 ) -> Array:
     """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
@@ -256,8 +242,6 @@ def phase_delays(
         The tone's frequency in Hz.
     guess : array_like, shape (recordings,)
         Delays to within half a period, s.
-    reference : int
-        Recording whose delay is 0.
     steady : tuple of float, optional
         Used instead of the reference's settled part, s after its first sample.
 
@@ -269,10 +253,10 @@ def phase_delays(
     """
     check_rate(rate, frequency)
     near = np.asarray(guess, float)
-    near = near - near[reference]
+    near = near - near[0]
     parts = [decimate_signal(x, rate, TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = steady or settle_interval(parts[reference][0], low_rate, frequency)
+    start, end = steady or settle_interval(parts[0][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)
@@ -289,8 +273,8 @@ def phase_delays(
         part = x[first : first + length]
         phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)))
         centres.append(centre)
-    turn = (np.array(phases) - phases[reference]) / (2 * np.pi * frequency)
-    delays = centres[reference] - np.array(centres) + turn
+    turn = (np.array(phases) - phases[0]) / (2 * np.pi * frequency)
+    delays = centres[0] - np.array(centres) + turn
     return delays - np.rint((delays - near) * frequency) / frequency
 
 
@@ -310,3 +294,151 @@ def delay_deviation(frequency: float, snr: float, samples: int) -> float:
         Samples N of each recording.
     """
     return float(np.sqrt(2 / (snr * samples)) / (2 * np.pi * frequency))
+
+
+def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
+    """Return a signal less itself one period before, which cancels a steady tone.
+
+    Unlike a fitted sinusoid, it needs no stretch over which the tone is steady and leaves no step
+    at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. Of an
+    onset it leaves how much the tone grows in each period. The period need not be whole samples:
+    two neighbours are weighted so that the tone itself is removed exactly.
+
+    Parameters
+    ----------
+    x : ndarray, shape (samples,)
+        The signal.
+    rate, frequency : float
+        Its sample rate and the tone's frequency in Hz.
+
+    Returns
+    -------
+    ndarray, shape (samples less a period,)
+        The rest; it starts a period later.
+    """
+    m = int(rate / frequency)
+    w = 2 * np.pi * frequency / rate * np.array([m, m + 1])
+    near, far = np.linalg.solve([np.cos(w), np.sin(w)], [1.0, 0.0])
+    rest = np.array(x[m + 1 :], float)
+    rest -= near * x[1 : len(x) - m]
+    rest -= far * x[: len(x) - m - 1]
+    return rest
+
+
+def design_whitening(x: Signal, rate: float) -> Signal:
+    """Design a filter that makes the background of a signal equally strong at all frequencies.
+
+    The background is the median over time of short spectra, so that hum and rumble weigh no more
+    than their share of the band and a clap stays what it is. Beyond 0.7 of the highest frequency
+    less and less is left. Of a long signal :data:`SPECTRUM_PIECES` pieces are looked at.
+
+    Returns
+    -------
+    ndarray, shape (WHITENING_BINS,)
+        Taps of a filter whose delay is :data:`WHITENING_DELAY` samples.
+    """
+    step = len(x) // SPECTRUM_PIECES
+    if step > 2 * WHITENING_BINS:
+        pieces = np.concatenate(
+            [x[k * step : k * step + 2 * WHITENING_BINS] for k in range(SPECTRUM_PIECES)]
+        )
+        x = pieces if pieces.any() else x
+    f, power = welch(x, rate, nperseg=WHITENING_BINS, average="median")
+    if not power.any():  # silent for most of the time
+        f, power = welch(x, rate, nperseg=WHITENING_BINS)
+    gain = 1 / np.sqrt(power + MIN_POWER_RATIO * power.max())
+    gain *= np.clip((0.95 - 2 * f / rate) / 0.25, 0, 1)
+    gain[0] = 0
+    taps = np.roll(np.fft.irfft(gain), WHITENING_BINS // 2) * np.hanning(WHITENING_BINS + 1)[:-1]
+    return (taps / np.abs(taps).max()).astype(x.dtype)
+
+
+def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
+    """Return the part of a signal that is louder than its background ever gets by chance.
+
+    Energies over :data:`ENERGY_SPAN_S` scatter; what counts as background is the median and, from
+    the quartile, eight standard deviations. Each sample is weighed by how much of the energy around
+    it is above. Return the signal, 0 where nothing stands out, and how many samples do.
+    """
+    n = max(1, round(ENERGY_SPAN_S * rate))
+    energy = uniform_filter1d(x * x, n)
+    middle, upper = np.quantile(energy[:: max(1, n // 4)], [0.5, 0.75])
+    background = middle + MIN_ONSET_RATIO * (upper - middle)
+    weight = 1 - background / np.maximum(energy, max(background, 1e-300))
+    weight *= x
+    return weight.astype(np.float32), int(np.count_nonzero(weight))
+
+
+def force_match(reference: ArrayLike, other: ArrayLike, rate: float, frequency: float) -> Match:
+    """Return the delay between recordings of the force's signal.
+
+    By correlation; where that leaves doubt, by that of the tone's onset, its end, or a clap:
+    :func:`without_tone`. Peaks within half a period of the highest do not count there, as the
+    tone's phase tells between them.
+
+    Parameters
+    ----------
+    reference, other : array_like, shape (samples of each,)
+        The recordings.
+    rate : float
+        Their sample rate in Hz.
+    frequency : float
+        Frequency of the tone in Hz, to within 1 %.
+    """
+    a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
+    b, _ = decimate_signal(other, rate, CORRELATION_RATE)
+    whole = _compare_signals(a, b, low_rate)
+    if whole.certain or MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
+        return whole
+    if min(len(a), len(b)) < 2 * MIN_SETTLED_PERIODS * low_rate / frequency:
+        return whole
+    tone, tone_rate = decimate_signal(a, low_rate, TONE_RATE * frequency)
+    start, end = settle_interval(tone, tone_rate, frequency)
+    if (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
+        part = tone[round(start * tone_rate) : round(end * tone_rate)]
+        frequency = tone_frequency(part, tone_rate, frequency)
+    loud_a, n_a = _keep_transients(without_tone(a, low_rate, frequency), low_rate)
+    loud_b, n_b = _keep_transients(without_tone(b, low_rate, frequency), low_rate)
+    if not n_a or not n_b:
+        return whole
+    loud = _compare_signals(
+        loud_a, loud_b, low_rate, same=ONSET_SAME, telling=min(n_a, n_b), least=0.5 / frequency
+    )
+    loud = replace(loud, least=MIN_ONSET_CORRELATION, snr=whole.snr)
+    return loud if loud.certain else whole
+
+
+def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
+    """Return the delay between recordings of sound in a room; not certain if in doubt.
+
+    First by all that they hear, :func:`design_whitening`: certain if the highest correlation is far
+    above the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by
+    what stands out, as claps, which must be alike.
+
+    Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
+    both hear: several claps at irregular intervals can.
+
+    Parameters
+    ----------
+    reference, other : array_like, shape (samples of each,)
+        The recordings.
+    rate : float
+        Their sample rate in Hz.
+    """
+    a, low_rate = decimate_signal(reference, rate, ROOM_RATE)
+    b, _ = decimate_signal(other, rate, ROOM_RATE)
+    # Where a filter reaches beyond the ends nothing is left.
+    a, b = (oaconvolve(x, design_whitening(x, low_rate), "valid") for x in (a, b))
+    whole = _compare_signals(a, b, low_rate, same=ROOM_SAME, by_noise=False, either_sign=True)
+    n = min(len(a), len(b)) - abs(whole.delay) * low_rate
+    whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
+    if whole.certain:
+        return whole
+    (loud_a, n_a), (loud_b, n_b) = _keep_transients(a, low_rate), _keep_transients(b, low_rate)
+    if not n_a or not n_b:
+        return whole
+    loud = _compare_signals(
+        loud_a, loud_b, low_rate, same=CLAP_SAME, telling=min(n_a, n_b), either_sign=True
+    )
+    loud = replace(loud, least=MIN_ONSET_CORRELATION)
+    return loud if loud.certain else whole

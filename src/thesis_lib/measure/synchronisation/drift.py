@@ -1,4 +1,4 @@
-"""How the clocks of two recordings drift apart, from windows of their sound.
+"""Starts and clocks of recordings next to those of the first one, though the clocks drift apart.
 
 With Tᵢ the start of a recording and δ the share by which its clock is fast, what happens at T has
 the time t = (1 + δ)(T − Tᵢ) in it. So what is at t in the one is at t + delay − δt in the
@@ -6,37 +6,37 @@ reference: a straight line through the delays of windows tells both.
 
 A window's correlation has several peaks where sound reverberates or repeats; the line is that
 which most of the windows have a peak on. Windows are compared as they are left by
-:func:`~thesis_lib.measure.synchronisation.transients.design_whitening`, so that neither hum nor a
-note has a peak at each of its periods.
+:func:`~thesis_lib.measure.synchronisation.delays.design_whitening`, so that neither hum nor a note
+has a peak at each of its periods.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
+from thesis_lib.measure.synchronisation.audio import SPAN_SAMPLES, AudioSource, part_of
+from thesis_lib.measure.synchronisation.decimation import common_rate
 from thesis_lib.measure.synchronisation.delays import (
-    Match,
-    correlation_coefficient,
-    interpolate_peak,
-)
-from thesis_lib.measure.synchronisation.transients import (
     WHITENING_BINS,
     WHITENING_DELAY,
+    correlation_coefficient,
     design_whitening,
+    interpolate_peak,
+    room_match,
 )
+from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
-WINDOW_S = 1.0  # s
+WINDOW_S = 1.0  # s of a window
 HOP_S = 0.005  # s of a step of loudness
-MAX_COMPARED_S = 300.0  # s from the start whose loudness is compared
+MAX_LOUDNESS_S = 300.0  # s from the start whose loudness is compared
 MIN_COMMON_S = 3.0  # s that sounds have in common at least
-MIN_PEAK_DISTANCE_S, MAX_SECOND_PEAK_RATIO = (
-    0.05,
-    0.7,
-)  # s from the highest peak, and share of it, that no other may reach
+# s from the highest peak, and share of it, that no other may reach
+MIN_PEAK_DISTANCE_S, MAX_SECOND_PEAK_RATIO = 0.05, 0.7
 MAX_CANDIDATES = 12  # peaks of the loudness's correlation that are looked into at most
 WINDOW_SEARCH_S = 0.05  # s about the delay that was found, in which a window's is sought
 MAX_DRIFT = 2e-4  # most that clocks of cameras are apart, relative
@@ -51,9 +51,9 @@ INTERPOLATION_FACTOR = 16  # times finer than samples at which a peak is interpo
 INTERPOLATION_SAMPLES = 12  # samples on either side that it is interpolated from
 MIN_PEAK_STD_SAMPLES = 0.005  # samples by which a peak between samples errs at least
 
-_INTERPOLATION_POINTS = np.arange(-INTERPOLATION_FACTOR, INTERPOLATION_FACTOR + 1)[
-    :, None
-] / INTERPOLATION_FACTOR - np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1)
+_NEAR_SAMPLES = np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1)
+_FINE_SAMPLES = np.arange(-INTERPOLATION_FACTOR, INTERPOLATION_FACTOR + 1) / INTERPOLATION_FACTOR
+_INTERPOLATION_POINTS = _FINE_SAMPLES[:, None] - _NEAR_SAMPLES
 _INTERPOLATION_WEIGHTS = (
     np.sinc(_INTERPOLATION_POINTS)
     * np.cos(np.pi * _INTERPOLATION_POINTS / (2 * INTERPOLATION_SAMPLES + 4)) ** 2
@@ -83,56 +83,30 @@ class Drift:
         return self.drift / (1 - self.drift)
 
 
-def loudness_match(reference: Signal, other: Signal, rate: float) -> Match:
-    """Return the delay in s between sounds by their loudness.
+def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list[float], bool]:
+    """Find the delays in s at which the loudness of two sounds is alike, the likeliest first.
 
-    Loudness is so slow that clocks which drift apart do not blur it.
+    Loudness is so slow that clocks which drift apart do not blur it. Correlations count by how far
+    they are above chance. The second value tells whether the first delay is certain.
     """
-    lags, c, height = _loudness_heights(reference, other, rate)
-    top = int(np.argmax(height))
-    rest = np.abs(lags - lags[top]) > round(MIN_PEAK_DISTANCE_S / HOP_S)
-    second = float(height[rest].max(initial=0.0))
-    ratio = second / max(float(height[top]), 1e-12)
-    return Match(
-        delay=float(HOP_S * interpolate_peak(lags, c, top)),
-        peak=float(height[top]),
-        ratio=ratio,
-        threshold=MAX_SECOND_PEAK_RATIO,
-        period=None,
-        ambiguous=ratio >= MAX_SECOND_PEAK_RATIO,
-        snr=np.nan,
-        least=MIN_CORRELATION_SIGMAS,
-    )
-
-
-def loudness_candidates(reference: Signal, other: Signal, rate: float) -> list[float]:
-    """Find the delays in s at which the loudness of two sounds is alike, the likeliest first."""
-    lags, c, height = _loudness_heights(reference, other, rate)
-    found: list[float] = []
-    least = MAX_SECOND_PEAK_RATIO * float(height.max(initial=0.0))
-    while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > least:
-        top = int(np.argmax(height))
-        found.append(float(HOP_S * interpolate_peak(lags, c, top)))
-        height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
-    return found
-
-
-def _loudness_heights(
-    reference: Signal, other: Signal, rate: float
-) -> tuple[IntArray, Array, Array]:
-    """Return lags, correlation of the loudness, and how far that is above chance."""
     a, b = (_loudness(sound, rate) for sound in (reference, other))
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
     lags, c = correlation_coefficient(a, b, most)
     overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
     enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
-    return lags, c, np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
+    height = np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
+    highest, found = float(height.max(initial=0.0)), list[float]()
+    while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > MAX_SECOND_PEAK_RATIO * highest:
+        top = int(np.argmax(height))
+        found.append(float(HOP_S * interpolate_peak(lags, c, top)))
+        height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
+    return found, len(found) == 1 and highest >= MIN_CORRELATION_SIGMAS
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
     """Return the logarithm of the energy of what is high in a sound, in steps of `HOP`."""
     n = round(HOP_S * rate)
-    high = np.diff(sound[: round(MAX_COMPARED_S * rate)].astype(float))
+    high = np.diff(sound[: round(MAX_LOUDNESS_S * rate)].astype(float))
     energy = np.square(high[: len(high) // n * n]).reshape(-1, n).mean(axis=1)
     level = np.log(energy + 1e-3 * energy.mean() + 1e-30)
     return np.asarray(level - level.mean(), float)
@@ -237,10 +211,7 @@ def _vertex(c: Array, top: int) -> float:
 
     A parabola through three samples alone errs by up to 0.05 of them.
     """
-    near = np.clip(
-        top + np.arange(-INTERPOLATION_SAMPLES, INTERPOLATION_SAMPLES + 1), 0, len(c) - 1
-    )
-    fine = _INTERPOLATION_WEIGHTS @ c[near]
+    fine = _INTERPOLATION_WEIGHTS @ c[np.clip(top + _NEAR_SAMPLES, 0, len(c) - 1)]
     k = int(np.clip(np.argmax(fine), 1, len(fine) - 2))
     left, middle, right = fine[k - 1 : k + 2]
     bend = left - 2 * middle + right
@@ -278,4 +249,143 @@ def _line(times: Array, delays: Array, weights: Array, delay: float, least: floa
         float(deviations[1]),
         times[kept],
         delays[kept],
+    )
+
+
+COMPARED_RATE_HZ = 16000.0  # Hz at which windows are compared
+MAX_COMPARED_S = 1800.0  # s from the start that are
+MIN_AGREEING_SHARE = 0.5  # share of the windows that must agree on a delay
+MIN_DECIDING_WINDOWS = 6  # windows that decide alone; unlike sounds had four at most
+
+
+def beside_first(
+    recordings: Sequence[AudioSource], others: Mapping[int, float | None]
+) -> dict[int, Drift]:
+    """Find start and clock of each of the `others` beside the first recording.
+
+    Where time stamps state another pace than the sample rate does, the sounds are compared at both,
+    since either may be the true one, and what is found counts by the time stamps.
+
+    Parameters
+    ----------
+    recordings : sequence of AudioSource
+        The files.
+    others : mapping
+        Delay of the sound of each in s where it is known, else it is sought.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a file has no whole sound, or its sound is unlike the first one's.
+    """
+    found: dict[int, Drift] = {}
+    stamped, stated = _Tracks(recordings, stated=False), _Tracks(recordings, stated=True)
+    for k, known in others.items():
+        if known is not None:
+            delay = known + stamped.starts[0] - stamped.starts[k]
+            found[k] = drift_of(
+                stamped[0], stamped[k], stamped.rate, (stamped.starts[0], stamped.starts[k]), delay
+            )
+        else:
+            tries = [_find_start(stamped, k)]
+            if stamped.paces[k] != stamped.paces[0]:
+                tries.append(_by_stamps(_find_start(stated, k), stamped, k))
+            sure = [one for one in tries if one is not None]
+            if not sure:
+                raise unmatched_error(recordings[k].name, recordings[0].name)
+            found[k] = max(sure, key=lambda one: one.score)
+        kept = (1 - found[k].drift) * stamped.paces[k] / stamped.paces[0]
+        found[k] = replace(found[k], sample_drift=1 - kept)
+    return found
+
+
+def unmatched_error(name: str, first: str) -> SynchronisationError:
+    """Return the refusal of a sound that matches nothing in the first one."""
+    return SynchronisationError(
+        f"{name}: no sound in it matches that of {first} beyond doubt; clap a few times where all "
+        "cameras hear it, within a minute of the first one's start"
+    )
+
+
+class _Tracks:
+    """Sounds of recordings at one rate, the first of which and one other are held at a time."""
+
+    def __init__(self, recordings: Sequence[AudioSource], *, stated: bool) -> None:
+        """Take time by the rates that the files state, from the first sample on, or by stamps."""
+        self.recordings = recordings
+        self.paces, self.rates, starts = [], [], []
+        for recording in recordings:
+            with recording.opened() as audio:
+                #: Seconds of the time stamps for one of the samples at the stated rate
+                self.paces.append(audio.stated_rate / audio.rate)
+                self.rates.append(audio.stated_rate if stated else audio.rate)
+                starts.append(0.0 if stated else audio.start)
+        self.low = common_rate(self.rates, COMPARED_RATE_HZ)
+        self.rate = self.low.rate
+        self.starts = [start + self.low.cut for start in starts]  #: Of the first samples, s
+        self._read: dict[int, Signal] = {}
+
+    def __getitem__(self, k: int) -> Signal:
+        """Read the sound of a recording."""
+        if k not in self._read:
+            self._read = {i: one for i, one in self._read.items() if i == 0}
+            with self.recordings[k].opened() as audio:
+                low = self.low.reduce(audio.blocks, self.rates[k])
+                part = part_of(low, 0, round(MAX_COMPARED_S * self.rate))
+                blocks = [np.asarray(block, np.float32) for block in part]
+            self._read[k] = np.concatenate([np.empty(0, np.float32), *blocks])
+        return self._read[k]
+
+
+def _find_start(tracks: _Tracks, k: int) -> Drift | None:
+    """Find start and clock of a sound whose delay is unknown; None if there is doubt.
+
+    Candidates come from the loudness and from the waveform of the first minutes; windows of the
+    whitened waveform decide between them. One is certain if enough windows agree on it, fewer
+    where loudness or the whole waveform says the same, and if no other comes near it.
+    """
+    one, other, rate = tracks[0], tracks[k], tracks.rate
+    starts = tracks.starts[0], tracks.starts[k]
+    if min(len(one), len(other)) <= 2 * WHITENING_BINS:
+        return None
+    loud, is_clear = _match_loudness(one, other, rate)
+    room = room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
+    delays = [room.delay] if room.certain else []
+    delays += [
+        delay for delay in loud if not room.certain or abs(delay - room.delay) > MIN_PEAK_DISTANCE_S
+    ]
+    found = [drift_of(one, other, rate, starts, delay + starts[0] - starts[1]) for delay in delays]
+    if not found:
+        return None
+    best, *rest = sorted(found, key=lambda one: -one.score)
+    apart = [one for one in rest if abs(one.delay - best.delay) > MIN_PEAK_DISTANCE_S]
+    if any(one.score > MAX_SECOND_PEAK_RATIO * best.score for one in apart):
+        return None
+    sound_delay = best.delay + starts[1] - starts[0]
+    by_room = room.certain and abs(sound_delay - room.delay) < WINDOW_SEARCH_S
+    by_loudness = is_clear and abs(sound_delay - loud[0]) < WINDOW_SEARCH_S
+    agreeing = best.agreement >= MIN_AGREEING_SHARE
+    enough = MIN_WINDOWS if by_loudness else MIN_DECIDING_WINDOWS
+    return best if by_room or (agreeing and len(best.times) >= enough) else None
+
+
+def _by_stamps(found: Drift | None, stamped: _Tracks, k: int) -> Drift | None:
+    """Convert a drift between samples at their stated rates to one between time stamps."""
+    if found is None:
+        return None
+    (first, own), cut = (stamped.paces[0], stamped.paces[k]), stamped.low.cut
+    begin, its_begin = stamped.starts[0] - cut, stamped.starts[k] - cut
+    kept = first * (1 - found.drift) / own  # seconds of the first clock for one of the other
+    times = its_begin + own * found.times
+    there = begin + first * (found.times + found.delays)
+    drifts = np.isfinite(found.drift)
+    kept = kept if drifts else first / own
+    return replace(
+        found,
+        delay=begin + first * found.delay - kept * its_begin,
+        delay_deviation=first * found.delay_deviation,
+        drift=1 - kept if drifts else np.nan,
+        drift_deviation=first / own * found.drift_deviation,
+        times=times,
+        delays=there - times,
     )

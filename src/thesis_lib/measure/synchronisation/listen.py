@@ -1,4 +1,9 @@
-"""What the audio tracks of a folder of recordings tell: starts, frequency, phase of the force.
+"""When each camera started, from the sound that all of them recorded (thesis 5.1.2, eq. 5.2).
+
+The force signal s is fed to every camera's audio input. Camera i, started at world time Tᵢ, records
+xᵢ(t) = s(t + Tᵢ). Its *delay* is Tᵢ minus the start of the first camera, so that
+xᵢ(t) = x_first(t + delayᵢ), and what happens at T appears in recording i at T − Tᵢ. A tone gives
+the frequency and the phase of the force, too.
 
 Tracks are read block by block, as often as it takes, and of each only a bounded part is held, at a
 few kHz: memory does not grow with the length. What follows from that for long recordings:
@@ -15,39 +20,230 @@ few kHz: memory does not grow with the length. What follows from that for long r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation.audio import (
     AudioSource,
-    Heard,
+    LoadedAudio,
     load_audio,
     low_part,
     low_track,
     match_recordings,
 )
-from thesis_lib.measure.synchronisation.checks import find_tone
-from thesis_lib.measure.synchronisation.drift import MAX_DRIFT
-from thesis_lib.measure.synchronisation.pairs import beside_first
-from thesis_lib.measure.synchronisation.synchronise import Synchronisation, combine_matches
+from thesis_lib.measure.synchronisation.delays import (
+    CORRELATION_RATE,
+    MIN_CORRELATION,
+    Match,
+    phase_delays,
+)
+from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
 from thesis_lib.measure.synchronisation.tones import (
     MAX_SLIP_TURNS,
     MIN_SAMPLES_PER_PERIOD,
+    Interval,
     SynchronisationError,
+    check_tone,
+    find_tone,
     fit_tone,
     frequency_deviation,
     settle_interval,
     tone_frequency,
 )
 
-Interval = tuple[float, float]
 MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
 MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
+BLIND_SPOTS = (
+    "Sound alone does not show an offset between a camera's image and its sound.",
+    "Nor does it show whether the clocks of image and sound drift apart.",
+)
+IN_A_ROOM = (
+    "Sound takes 2.9 ms per metre through air: a camera that is further from it seems to start "
+    "earlier.",
+    "A single knock that only one camera heard cannot be told from one like it that another "
+    "heard; several claps at irregular intervals can.",
+)
+UNHEARD_TEXT = (
+    "No sound was used: every recording counts from its own start.",
+    "The images tell by how much of a period the cameras are then apart, and are put in step by "
+    "it. What is not steady, as the start of the vibration, is not.",
+)
+
+
+@dataclass(frozen=True)
+class Synchronisation:
+    """Starts of all cameras."""
+
+    delays: Array  #: Start of each camera minus that of the first, s, shape (cameras,)
+    frame_rate: float  #: Frames per second
+    #: ``phase`` of a tone, ``room``: correlation of what microphones hear, or ``none``: nothing was
+    #: heard, and the delays are 0
+    method: str
+    match: Match | None = None  #: The most doubtful of all cameras with the first one
+    frequency: float | None = None  #: Of the tone, Hz; whole periods are what may be in doubt
+    #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
+    snr: float = np.nan
+    #: Of recordings whose clocks drift too far for one delay, which is then that in the middle
+    drifts: Mapping[int, Drift] = field(default_factory=dict)
+    #: Which track, channels and pace each one's sound has, empty where all is as stated
+    sources: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> IntArray:
+        """Return the delays in whole frames (eq. 5.2), shape (cameras,)."""
+        return whole_frames(self.delays, self.frame_rate)
+
+    @property
+    def ambiguous(self) -> bool:
+        """Return whether two delays cannot be told apart; then the shortest are given."""
+        return self.match is not None and self.match.ambiguous
+
+    def describe(self, names: Sequence[str]) -> list[str]:
+        """Describe what was found, its uncertainty, and what sound cannot show."""
+        if self.match is None:
+            return [*UNHEARD_TEXT]
+        lines = [
+            f"Camera {name} started {delay:+.6f} s after camera {names[0]}: "
+            f"{delay * self.frame_rate:+.3f} frames, {frames:+d} in whole frames."
+            for name, delay, frames in zip(names[1:], self.delays[1:], self.frames[1:], strict=True)
+        ]
+        lines += [
+            f"Camera {name}'s sound: {source}."
+            for name, source in zip(names, self.sources, strict=False)
+            if source
+        ]
+        lines += [
+            f"By windows of its sound camera {names[i]}'s clock is fast by "
+            f"{1e6 * one.fast:+.1f} ± {1e6 * one.drift_deviation:.1f} ppm; its start is given as "
+            "in the middle of the recording."
+            for i, one in self.drifts.items()
+        ]
+        if self.frequency is None:
+            lines.append("Delays come from the peak of the correlation of what microphones heard.")
+        else:
+            lines.append(
+                "Delays come from the phase of the tone; the signal is at least "
+                f"{10 * np.log10(self.snr):.0f} dB above the noise "
+                f"(below {CORRELATION_RATE // 2} Hz)."
+            )
+        ratio, threshold = self.match.ratio, self.match.threshold
+        if self.ambiguous and self.frequency is not None:
+            lines.append(
+                f"Ambiguous by whole periods of {1 / self.frequency:.4f} s: another peak of the "
+                f"correlation is {ratio:.5f} of the highest (from {threshold:.5f} on the two "
+                "cannot be told apart); the shortest delays were taken."
+            )
+        else:
+            lines.append(
+                f"Not ambiguous: the second peak of the correlation is {ratio:.5f} of the "
+                f"highest, below {threshold:.5f}."
+            )
+        lines += BLIND_SPOTS
+        if self.frequency is None:
+            return [*lines, *IN_A_ROOM]
+        shift = self.frame_rate * coupling_delay(self.frequency)
+        return [
+            *lines,
+            f"Audio inputs are AC-coupled: a tone of {self.frequency:.4g} Hz is shifted by "
+            f"{shift:.2g} frame of 1/{self.frame_rate:g} s between corners of 2 and 3 Hz, so "
+            "recordings of different inputs need something broadband, as a clap.",
+        ]
+
+
+def coupling_delay(frequency: float) -> float:
+    """Return delay in s of a tone between first-order high-passes with corners of 2 and 3 Hz."""
+    return float((np.arctan(3 / frequency) - np.arctan(2 / frequency)) / (2 * np.pi * frequency))
+
+
+def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
+    """Return the delays in whole frames, N = Δt · fps (eq. 5.2), rounded to the nearest."""
+    return np.rint(np.asarray(delays, float) * frame_rate).astype(np.int64)
+
+
+def synchronise_cameras(
+    recordings: Sequence[AudioSource],
+    heard: LoadedAudio,
+    frame_rate: float,
+    frequency: float | None,
+    steady: Interval | None = None,
+) -> Synchronisation:
+    """Estimate the starts of all cameras from their sound.
+
+    Parameters
+    ----------
+    recordings : sequence of AudioSource
+        Of each camera.
+    heard : LoadedAudio
+        What :func:`~thesis_lib.measure.synchronisation.audio.load_audio` read of them.
+    frame_rate : float
+        Frames per second.
+    frequency : float or None
+        Frequency of the force's tone in Hz; None for what microphones hear in a room.
+    steady : tuple of float, optional
+        From when to when the tone is steady, s after the first sample of the first one that is
+        held; if not given, it is where the tone has settled.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        In one line: the recording and what is wrong with it.
+    """
+    matches = match_recordings(recordings, frequency)
+    drifts = {} if frequency is not None else _find_drifts(recordings, heard, matches)
+    names = [one.name for one in recordings]
+    for i, one in matches.items():
+        if frequency is None and not one.certain:
+            raise unmatched_error(names[i], names[0])
+        if frequency is not None and one.peak < MIN_CORRELATION:
+            raise SynchronisationError(
+                f"{names[i]}: correlation of {one.peak:.2f} with {names[0]}, allowed: "
+                f"at least {MIN_CORRELATION}; do both hold the same sound?"
+            )
+    delays = np.array([0.0, *(matches[i].delay for i in range(1, len(recordings)))])
+    if frequency is not None:
+        for tone, name, delay in zip(heard.tones, names, delays, strict=True):
+            own = steady and (steady[0] - float(delay), steady[1] - float(delay))
+            check_tone(tone, heard.tone_rate, frequency, name, own)
+        delays = phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
+    return Synchronisation(
+        delays=delays - (heard.starts - heard.starts[0]),
+        frame_rate=frame_rate,
+        method="room" if frequency is None else "phase",
+        match=max(matches.values(), key=lambda one: (one.ambiguous, one.ratio)),
+        frequency=frequency,
+        snr=min(one.snr for one in matches.values()),
+        drifts=drifts,
+        sources=heard.sources,
+    )
+
+
+def _find_drifts(
+    recordings: Sequence[AudioSource], heard: LoadedAudio, matches: dict[int, Match]
+) -> dict[int, Drift]:
+    """Replace the matches of clocks that have no one delay by that in the middle."""
+    known = {i: one.delay if one.certain else None for i, one in matches.items()}
+    drifts = {}
+    for i, one in beside_first(recordings, known).items():
+        middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
+        delay = middle + float(heard.starts[i] - heard.starts[0])
+        sure = known[i]
+        drifting = abs(one.drift) > MIN_DRIFT_SIGMAS * one.drift_deviation  # not, if it is unknown
+        clock = min(abs(one.drift), abs(one.sample_drift))  # stamps may run at another pace
+        if clock < MAX_DRIFT and (
+            sure is None or (drifting and abs(delay - sure) < MAX_MIDDLE_OFFSET_S)
+        ):
+            match = matches[i]
+            matches[i] = replace(match, delay=delay, ambiguous=False, least=match.peak)
+            drifts[i] = one
+    return drifts
 
 
 @dataclass(frozen=True)
@@ -80,115 +276,43 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
     """
     for problem in check_excitation(manifest):
         raise ManifestError(problem)
-    if manifest.excitation.sound == "none":
-        return _unheard(manifest, folder)
-    recordings = [AudioSource(camera.name, folder / camera.video) for camera in manifest.cameras]
-    one_tone = manifest.excitation.behaviour.has_one_frequency
-    if manifest.excitation.sound == "room" or not one_tone:
-        return _in_a_room(manifest, recordings)
-    return _of_the_force(manifest, recordings)
-
-
-def _unheard(manifest: Manifest, folder: Path) -> Sound:
-    """Return starts of 0 without sound, and all cameras' common time after the rest."""
-    excitation, count = manifest.excitation, len(manifest.cameras)
-    zeros = np.zeros(count)
-    nothing = Synchronisation(
-        delays=zeros,
-        frames=zeros.astype(np.int64),
-        frame_rate=manifest.cameras[0].frame_rate_hz,
-        reference=0,
-        method="none",
-        period=None,
-        ratio=0.0,
-        threshold=1.0,
-        ambiguous=False,
-        snr=np.nan,
-    )
-    end = min(float(clock_of(camera, folder)[-1]) for camera in manifest.cameras)
-    if excitation.steady_interval_s is not None:
-        _check_steady(manifest, 0.0, end)
-    steady = excitation.steady_interval_s or _after_rest(excitation.rest_duration_s, 0.0, end)
-    return Sound(nothing, excitation.frequency_hz, None, steady)
-
-
-def _in_a_room(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
-    """Return starts from microphones, and all cameras' common time after the rest."""
-    excitation = manifest.excitation
-    heard = load_audio(recordings, None, 0.0)
-    matched = match_recordings(recordings, None, room=True)
-    known = {i: one.delay if one.certain else None for i, one in matched.items()}
-    drifts = beside_first(recordings, known)
-    for i, one in list(drifts.items()):  # clocks that drift apart have no one delay
-        middle = one.delay - float(np.nan_to_num(one.drift)) * heard.ends[i] / 2
-        delay = middle + float(heard.starts[i] - heard.starts[0])
-        sure = known[i]
-        drifting = abs(one.drift) > MIN_DRIFT_SIGMAS * one.drift_deviation  # not, if it is unknown
-        clock = min(abs(one.drift), abs(one.sample_drift))  # stamps may run at another pace
-        if clock < MAX_DRIFT and (
-            sure is None or (drifting and abs(delay - sure) < MAX_MIDDLE_OFFSET_S)
-        ):
-            matched[i] = replace(matched[i], delay=delay, ambiguous=False, least=matched[i].peak)
-        else:
-            del drifts[i]
-    found = combine_matches(
-        matched,
-        [],
-        heard.low.rate,
-        manifest.cameras[0].frame_rate_hz,
-        None,
-        names=[one.name for one in recordings],
-        sound="room",
-        starts=heard.starts,
-    )
-    found = replace(found, drifts=drifts, sources=heard.sources)
-    begin, end = _common(found, heard)
-    if excitation.steady_interval_s is not None:
-        _check_steady(manifest, begin, end)
-    steady = excitation.steady_interval_s or _after_rest(excitation.rest_duration_s, begin, end)
-    return Sound(found, excitation.frequency_hz, None, steady)
-
-
-def _after_rest(rest: float, begin: float, end: float) -> Interval:
-    """Return the time after the rest that all cameras share, s."""
-    if begin + rest >= end:
+    excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
+    if excitation.sound == "none":
+        zeros = np.zeros(len(manifest.cameras))
+        found = Synchronisation(zeros, rate, "none")
+        begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
+    else:
+        recordings = [AudioSource(one.name, folder / one.video) for one in manifest.cameras]
+        if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
+            return _of_the_force(manifest, recordings)
+        heard = load_audio(recordings, None, 0.0)
+        found = synchronise_cameras(recordings, heard, rate, None)
+        begin, end = _common(found, heard)
+    _check_steady(manifest, begin, end)
+    rest = excitation.rest_duration_s
+    if excitation.steady_interval_s is None and begin + rest >= end:
         raise ManifestError(
             f"excitation.rest_duration_s: given {rest:.6g}, allowed: less than the "
             f"{end - begin:.3f} s that all cameras recorded"
         )
-    return begin + rest, end
+    steady = excitation.steady_interval_s or (begin + rest, end)
+    return Sound(found, excitation.frequency_hz, None, steady)
 
 
 def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     """Return starts and steady interval from the force's signal."""
-    excitation = manifest.excitation
-    skip = (
-        excitation.steady_interval_s[0]
-        if excitation.steady_interval_s
-        else excitation.rest_duration_s
-    )
-    frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings)
+    excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
+    steady = excitation.steady_interval_s
+    skip = steady[0] if steady else excitation.rest_duration_s
+    frequency = excitation.frequency_hz or _tone_of_all(manifest, recordings, skip)
     heard = load_audio(recordings, frequency, skip)
-    steady = None
-    if excitation.steady_interval_s is not None:
-        _check_steady(manifest, 0.0, float(heard.ends[0]))
-        zero = float(heard.starts[0]) + heard.tone_start
-        steady = excitation.steady_interval_s[0] - zero, excitation.steady_interval_s[1] - zero
-    found = combine_matches(
-        match_recordings(recordings, frequency, room=False),
-        heard.tones,
-        heard.tone_rate,
-        manifest.cameras[0].frame_rate_hz,
-        frequency,
-        names=[one.name for one in recordings],
-        starts=heard.starts,
-        steady=steady,
-    )
-    found = replace(found, sources=heard.sources)
-    if excitation.steady_interval_s is not None:
-        _check_steady(manifest, *_common(found, heard))
+    _check_steady(manifest, 0.0, float(heard.ends[0]))
+    zero = float(heard.starts[0]) + heard.tone_start
+    own = steady and (steady[0] - zero, steady[1] - zero)
+    found = synchronise_cameras(recordings, heard, rate, frequency, own)
+    _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
-    begin, end = steady or settle_interval(tone, rate, frequency)
+    begin, end = own or settle_interval(tone, rate, frequency)
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
     measured = tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
@@ -199,29 +323,18 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
     blocks = low_part(recordings[0], heard.low, first, last)
     force, _ = fit_tone(blocks, low_rate, used, -begin)
-    return Sound(
-        found,
-        used,
-        force,
-        excitation.steady_interval_s or (begin, end),
-        measured,
-        frequency_deviation(part, rate, measured),
-    )
+    deviation = frequency_deviation(part, rate, measured)
+    return Sound(found, used, force, steady or (begin, end), measured, deviation)
 
 
-def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
+def _tone_of_all(manifest: Manifest, recordings: list[AudioSource], skip: float) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
-    skip = (
-        excitation.steady_interval_s[0]
-        if excitation.steady_interval_s
-        else excitation.rest_duration_s
-    )
     tones = []
     for recording in recordings:
         track, rate, start = low_track(recording, MIN_SAMPLES_PER_PERIOD * slowest / 2, skip)
-        begin, end = excitation.steady_interval_s or (start, start)
-        part = (begin - start, end - start) if excitation.steady_interval_s else None
+        steady = excitation.steady_interval_s
+        part = steady and (steady[0] - start, steady[1] - start)
         tones.append(find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = tones[0], tones[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
@@ -237,7 +350,7 @@ def _tone_of_all(manifest: Manifest, recordings: list[AudioSource]) -> float:
     return first
 
 
-def _common(found: Synchronisation, heard: Heard) -> Interval:
+def _common(found: Synchronisation, heard: LoadedAudio) -> Interval:
     """Return from when to when all cameras recorded, on the reference camera's clock, s."""
     return max(float(found.delays.max()), 0.0), float((found.delays + heard.ends).min())
 
