@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from thesis_lib.book import build, conformance, demos, downloads, rendering, sample
@@ -120,6 +121,14 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*NOTEBOOKS, *PAGES, *list_code("book/pieces", "templates.py")],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
+    for name in shown.SETS_IN_CHAPTERS:
+        notebook = result_files(name)[0]
+        yield make_task(
+            f"provenance of {name}",
+            partial(shown.write_provenance, notebook, EXECUTED_FOLDER),
+            [notebook, *list_code("book/pieces")],
+            included(f"provenance-{name}"),
+        )
     yield make_task(
         "walk through chapter 5", lambda: walk.write_all(EXECUTED_FOLDER),
         [data, *list_code("figure_sets/experiment", "laboratory", "measure", "plotting")],

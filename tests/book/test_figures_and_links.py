@@ -74,7 +74,7 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
 @pytest.mark.parametrize(
     ("name", "link", "says"),
     [
-        ("conventions.html", "a[href$='#equation-eq-noisy-law']", r"Equation \(\d+\)"),
+        ("glossary.html", "a[href$='#equation-eq-noisy-law']", r"Equation \(\d+\)"),
         ("intro.html", "a[href$='beam-arrays.html#fig-3-24']", r"Figure 3\.24"),
         ("how-to.html", "a[href$='#fig-3-8']", r"Figure 3\.8"),
         ("thesis-index.html", "a[href$='#errata-b2']", r"B2\. Angles of view"),

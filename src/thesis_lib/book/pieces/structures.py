@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,13 +16,12 @@ from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.planning import errors
 from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.report import plan_command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import Study, describe_parameters
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import (
     Structure,
@@ -150,28 +149,13 @@ def tabulate_costs(_: Cubes) -> str:
     return render(__file__, "effort", costs=costs)
 
 
-def list_parameters(_: Cubes) -> str:
-    """List the parameters of every figure set, to be folded out."""
-    names = [name for chapter in CHAPTER_SETS.values() for name in chapter]
-    figure_sets = [(name, describe_parameters(STUDIES[name])) for name in names]
-    return render(__file__, "parameters", figure_sets=figure_sets)
-
-
-def tabulate_parameters(model: type[Study], without: Sequence[str] = ()) -> str:
-    """Tabulate every parameter of a request with its default, unit, meaning and bounds."""
-    rows = [row for row in describe_parameters(model) if row["name"] not in without]
-    return render(__file__, "parameter-table", rows=rows)
-
-
 PIECES: dict[str, Callable[[Cubes], str]] = {
     "planner-example": show_plan,
-    "planner-parameters": lambda _: tabulate_parameters(PlanRequest, ["cube"]),
     "beam-model": lambda _: tabulate_modes(setups.thesis_beam(), "mm", 1e3),
     "beam-cameras": describe_beam_cameras,
     "plate-model": lambda _: tabulate_modes(setups.thesis_plate(), "nm", 1e9),
     "sound-markers": tabulate_marker_grids,
     "motion-needed": tabulate_motion,
     "sound-levels": tabulate_levels,
-    "parameters": list_parameters,
     "effort": tabulate_costs,
 }

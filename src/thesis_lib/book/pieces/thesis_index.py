@@ -49,10 +49,9 @@ def _link_document(page: str) -> str:
 
 
 def _is_documented(name: str) -> bool:
-    """Return whether a name in the library stands on its room's page."""
-    short = name.removeprefix("thesis_lib.")
-    room = project_root() / "book" / "api" / f"{short.split('.')[0].replace('_', '-')}.rst"
-    api = room.read_text(encoding="utf-8") if room.is_file() else ""
+    """Return whether a name in the library stands on a page of the reference."""
+    pages = (project_root() / "book" / "api").glob("*.rst")
+    api = "".join(page.read_text(encoding="utf-8") for page in pages)
     directive = r"^\.\. auto(?:module|class):: ([\w.]+).*\n((?:   :.*\n)*)"
     for target, options in re.findall(directive, api, re.MULTILINE):
         member = name.removeprefix(f"{target}.").split(".")[0]
