@@ -20,7 +20,6 @@ from thesis_lib.book.build import (
     result_files,
 )
 from thesis_lib.book.pieces import (
-    assumptions,
     illustrations,
     shown,
     summary_figure,
@@ -153,12 +152,12 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
-    writers = thesis_index.write_thesis_index, assumptions.write_assumptions
+    writers = thesis_index.write_thesis_index, thesis_index.write_assumptions
     yield make_task(
         "index and assumptions",
         lambda: [write(EXECUTED_FOLDER) for write in writers],
         [*PAGES, *PUBLISHED, *library_files()],
-        included(*thesis_index.PIECES, *assumptions.PIECES),
+        included(*thesis_index.PIECES, *thesis_index.ASSUMPTION_PIECES),
     )  # fmt: skip
     yield make_task(
         "conformance",

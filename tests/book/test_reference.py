@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 from thesis_lib.book import sample
-from thesis_lib.book.pieces import filming
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
@@ -267,9 +266,9 @@ def test_pieces_are_written_as_the_page_includes_them(tmp_path):
 
 
 def test_sides_and_elevations_are_as_the_page_says():
-    one_side = filming.assess_layout((-10, 10), 25.0).rig.one_frame[0]
-    opposite = filming.assess_layout((0, 180), 25.0).rig.one_frame[0]
+    one_side = reference.assess_layout((-10, 10), 25.0).rig.one_frame[0]
+    opposite = reference.assess_layout((0, 180), 25.0).rig.one_frame[0]
     assert one_side > 2 * opposite
-    low, high = (filming.assess_layout((0, 180), phi).table[0] for phi in (15.0, 35.0))
+    low, high = (reference.assess_layout((0, 180), phi).table[0] for phi in (15.0, 35.0))
     assert low.across_px < high.across_px
     assert low.move_spacings > high.move_spacings

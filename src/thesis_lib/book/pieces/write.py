@@ -9,7 +9,7 @@ from pathlib import Path
 from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import conclusions, findings, rounding, structures
+from thesis_lib.book.pieces import conclusions, findings, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.design_law import tables as design_tables
@@ -92,7 +92,6 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **{f"planner-{name}": partial(_fill_planner, name) for name in planner_tables.PIECES},
     **findings.PIECES,
     **structures.PIECES,
-    **rounding.PIECES,
     **{name: partial(_fill_laboratory, *of) for name, of in LABORATORY_PIECES.items()},
     "sound-sum": sound.compare_sums,
     "sound-turn": lambda opened: sound_turn.turn_summary(opened["sound-aperture"]),
