@@ -30,14 +30,6 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
     assert set(shown) - {*sample.SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
 
 
-@pytest.mark.parametrize("name", CHAPTERS)
-def test_a_chapter_has_a_figure_for_every_250_words(name: str) -> None:
-    text = page(name)
-    words = len(re.sub(r"```\{.*?```|\$\$.*?\$\$", "", text, flags=re.DOTALL).split())
-    assert words <= 1800
-    assert words / text.count("```{figure}") <= 250
-
-
 @pytest.mark.parametrize("name", [*illustrations.FACT_FIGURES])
 def test_figures_of_facts_are_the_same_each_time(tmp_path, name) -> None:
     made = []

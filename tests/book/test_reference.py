@@ -2,14 +2,12 @@
 
 import ast
 import re
-from pathlib import Path
 from string import Formatter
 
 import numpy as np
 import pytest
 import yaml
 
-from thesis_lib.book import sample
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.cli import cli
 from thesis_lib.files import project_root
@@ -256,13 +254,6 @@ def test_pieces_have_no_gaps(name):
     assert text.strip()
     assert not re.search(r"\bnan\b", text, re.IGNORECASE)
     assert "None" not in text
-
-
-def test_pieces_are_written_as_the_page_includes_them(tmp_path):
-    reference.write_reference(tmp_path)
-    included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", PAGE))
-    of_sample = {Path(name).stem for name in sample.SAMPLE_FILES}
-    assert {path.stem for path in Path(tmp_path).glob("*.md")} == included - of_sample
 
 
 def test_sides_and_elevations_are_as_the_page_says():
