@@ -17,6 +17,7 @@ from PIL import Image
 
 from thesis_lib.book import extension, html_pages
 from thesis_lib.book.html_pages import draw_intervals
+from thesis_lib.book.search_index import index_page
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.web.fragment import static_html
 
@@ -170,3 +171,13 @@ def test_a_configured_repository_gives_a_binder_button(
         buttons = context.get("header_buttons", [])
         assert len(buttons) == (expected is not None and page != "intro")
         assert not buttons or expected in buttons[0]["url"]
+
+
+def test_a_warning_is_found_by_its_name() -> None:
+    page = document_fromstring(
+        "<article class='bd-article'><section id='a'><h1>Warnings</h1><dl><dt><span id='in-plane'>"
+        "<code>in-plane</code></span> · Markers move.</dt><dd>What it means.</dd></dl></section>"
+    )
+    _, warning = index_page(page)
+    assert (warning.kind, warning.title, warning.places) == ("term", "in-plane", ["in-plane"])
+    assert warning.text == "in-plane · Markers move. What it means."
