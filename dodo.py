@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from thesis_lib.book import build, conformance, demos, downloads, rendering, sample
@@ -19,7 +20,6 @@ from thesis_lib.book.build import (
     result_files,
 )
 from thesis_lib.book.pieces import (
-    assumptions,
     illustrations,
     shown,
     summary_figure,
@@ -120,6 +120,14 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*NOTEBOOKS, *PAGES, *list_code("book/pieces", "templates.py")],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
+    for name in shown.SETS_IN_CHAPTERS:
+        notebook = result_files(name)[0]
+        yield make_task(
+            f"provenance of {name}",
+            partial(shown.write_provenance, notebook, EXECUTED_FOLDER),
+            [notebook, *list_code("book/pieces")],
+            included(f"provenance-{name}"),
+        )
     yield make_task(
         "walk through chapter 5", lambda: walk.write_all(EXECUTED_FOLDER),
         [data, *list_code("figure_sets/experiment", "laboratory", "measure", "plotting")],
@@ -144,12 +152,12 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
-    writers = thesis_index.write_thesis_index, assumptions.write_assumptions
+    writers = thesis_index.write_thesis_index, thesis_index.write_assumptions
     yield make_task(
         "index and assumptions",
         lambda: [write(EXECUTED_FOLDER) for write in writers],
         [*PAGES, *PUBLISHED, *library_files()],
-        included(*thesis_index.PIECES, *assumptions.PIECES),
+        included(*thesis_index.PIECES, *thesis_index.ASSUMPTION_PIECES),
     )  # fmt: skip
     yield make_task(
         "conformance",

@@ -41,7 +41,7 @@ def test_every_variable_and_coordinate_counts(tmp_path):
 
 
 def test_the_conventions_promise_what_is_compared():
-    text = (Path(__file__).parents[1] / "book" / "conventions.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "book" / "glossary.md").read_text(encoding="utf-8")
     section = text.partition("(the-same-on-every-machine)=")[2].partition("\n## ")[2]
     (power,) = re.findall(r"more than 10⁻([⁰¹²³⁴-⁹]) of its largest value", section)
     assert 10.0 ** -"⁰¹²³⁴⁵⁶⁷⁸⁹".index(power) == cpus.MAX_DIFFERENCE

@@ -11,7 +11,7 @@
   const KINDS = { section: "text", figure: "figure", equation: "equation", name: "library", term: "word", source: "source", claim: "claim", thesis: "thesis" };
   const WEIGHT = { section: 1.2, figure: 1.3, equation: 1.2, term: 1.5, thesis: 1.3, name: 0.5, source: 1, claim: 0.4 };
   // Prose and figures come first, then tables of tests and claims, then the library but for a name that is asked for.
-  const behind = (one, query) => /[._]/.test(query) && one.title.endsWith(query.trim()) ? 0 : one.page.startsWith("api/") ? 2 : one.kind === "claim" || /^(conformance|benchmarks|accessibility)\./.test(one.page) ? 1 : 0;
+  const behind = (one, query) => /[._]/.test(query) && one.title.endsWith(query.trim()) ? 0 : one.page.startsWith("api/") ? 2 : one.kind === "claim" || /^(developers|benchmarks)\./.test(one.page) ? 1 : 0;
   const LONGEST = 200, MOST = 20, TERMS = 12;
   const FEW = 2; // finds by one letter that do not spare a look for those by two
 

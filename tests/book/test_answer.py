@@ -6,7 +6,8 @@ import shlex
 import pytest
 from command import thesis
 
-from thesis_lib.book.pieces import benchmarks, filming
+from thesis_lib.book.pieces import benchmarks
+from thesis_lib.book.pieces import manifest as filming
 from thesis_lib.measure.feasibility.assess import (
     COMPRESSED_ERROR_PX,
     LOSSLESS_ERROR_PX,

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 
@@ -10,9 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import compression, limits, peers, publish, rayleigh, tracking
-from thesis_lib import files
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.measure.messages import CHECK_LIMITS
 
 OPERATIONS = """
@@ -131,29 +128,6 @@ def test_a_run_is_written_and_told(timed, tmp_path):
 def test_ratios_are_taken_within_a_round():
     one, other = {"rates": [4.0, 1.0, 9.0]}, {"rates": [2.0, 1.0, 3.0]}
     assert benchmark_tables.median_ratio(one, other) == 2
-
-
-def test_plan_is_computed_from_the_rates():
-    data = {
-        "limits": {"bandwidth": 2.16},
-        "triangulation": [{"name": "thesis_lib, compiled", "refined": True, "cameras": 12,
-                           "bytes": 216, "rates": [10.0]}],
-    }  # fmt: skip
-    *_, row = benchmark_tables.tabulate_benchmarks("plan", data).splitlines()
-    assert row == (
-        "| 12 | compiled | 192 GB | 24 GB | 216 MiB | 1.7 min | 50 s | 12 s | 3.1 s | 1 |"
-    )
-
-
-def test_page_takes_every_number_from_the_published_run():
-    page = (files.project_root() / "book" / "benchmarks.md").read_text(encoding="utf-8")
-    included = re.findall(r"include\} executed/([\w-]+)\.md", page)
-    assert sorted(included) == sorted(benchmark_tables.PIECES)
-    assert set(included) <= set(pieces_write.PIECES)
-    data = benchmark_tables.read_benchmarks()
-    assert {row["cameras"] for row in data["triangulation"]} == {2, 4, 12}
-    text = pieces_write.PIECES["benchmarks-comparison"]({})
-    assert len(text.splitlines()) == len(data["triangulation"]) + 2
 
 
 def left(motion_px, film):

@@ -244,7 +244,7 @@ LONG_PATH = """() => { document.querySelector('article p').innerHTML =
 
 @needs_book
 def test_a_long_path_in_prose_breaks_on_a_phone(running: Browser) -> None:
-    with open_offline(running, BOOK / "conformance.html", width=390) as opened:
+    with open_offline(running, BOOK / "developers.html", width=390) as opened:
         opened.page.evaluate(LONG_PATH)
         assert opened.sideways_px() <= 0
 
@@ -348,7 +348,7 @@ def test_the_cameras_of_a_plan_fit_on_a_phone_or_say_that_they_scroll(
 ) -> None:
     beyond = "one => one.scrollWidth - one.clientWidth"
     said = "one => getComputedStyle(one, '::before').content"
-    with open_offline(running, BOOK / "executed" / "planner.html", width=width) as opened:
+    with open_offline(running, BOOK / "planner.html", width=width) as opened:
         for box in opened.page.locator(".tl-layouts .tl-scroll").all():
             assert box.evaluate(beyond) <= 1 or "scrolls" in box.evaluate(said)
 

@@ -33,18 +33,6 @@ def test_code_prints_what_the_page_says():
     assert not result.failed, "".join(report)
 
 
-def test_every_heading_of_an_item_has_its_anchor():
-    assert len(ITEMS) == len(re.findall(r"^###", TEXT, re.M)) > 50
-    assert [anchor for anchor, label, *_ in ITEMS if anchor != label.lower()] == []
-
-
-def test_items_say_where_what_is_printed_what_it_should_be_why_and_what_it_does():
-    leads = ["Place", "Printed", "Should be", "Why", "Effect"]
-    for _, label, _, body in ITEMS:
-        words = re.findall(r"\*\*([\w\s]+)\.\*\*", body)
-        assert [" ".join(word.split()) for word in words] == leads, label
-
-
 def test_table_counts_the_items():
     stated = re.findall(r"^\| (\w)\. .*?\| (\d+) \| (\d+) \|$", TEXT, re.M)
     for group, items, unsettled in stated:

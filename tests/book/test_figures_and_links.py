@@ -74,7 +74,7 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
 @pytest.mark.parametrize(
     ("name", "link", "says"),
     [
-        ("conventions.html", "a[href$='#equation-eq-noisy-law']", r"Equation \(\d+\)"),
+        ("glossary.html", "a[href$='#equation-eq-noisy-law']", r"Equation \(\d+\)"),
         ("intro.html", "a[href$='beam-arrays.html#fig-3-24']", r"Figure 3\.24"),
         ("how-to.html", "a[href$='#fig-3-8']", r"Figure 3\.8"),
         ("thesis-index.html", "a[href$='#errata-b2']", r"B2\. Angles of view"),
@@ -243,3 +243,16 @@ def test_each_page_describes_itself() -> None:
         assert icon, name
         assert ((BOOK / name).parent / icon[1]).is_file(), name
         assert head.count('name="viewport"') == 1, name
+
+
+@needs_book
+def test_no_picture_stands_on_two_pages() -> None:
+    """But for the index, which is home, and what the theme shows on each."""
+    pages: dict[str, set[str]] = {}
+    for path in BOOK.rglob("*.html"):
+        name = path.relative_to(BOOK).as_posix()
+        if name != "index.html" and not name.startswith(("_", "sample-report")):
+            for image in re.findall(r'src="[^"]*_images/([^"]+)"', path.read_text("utf-8")):
+                pages.setdefault(image, set()).add(name)
+    assert len(pages) > 100
+    assert {image: found for image, found in pages.items() if len(found) > 1} == {}

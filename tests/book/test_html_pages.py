@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from thesis_lib.book import drawings, extension, html_pages
-from thesis_lib.book.interval_cells import draw_intervals
+from thesis_lib.book import extension, html_pages
+from thesis_lib.book.html_pages import draw_intervals
+from thesis_lib.book.search_index import index_page
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.web.fragment import static_html
 
@@ -116,7 +117,7 @@ def test_drawings_have_other_colours_in_the_dark(tmp_path: Path) -> None:
     path.write_text(
         '<svg xmlns="http://www.w3.org/2000/svg"><path style="fill:#fff;stroke: #0072B2"/></svg>'
     )
-    drawings.theme_drawing(path)
+    html_pages.theme_drawing(path)
     text = path.read_text()
     assert "fill:var(--cffffff);stroke: var(--c0072b2)" in text
     light, _, dark = text.partition("@media (prefers-color-scheme:dark)")
@@ -126,9 +127,9 @@ def test_drawings_have_other_colours_in_the_dark(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("colour", ["#0072b2", "#b22222", "#009e73", "#cc79a7", "#1d3557"])
 def test_colours_in_the_dark_have_the_contrast_of_text(colour: str) -> None:
-    dark = [int(drawings.find_dark_colour(colour)[i : i + 2], 16) for i in (1, 3, 5)]
-    ground = drawings.compute_luminance(drawings.DARK_GROUND)
-    assert (drawings.compute_luminance(dark) + 0.05) / (ground + 0.05) >= 4.4
+    dark = [int(html_pages.find_dark_colour(colour)[i : i + 2], 16) for i in (1, 3, 5)]
+    ground = html_pages.compute_luminance(html_pages.DARK_GROUND)
+    assert (html_pages.compute_luminance(dark) + 0.05) / (ground + 0.05) >= 4.4
 
 
 def test_panels_of_a_figure_are_where_matplotlib_draws_them() -> None:
@@ -170,3 +171,13 @@ def test_a_configured_repository_gives_a_binder_button(
         buttons = context.get("header_buttons", [])
         assert len(buttons) == (expected is not None and page != "intro")
         assert not buttons or expected in buttons[0]["url"]
+
+
+def test_a_warning_is_found_by_its_name() -> None:
+    page = document_fromstring(
+        "<article class='bd-article'><section id='a'><h1>Warnings</h1><dl><dt><span id='in-plane'>"
+        "<code>in-plane</code></span> · Markers move.</dt><dd>What it means.</dd></dl></section>"
+    )
+    _, warning = index_page(page)
+    assert (warning.kind, warning.title, warning.places) == ("term", "in-plane", ["in-plane"])
+    assert warning.text == "in-plane · Markers move. What it means."

@@ -18,7 +18,7 @@ from rocrate.rocrate import ROCrate
 from small_book import BAD, GOOD, make
 
 from thesis_lib import files
-from thesis_lib.book import crate, downloads, missing
+from thesis_lib.book import downloads, missing
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import sha256
@@ -65,8 +65,8 @@ def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
 def test_research_object_reads_back_and_tells_every_run(whole):
     found = ROCrate(whole)
     root = found.root_dataset
-    assert root["conformsTo"].id == crate.CRATE_PROFILE
-    assert root["license"].id == crate.LICENSE_ADDRESS
+    assert root["conformsTo"].id == downloads.CRATE_PROFILE
+    assert root["license"].id == downloads.LICENSE_ADDRESS
     assert re.match(r"20\d\d-", str(root["datePublished"]))
     actions = root["mentions"]
     assert {action.id for action in actions} == {f"#run-{name}" for name in (GOOD, BAD)}
@@ -87,7 +87,7 @@ def test_research_object_reads_back_and_tells_every_run(whole):
             assert (whole / entity.id).is_file()
             if entity.id.endswith(".nc"):
                 assert entity["sha256"] == sha256(whole / entity.id)
-    document = json.loads((whole / crate.CRATE_NAME).read_text(encoding="utf-8"))
+    document = json.loads((whole / downloads.CRATE_NAME).read_text(encoding="utf-8"))
     described = {entity["@id"] for entity in document["@graph"]}
     for entity in document["@graph"]:  # whatever is referred to is described
         for value in entity.values():
@@ -107,7 +107,7 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
         assert names == sorted(names)
         assert len({entry.date_time for entry in packed.infolist()}) == 1
         assert f"{downloads.ARCHIVE_NAME}/index.html" in names
-        assert f"{downloads.ARCHIVE_NAME}/{crate.CRATE_NAME}" in names
+        assert f"{downloads.ARCHIVE_NAME}/{downloads.CRATE_NAME}" in names
         inside = packed.read(f"{downloads.ARCHIVE_NAME}/data/{GOOD}.nc")
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 

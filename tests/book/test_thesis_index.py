@@ -214,19 +214,6 @@ def test_every_item_is_in_one_table_of_its_chapter():
     assert sorted(found) == sorted(EXPECTED)
 
 
-def test_the_page_includes_every_piece():
-    text = (BOOK / "thesis-index.md").read_text(encoding="utf-8")
-    included = re.findall(r"\{include\} executed/([\w-]+)\.md", text)
-    assert included == list(thesis_index.PIECES)
-
-
-def test_pieces_are_written_as_the_page_includes_them(tmp_path):
-    thesis_index.write_thesis_index(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {f"{n}.md" for n in thesis_index.PIECES}
-    for name, piece in thesis_index.PIECES.items():
-        assert (tmp_path / f"{name}.md").read_text(encoding="utf-8") == piece()
-
-
 def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypatch, tmp_path):
     text = thesis_index.tabulate_chapter("3")
     assert "[Beam: distance of the cameras](fig-3-4)" in text

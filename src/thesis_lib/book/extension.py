@@ -18,8 +18,11 @@ from typing import Any
 from urllib.parse import quote
 
 from docutils import nodes
+from sphinx import addnodes
+from sphinx.transforms import SphinxTransform
 from sphinx.util.docutils import SphinxDirective
 
+from thesis_lib.book.pieces.shown import find_figure_names
 from thesis_lib.figure_sets.registry import STUDIES
 
 MAX_DESCRIPTION_LENGTH = 200
@@ -32,6 +35,7 @@ def setup(app: Any) -> dict[str, bool]:
     """Connect the directive and the event handlers to Sphinx."""
     gc.set_threshold(1_000_000, 50, 1000)  # the trees of all pages stay: saves a third of the time
     app.add_directive("computed-by", ComputedBy)
+    app.add_transform(LinkShownFigures)
     app.connect("builder-inited", _load_mathjax)
     app.connect("html-page-context", _describe_page)
     app.connect("html-page-context", _add_binder_button, priority=600)  # after the theme's buttons
@@ -59,6 +63,32 @@ class ComputedBy(SphinxDirective):
             f"{{py:func}}`{full}`, without its description:\n\n"
             f"```python\n{read_source(function)}\n```\n::::\n"
         )
+
+
+class LinkShownFigures(SphinxTransform):
+    """Replace figures of a notebook's page that a chapter shows by links to them there."""
+
+    default_priority = 800  # before Sphinx collects the labels
+
+    def apply(self, **_: Any) -> None:
+        """Keep each figure's anchor, without its label, which the chapter has."""
+        if not self.env.docname.startswith("executed/"):
+            return
+        shown = find_figure_names(Path(self.env.srcdir).glob("*.md"))
+        for figure in [*self.document.findall(nodes.figure)]:
+            for name in {*figure["names"]} & {*shown}:
+                anchor = self.document.nameids.pop(name)
+                del self.document.nametypes[name]
+                caption = next(figure.findall(nodes.caption)).astext()
+                words = " ".join(caption.partition(". ")[0].split()).rstrip(".")
+                link = addnodes.pending_xref(
+                    "", nodes.inline("", words), refdomain="std", reftype="ref", reftarget=name,
+                    refexplicit=True, refwarn=True, refdoc=self.env.docname,
+                )  # fmt: skip
+                text = nodes.paragraph("", "", link, nodes.Text(" stands in the chapter."))
+                text["ids"] = [anchor]
+                self.document.ids[anchor] = text
+                figure.replace_self(text)
 
 
 def read_source(function: Callable[..., Any]) -> str:

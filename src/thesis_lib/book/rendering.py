@@ -65,6 +65,8 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     html = root / "build" / "html"
     with staging(html.parent) as work:
         new = shutil.copytree(source, work / "html")
+        for notebook, _ in made:  # those without a page of their own are offered, too
+            shutil.copyfile(notebook, new / "_sources" / "executed" / notebook.name)
         finish_pages(new)
         write_edition(root, new)
         downloads.add_downloads(root, new, made)

@@ -1,6 +1,6 @@
 """Index of what a book's pages hold, for its search and for the previews of links.
 
-Entries are headings, figures, equations, names of the library, glossary terms, sources and claims.
+Entries are headings, figures, equations, names of the library, terms, warnings, sources and claims.
 All of them stand in one script, since a page opened from a folder may fetch no other page.
 """
 
@@ -61,19 +61,24 @@ def _read_element(
             _add_words(current, child.tail, title)
             continue
         owner, kind, anchor = current, _find_kind(child), child.get("id", "")
+        code = child.find("span[@id]/code") if child.tag == "dt" and not kind else None
+        if code is not None:  # a warning, which is searched for by its name
+            kind, anchor = "term", code.getparent().get("id")
         if kind:
             owner = SearchEntry(kind, [anchor])
+            if code is not None:
+                owner.title_words.append(code.text_content())
             found.append(owner)
             if kind in ("term", "name"):  # what explains it follows in the list
                 current = owner
-        elif owner and child.tag == "span" and anchor:
+        elif owner and child.tag == "span" and anchor and anchor not in owner.places:
             owner.places.append(anchor)
         elif owner and child.tag == "img" and owner.kind == "figure":
             owner.picture = child.get("src", "")
         classes = {*child.classes}
         if child.tag not in _NO_TEXT and classes.isdisjoint(_NO_TEXT_CLASSES):
             in_title = title or child.tag in _HEADING_TAGS or not classes.isdisjoint(_TITLE_CLASSES)
-            in_title |= kind == "term"
+            in_title |= kind == "term" and code is None
             _add_words(owner, child.text, in_title)
             _read_element(child, owner, found, in_title)
         if child.tag in _BLOCK_TAGS:

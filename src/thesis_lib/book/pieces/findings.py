@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.conclusions import equal_pixels
+from thesis_lib.book.pieces.conclusions import LEDGER_PARAMETERS, equal_pixels
 from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
 from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
@@ -22,11 +22,13 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
 from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.entries import from_cube
+from thesis_lib.ledger.entries import Entry, from_cube
 from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
 from thesis_lib.studies import cubes
 from thesis_lib.templates import render
+from thesis_lib.vision import cone_law, rounding
 
+BODY_CHAPTERS = {"beam": "ch3", "plate": "ch4"}
 FINDING_GROUPS = ("beam", "plate", "sound")
 ADVICE_TRENDS = {
     "closer": "closer",
@@ -339,12 +341,23 @@ def tabulate_advice(opened: Cubes) -> str:
 
 
 def list_findings(opened: Cubes) -> str:
-    """List what the book finds in five sentences, each with where it is shown."""
+    """List the advice of the thesis with its verdicts, and what the book finds of it."""
     entries = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     numbers = {word: sum(one.verdict == word for one in entries) for word in verdicts.VERDICTS}
     ratios = np.concatenate([law_over_rms(opened, body) for body in ("beam", "plate")])
     arrays = opened["sound-arrays"]
     held, curves = sound_trends(opened)
+    average_px = float(np.sqrt(rounding.mean_difference_variance(1, 0, 1)))
+    left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
+    advice = [
+        {
+            "advice": words,
+            "section": name,
+            "left": {body: left[body][name]["share"] for body in BODY_CHAPTERS},
+            **_judge_advice(entries, name),
+        }
+        for name, words in ADVICE_TRENDS.items()
+    ]
     return render(
         __file__,
         "home-findings",
@@ -353,13 +366,33 @@ def list_findings(opened: Cubes) -> str:
         missed=_list_met_values(opened),
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
-        left={name: one["share"] for name, one in error_shares(opened, "beam").items()},
+        advice=advice,
+        average_px=average_px,
+        rule=float(cone_law.cone_deflection_error(1, 1, 4, np.pi / 2)) / 2,
         pair=np.median([one.ratio for one in equal_pixels()]),
         shape=_trial_median(arrays["deflection_error"]),
         sound=_trial_median(arrays["plane_error"]),
         held=held,
         curves=curves,
     )
+
+
+def _judge_advice(entries: Sequence[Entry], name: str) -> dict[str, dict[str, str]]:
+    """Return by body the ledger's verdict on a piece of advice, and the address of its row."""
+    parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
+    found = {
+        body: next(
+            one
+            for one in entries
+            if one.id.startswith(f"{chapter}-concluding-")
+            and parameter[one.id].startswith(LEDGER_PARAMETERS[name])
+        )
+        for body, chapter in BODY_CHAPTERS.items()
+    }
+    return {
+        "verdicts": {body: one.verdict for body, one in found.items()},
+        "links": {body: f"executed/claims.html#claim-{one.id}" for body, one in found.items()},
+    }
 
 
 def _trial_median(errors: xr.DataArray) -> float:

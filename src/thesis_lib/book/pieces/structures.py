@@ -1,8 +1,8 @@
-"""Values of structures, of what they radiate, of a planned layout, and of requests."""
+"""Values of structures, of the law of rounding, of what radiates, and of a planned layout."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,26 +12,30 @@ import pandas as pd
 
 from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
-from thesis_lib.book.pieces.opened import Cubes
+from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import setups
 from thesis_lib.facts.readings import assumed_values
 from thesis_lib.figure_sets.parametric.parameters import camera_study
-from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES
+from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.planning import errors
 from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.report import plan_command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import Study, describe_parameters
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import (
     Structure,
+    deflection_shape,
     modal_overlap,
     peak_deflection,
     resonance_frequency,
     single_mode_distance,
+    world_points,
 )
 from thesis_lib.vision import cone_law
+from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.rounding import deflection_variance, difference_variance
+from thesis_lib.vision.triangulation import triangulation_gain
 
 GRAVITY = 9.80665
 EXAMPLE_MODES = (1, 2, 3)
@@ -150,28 +154,60 @@ def tabulate_costs(_: Cubes) -> str:
     return render(__file__, "effort", costs=costs)
 
 
-def list_parameters(_: Cubes) -> str:
-    """List the parameters of every figure set, to be folded out."""
-    names = [name for chapter in CHAPTER_SETS.values() for name in chapter]
-    figure_sets = [(name, describe_parameters(STUDIES[name])) for name in names]
-    return render(__file__, "parameters", figure_sets=figure_sets)
+ROUNDING_SET = "beam-distance"
 
 
-def tabulate_parameters(model: type[Study], without: Sequence[str] = ()) -> str:
-    """Tabulate every parameter of a request with its default, unit, meaning and bounds."""
-    rows = [row for row in describe_parameters(model) if row["name"] not in without]
-    return render(__file__, "parameter-table", rows=rows)
+def describe_example(opened: Cubes) -> str:
+    """Work the law out for the last marker, the first mode and setting of ``beam-distance``."""
+    cube, study = opened[ROUNDING_SET].isel(setting=0, mode=0, point=-1), camera_study(ROUNDING_SET)
+    setting, structure = study.settings()[0], study.structure
+    cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
+    shape = deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
+    rest, deflected = (world_points(structure, w)[:, -1] for w in (0 * shape, shape))
+    moved = project(cameras.P, deflected) - project(cameras.P, rest)
+    variance, g = difference_variance(moved), 1e3 * triangulation_gain(cameras.P, deflected)[2]
+    rows = [
+        dict(camera=i + 1, axis=axis, moved=moved[i, j], variance=variance[i, j], gain=g[i, j])
+        for i in range(len(moved))
+        for j, axis in enumerate("uv")
+    ]
+    errors = 1e3 * (cube["measured_deflection"] - cube["reference_deflection"]).values[1:]
+    return render(
+        __file__,
+        "rounding-example",
+        marker=len(shape),
+        moves_mm=1e3 * shape[-1],
+        distance_mm=setting.distance_mm,
+        figure_set=ROUNDING_SET,
+        rows=rows,
+        total=np.sum(g**2 * variance),
+        law_mm=1e3 * np.sqrt(deflection_variance(cameras.P, rest, deflected)),
+        trials=len(errors),
+        rms_mm=np.sqrt(np.mean(errors**2)),
+    )
+
+
+def tabulate_scatter(opened: Cubes) -> str:
+    """Tabulate how far the trials' errors of beam and plate lie from the law."""
+    rows = []
+    for subject in ("beam", "plate"):
+        if cubes := of_subject(opened, subject):  # none in the book of another chapter
+            ratios = [
+                (c["mean_error"][..., 1:] / c["predicted_error"]).values.ravel() for c in cubes
+            ]
+            rows.append((subject, np.nanquantile(np.concatenate(ratios), [0.05, 0.5, 0.95])))
+    return render(__file__, "rounding-scatter", rows=rows)
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
     "planner-example": show_plan,
-    "planner-parameters": lambda _: tabulate_parameters(PlanRequest, ["cube"]),
     "beam-model": lambda _: tabulate_modes(setups.thesis_beam(), "mm", 1e3),
     "beam-cameras": describe_beam_cameras,
     "plate-model": lambda _: tabulate_modes(setups.thesis_plate(), "nm", 1e9),
     "sound-markers": tabulate_marker_grids,
     "motion-needed": tabulate_motion,
     "sound-levels": tabulate_levels,
-    "parameters": list_parameters,
     "effort": tabulate_costs,
+    "rounding-example": describe_example,
+    "rounding-scatter": tabulate_scatter,
 }

@@ -1,7 +1,8 @@
-"""The pages of the index: tables of what of the thesis is where."""
+"""Tables of what of the thesis is where, and the book's account of its gaps."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from functools import partial
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.facts.claims import read_index
+from thesis_lib.facts.readings import list_assumptions
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.templates import render
@@ -49,10 +51,9 @@ def _link_document(page: str) -> str:
 
 
 def _is_documented(name: str) -> bool:
-    """Return whether a name in the library stands on its room's page."""
-    short = name.removeprefix("thesis_lib.")
-    room = project_root() / "book" / "api" / f"{short.split('.')[0].replace('_', '-')}.rst"
-    api = room.read_text(encoding="utf-8") if room.is_file() else ""
+    """Return whether a name in the library stands on a page of the reference."""
+    pages = (project_root() / "book" / "api").glob("*.rst")
+    api = "".join(page.read_text(encoding="utf-8") for page in pages)
     directive = r"^\.\. auto(?:module|class):: ([\w.]+).*\n((?:   :.*\n)*)"
     for target, options in re.findall(directive, api, re.MULTILINE):
         member = name.removeprefix(f"{target}.").split(".")[0]
@@ -70,4 +71,44 @@ PIECES: dict[str, Callable[[], str]] = {
 def write_thesis_index(folder: Path) -> None:
     """Write every piece of ``PIECES`` into a folder, as ``NAME.md``."""
     for name, piece in PIECES.items():
+        whole_text(folder / f"{name}.md", piece())
+
+
+CHAPTER_SUBJECTS = {  # pieces of the page: subjects, whose first names the piece
+    "assumptions-simulation": ("beam", "plate"),
+    "assumptions-sound": ("sound",),
+    "assumptions-experiment": ("experiment", "lab"),
+}
+ASSUMPTION_SUBJECTS = ("beam", "plate", "sound", "experiment", "lab")
+
+
+def _describe_gap(item: dict[str, Any]) -> dict[str, Any]:
+    """Return one gap: what is open, what was assumed, why, and which parameters vary it."""
+    return item | {
+        "parameters": [(k, json.dumps(v)) for k, v in item.get("parameters", {}).items()],
+        "fields": item.get("fields", []),
+        "compared": "readings" in item,
+        "errata": item.get("errata", []),
+    }
+
+
+def format_assumptions(subjects: tuple[str, ...]) -> str:
+    """List the gaps whose first subject is one of these."""
+    items = [
+        _describe_gap(item)
+        for item in list_assumptions()
+        if next(subject for subject in ASSUMPTION_SUBJECTS if subject in item["subjects"])
+        in subjects
+    ]
+    return render(__file__, "assumptions", items=items)
+
+
+ASSUMPTION_PIECES: dict[str, Callable[[], str]] = {
+    name: partial(format_assumptions, subjects) for name, subjects in CHAPTER_SUBJECTS.items()
+}
+
+
+def write_assumptions(folder: Path) -> None:
+    """Write every piece of :data:`ASSUMPTION_PIECES` into a folder."""
+    for name, piece in ASSUMPTION_PIECES.items():
         whole_text(folder / f"{name}.md", piece())

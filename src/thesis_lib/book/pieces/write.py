@@ -10,7 +10,7 @@ from typing import Any
 from thesis_lib import files
 from thesis_lib.book import missing
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
-from thesis_lib.book.pieces import conclusions, findings, rounding, structures
+from thesis_lib.book.pieces import conclusions, findings, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import sound
@@ -91,7 +91,6 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **shape_tables.PIECES,
     **findings.PIECES,
     **structures.PIECES,
-    **rounding.PIECES,
     **{name: partial(_fill_piece, of) for name, of in CUBE_PIECES.items()},
     "sound-sum": sound.compare_sums,
     **conclusions.PIECES,

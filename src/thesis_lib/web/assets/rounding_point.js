@@ -88,7 +88,7 @@ function build(request, { a, b }) {
     section(width.a);
     const { delta, f, g, sigma } = law(state);
     spread(width.b);
-    return `Both images move by δ = w cos φ · f/R = ${fixed(delta, 2)} px. A pixel more in one of them raises the point by g = ${fixed(g, 2)} mm. ` +
+    return `Both images move by δ = w cos φ · c/R = ${fixed(delta, 2)} px. A pixel more in one of them raises the point by g = ${fixed(g, 2)} mm. ` +
       `So the error is √(g² · ${fixed(f * (1 - f), 3)} + g² · ${fixed(f * (1 - f), 3)}) = ${fixed(sigma, 2)} mm.` +
       (errors.length ? ` Of ${errors.length} draws: ${fixed(rms(errors), 2)} mm.` : "");
   }
