@@ -404,6 +404,32 @@ def test_a_camera_follows_the_pointer(chromium: Browser, path: Path, width: int)
         assert opened.trouble == []
 
 
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_the_nearest_camera_is_dragged_and_the_curve_is_in_sight(
+    chromium: Browser, path: Path, width: int, height: int
+) -> None:
+    with open_offline(chromium, path, width, height, query="s=beam&m=3&t=4a-4") as opened:
+        for i in range(4):  # their circles lie on each other
+            before = state(opened)["c"]
+            opened.page.locator(".tl-ex-view").scroll_into_view_if_needed()
+            box = camera(opened, i + 1).locator("circle").bounding_box()
+            curve = opened.page.get_by_role("img", name="Deflection of the beam").bounding_box()
+            assert box is not None
+            assert curve is not None
+            assert curve["y"] + curve["height"] <= height
+            x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+            if width == 390:
+                touch(opened, [(x, y), (x, y - 10), (x, y - 20)])
+            else:
+                opened.page.mouse.move(x, y)
+                opened.page.mouse.down()
+                opened.page.mouse.move(x, y - 20, steps=2)
+                opened.page.mouse.up()
+            after = state(opened)["c"]
+            assert [n for n in range(4) if after[n] != before[n]] == [i]
+        assert opened.trouble == []
+
+
 def touch(opened: Opened, places: list[tuple[float, float]]) -> None:
     session = opened.page.context.new_cdp_session(opened.page)
     for kind, one in [("touchStart", places[0]), *(("touchMove", p) for p in places[1:])]:

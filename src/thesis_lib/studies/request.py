@@ -68,6 +68,7 @@ class Study(Fields):
     first: ClassVar[str] = "nominal run"  # what trial 0 is
     predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
+    hints: ClassVar[dict[str, str]] = {}  # how to say what is no parameter, by the name tried
 
     trials: Trials = 200
     seed: Seed = 0
@@ -132,7 +133,7 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
     """Refuse a parameter that a figure set does not have."""
     for name in names:
         if name not in model.model_fields:
-            hint = suggest_name(name, model.model_fields)
+            hint = model.hints.get(name) or suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
             raise ParameterError(

@@ -11,7 +11,6 @@ export default (app) => {
   let draw, width = 0; // of a chart in px
 
   function chart(canvas, height, [low, high], title, xTitle = "") { // axes; returns the scales, x in m
-    width ||= canvas.clientWidth || 380;
     const left = 40, bottom = height - 20, { length } = app.structure;
     const x = (v) => left + (v / length) * (width - left - 8);
     const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - 22);
@@ -34,7 +33,8 @@ export default (app) => {
       const [low, high] = [-2, 2].map((k) => reference.map((w, i) => w + k * Math.sqrt(variance[i])));
       const most = (1000 * Math.max(...[...measured, ...low, ...high].map(Math.abs))) / amplitude;
       const limit = amplitude * above(most, [1.25, 1.5, 2, 3, 5, 10, 30, 100, 1000]);
-      const shape = chart(bent, 200, [-limit, limit], "deflection (mm)");
+      width ||= bent.clientWidth || 380;
+      const shape = chart(bent, width < 480 ? 150 : 200, [-limit, limit], "deflection (mm)");
       const trace = (values) => at.map((x, i) => [shape.x(x), shape.y(1000 * values[i])]);
       bent.append(path("tl-ex-band", lines([...trace(high), ...trace(low).reverse()], "Z")),
         path("tl-reference", lines(trace(reference))),

@@ -94,9 +94,17 @@ export default (app) => {
     const degrees = (angle) => Math.round((angle * 180) / Math.PI / STEP) * STEP;
     turn(drag.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(within(v[2], [0, 1]))));
   }
+  function nearest(x, y) { // of cameras whose drawings may lie on each other
+    const away = (group) => {
+      const { left, top, width, height } = group.querySelector("circle").getBoundingClientRect();
+      return Math.hypot(x - left - width / 2, y - top - height / 2);
+    };
+    return [...cameras.children].reduce((a, b) => (away(b) < away(a) ? b : a));
+  }
   node.addEventListener("pointerdown", (event) => {
     if (drag || event.button) return;
-    const group = event.target.closest("[data-camera]"), { clientX: x, clientY: y } = event;
+    const { clientX: x, clientY: y } = event, on = event.target.closest("[data-camera]");
+    const group = on && nearest(x, y);
     node.setPointerCapture(event.pointerId);
     (group ?? node).focus({ preventScroll: true });
     event.preventDefault();

@@ -79,8 +79,9 @@ export function createMotion(draw, unasked = true) {
 export function createImage() {
   const WIDTH = 320, HEIGHT = 180, canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
   const box = html("select", { "data-testid": "camera" }), words = html("p", { class: "tl-foot" });
+  const label = html("label", {}, "Image of camera", box);
   const node = html("figure", { class: "tl-panel-m", "data-testid": "image" },
-    html("figcaption", {}, html("label", {}, "Image of camera", box)), canvas, words);
+    html("figcaption", {}, label), canvas, words);
   const context = canvas.getContext("2d");
   let P, rest, moved, size, shifts, name, phase = 0, seen = null;
 
@@ -114,6 +115,7 @@ export function createImage() {
     words.textContent = `${name}${size.join(" × ")} pixels; markers move by up to ${show(motion)} px from rest (grey) and are read in whole ` +
       `pixels.${outside ? ` ${outside} of ${count} markers are out of view.` : ""}`;
     fill(canvas, { "aria-label": `Image of camera ${Number(box.value) + 1}: ${words.textContent}` });
+    label.dataset.chosen = box.selectedOptions[0].text; // in print
   }
   box.addEventListener("change", () => { tell(); draw(); });
   return {
