@@ -32,6 +32,7 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.simulation import measure_deflections, percent_errors
+from thesis_lib.web.fragment import read_asset
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
@@ -193,9 +194,22 @@ def random_setups(count: int) -> list[dict[str, Any]]:
     return found
 
 
-IN_PAGE = """setups => {
-  const { model, structures } = document.querySelector('.tl-explorer').explorer;
-  return setups.map(one => {
+def with_physics(opened: Opened, script: str, given: Any = None) -> Any:
+    """What a script makes of `given`, with the physics of the pages as `model`."""
+    source = re.sub(r"^import [^;]*;\n", "", read_asset("pinhole.js") + read_asset("physics.js"),
+                    flags=re.MULTILINE)  # fmt: skip
+    return opened.page.evaluate(
+        f"""async ([source, given]) => {{
+        const file = new Blob([source], {{ type: 'text/javascript' }});
+        const model = await import(URL.createObjectURL(file));
+        const {{ explorer }} = document.querySelector('.tl-explorer'), {{ structures }} = explorer;
+        {script} }}""",
+        [source, given],
+    )
+
+
+IN_PAGE = """
+  return given.map(one => {
     const structure = structures[one.subject], focal = one.focal_mm * one.size[0] / 36;
     const directions = one.directions.map(pair => pair.map(angle => angle * Math.PI / 180));
     const P = model.hemisphereCameras(one.distance, directions, focal, one.size);
@@ -203,7 +217,7 @@ IN_PAGE = """setups => {
     const rest = model.worldPoints(structure, reference.map(() => 0));
     const deflected = model.worldPoints(structure, reference);
     const shifts = one.shifts && Float64Array.from(one.shifts.flat());
-    const measured = model.measure(P, rest, deflected, shifts, one.known);
+    const measured = model.measureDeflections(P, rest, deflected, shifts, one.known);
     const plain = array => Array.from(array);
     return { markers: model.markers(structure), reference, P: plain(P),
       images: plain(model.project(P, deflected)),
@@ -212,7 +226,7 @@ IN_PAGE = """setups => {
       errors: model.percentErrors(measured, reference),
       variance: plain(model.deflectionVariance(P, rest, deflected, one.known)),
       inView: model.inView(model.project(P, deflected), one.size, directions.length) };
-  }); }"""
+  });"""
 
 
 def in_library(one: dict[str, Any]) -> dict[str, Any]:
@@ -250,7 +264,7 @@ def in_library(one: dict[str, Any]) -> dict[str, Any]:
 def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> None:
     setups = random_setups(100)
     with open_offline(chromium, path) as opened:
-        pages = opened.page.evaluate(IN_PAGE, setups)
+        pages = with_physics(opened, IN_PAGE, setups)
         assert opened.trouble == []
     worst = {"deflection": 0.0, "error": 0.0, "predicted": 0.0, "image": 0.0}
     for one, there in zip(setups, pages, strict=True):
@@ -284,14 +298,13 @@ def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> N
 @pytest.mark.parametrize("query", ["s=beam&m=2&t=4b-8", "s=plate&m=3&t=2a-16&r=known"])
 def test_draws_are_measurements(chromium: Browser, path: Path, query: str) -> None:
     """A draw begins where the markers are: the same as from a linear start."""
-    script = """() => { const { explorer } = document.querySelector('.tl-explorer');
-      const { model, app: { result, state } } = explorer, known = state.r === 'known';
-      return result.means.slice(0, 20).map((mean, k) => [mean, model.percentErrors(model.measure(
-        result.P, result.rest, result.deflected, explorer.shiftsOf(k, state.c.length, 0), known),
-        result.reference).mean]); }"""
+    script = """const { result, state } = explorer.app, known = state.r === 'known';
+      return result.means.slice(0, 20).map((mean, k) => [mean, model.percentErrors(
+        model.measureDeflections(result.P, result.rest, result.deflected,
+          model.shiftsOf(k, state.c.length, 0), known), result.reference).mean]);"""
     with open_offline(chromium, path, query=query) as opened:
         state(opened)
-        drawn, measured = np.array(opened.page.evaluate(script)).T
+        drawn, measured = np.array(with_physics(opened, script)).T
         assert opened.trouble == []
     np.testing.assert_allclose(drawn, measured, rtol=1e-5)
     assert np.ptp(drawn) > 0.1
@@ -301,10 +314,9 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
     halves = np.arange(-8, 9) / 2
     noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])
     values = (halves[:, None] + noise).ravel()
-    script = """values => Array.from(document.querySelector('.tl-explorer').explorer.model
-      .pixelate(Float64Array.from(values)))"""
+    script = "return Array.from(model.pixelate(Float64Array.from(given)));"
     with open_offline(chromium, path) as opened:
-        found = opened.page.evaluate(script, values.tolist())
+        found = with_physics(opened, script, values.tolist())
     np.testing.assert_array_equal(np.abs(found), np.abs(pixelate(values)))
     np.testing.assert_array_equal(np.asarray(found) + 0.0, pixelate(values) + 0.0)
 

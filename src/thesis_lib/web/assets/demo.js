@@ -3,19 +3,14 @@ import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
 import { linkButton } from "./copy.js";
 import { button, figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
+import { randomNumber } from "./physics.js";
 
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
 
-// Numbers in [0, 1) that are the same on every visit (mulberry32).
-export function dice() {
-  let seed = 0;
-  return () => {
-    seed = (seed + 0x6d2b79f5) | 0;
-    let z = Math.imul(seed ^ (seed >>> 15), seed | 1);
-    z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
-    return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32;
-  };
+export function dice() { // numbers in [0, 1) that are the same on every visit
+  let drawn = 0;
+  return () => randomNumber(drawn += 1);
 }
 
 export function slider(words, [low, high], step, digits, unit, read, write) {

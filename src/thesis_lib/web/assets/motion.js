@@ -1,6 +1,6 @@
 // What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of it.
 import { fill, html, icon, lines, path, show } from "./parts.js";
-import pinhole from "./pinhole.js";
+import { inView, pixelate, project } from "./pinhole.js";
 
 const PERIOD = 2400, SPEEDS = [0.25, 0.5, 1, 2]; // ms of a period on the screen, and what that is divided by
 
@@ -88,7 +88,7 @@ export function createImage() {
   const chosen = () => P.subarray(12 * box.value, 12 * box.value + 12);
   function instant(amount) { // pixels of the markers, u of all, then v of all
     const points = rest.map((value, i) => value + amount * (moved[i] - value));
-    return pinhole.pixelate(pinhole.project(chosen(), points, shifts));
+    return pixelate(project(chosen(), points, shifts));
   }
   function paint(pixels, colour) {
     const count = pixels.length / 2, scale = Math.min(WIDTH / size[0], HEIGHT / size[1]);
@@ -108,10 +108,10 @@ export function createImage() {
     paint(seen, "#ffd24a");
   }
   function tell() {
-    const [before, after] = [rest, moved].map((points) => pinhole.project(chosen(), points, shifts)), count = before.length / 2;
+    const [before, after] = [rest, moved].map((points) => project(chosen(), points, shifts)), count = before.length / 2;
     const motion = Math.max(...Array.from({ length: count }, (_, i) =>
       Math.hypot(after[i] - before[i], after[count + i] - before[count + i])));
-    const outside = Math.round(count * (1 - pinhole.inView(after, size, 1)));
+    const outside = Math.round(count * (1 - inView(after, size, 1)));
     words.textContent = `${name}${size.join(" × ")} pixels; markers move by up to ${show(motion)} px from rest (grey) and are read in whole ` +
       `pixels.${outside ? ` ${outside} of ${count} markers are out of view.` : ""}`;
     fill(canvas, { "aria-label": `Image of camera ${Number(box.value) + 1}: ${words.textContent}` });

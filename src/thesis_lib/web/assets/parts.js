@@ -33,6 +33,16 @@ export function select(pairs, attributes, onChange) { // of pairs of a value and
   node.addEventListener("change", () => onChange(node.value));
   return node;
 }
+// One of a few, side by side: a value, its words, and a smaller note.
+export function radios(legend, name, choices, onChange) {
+  const group = html("div", { class: "tl-modes" }, ...choices.map(([value, words, note = ""]) => {
+    const testid = `${legend.toLowerCase()}-${value}`;
+    const input = html("input", { type: "radio", name, value, "data-testid": testid });
+    input.addEventListener("change", () => onChange(value));
+    return html("label", {}, input, html("span", {}, words, html("small", {}, note)));
+  }));
+  return html("fieldset", { class: "tl-field" }, html("legend", {}, legend), group);
+}
 export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 

@@ -1,6 +1,6 @@
 // Two cameras and a point, in the plane of both: pixels are strips, and two strips measure a height.
 import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
-import model from "./explorer_model.js";
+import { pixelate } from "./pinhole.js";
 import { fixed, lines, path, resize, svg, text } from "./parts.js";
 
 const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL, DRAWS = 400, MOST = 6; // mm, px, mm/px, draws, mm
@@ -19,7 +19,7 @@ function law({ w, elevation }) {
 function measured({ w, elevation }, shifts) { // heights as rebuilt at rest and moved, and where the point is then thought to be
   const phi = radians(elevation), by = rows(phi);
   const rebuilt = (z) => {
-    const m = by.map(({ up }, i) => model.pixelate(Float64Array.of(up * z + shifts[i]))[0] - shifts[i]);
+    const m = by.map(({ up }, i) => pixelate(Float64Array.of(up * z + shifts[i]))[0] - shifts[i]);
     return { x: (m[0] - m[1]) / (2 * by[0].along), z: gain(phi) * (m[0] + m[1]), m };
   };
   const rest = rebuilt(0), moved = rebuilt(w);

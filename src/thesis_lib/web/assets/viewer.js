@@ -5,7 +5,7 @@ import { createBars } from "./bars.js";
 import { linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
 import { KINDS, field, figure, fill, html, icon, isNumber, mark, path, select, show, svg, swatch } from "./parts.js";
-import pinhole from "./pinhole.js";
+import { hemisphereCameras } from "./pinhole.js";
 import { RAD } from "./space.js";
 import { createSketch } from "./sketch.js";
 import { createStudy } from "./study.js";
@@ -96,7 +96,7 @@ function render({ model, el }) {
     imaged = key;
     const { cameras, resolution } = study.settings()[i], focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
     const P = cameras.flatMap(([distance, ...angles]) =>
-      [...pinhole.hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
+      [...hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
     const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
     const markers = study.mode().reference_mm.flatMap((w, n) => (isNumber(w)
       ? [[xs[grid ? n % grid[0] : n] - half, grid ? ys[Math.floor(n / grid[0])] - across : 0, w]] : []));
