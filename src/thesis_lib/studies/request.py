@@ -133,13 +133,11 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
     """Refuse a parameter that a figure set does not have."""
     for name in names:
         if name not in model.model_fields:
-            hint = model.hints.get(name) or suggest_name(name, model.model_fields)
+            hint = suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
-            raise ParameterError(
-                f"{model.name}: no parameter {one_line(str(name))}{hint}; "
-                f"{listed(own, f'thesis {command}')}"
-            )
+            words = model.hints.get(name) or f"{hint}; {listed(own, f'thesis {command}')}"
+            raise ParameterError(f"{model.name}: no parameter {one_line(str(name))}{words}")
 
 
 def validate_values(model: type[Study], values: Mapping[str, Any]) -> Study:

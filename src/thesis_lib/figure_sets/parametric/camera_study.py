@@ -34,8 +34,8 @@ CAMERA_CONDITIONS = {
     "layouts": "allowed: new names, each with sets that grow",
 }
 CAMERAS_HINT = (
-    ", but beam-arrays, plate-arrays and sound-arrays take the [azimuth, elevation] of each camera "
-    'in degrees, such as -p \'layouts={"mine": [[[-40, 20], [0, 20], [40, 20]]]}\' for three'
+    "; give the [azimuth, elevation] in ° of each to beam-arrays, plate-arrays or sound-arrays, "
+    "for three as -p 'layouts={\"mine\": [[[-40, 20], [0, 20], [40, 20]]]}'"
 )
 COINCIDENT_TEXT = (
     "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "

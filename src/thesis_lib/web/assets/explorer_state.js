@@ -4,7 +4,8 @@
 import { rint } from "./pinhole.js";
 import { MOST_CAMERAS, simulateSetting, towards } from "./physics.js";
 
-export const TRIALS = 100, STATE_KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
+export const TRIALS = 100;
+export const STATE_KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
 const FIRST_SETUP = "4a-4";
 export const apart = (one, two) =>
   Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));

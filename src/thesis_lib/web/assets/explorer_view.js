@@ -3,7 +3,7 @@
 // `app` is what explorer.js offers.
 import { within } from "./explorer_state.js";
 import { bent } from "./motion.js";
-import { fill, lines, path, svg, text } from "./parts.js";
+import { fill, followDrag, lines, path, svg, text } from "./parts.js";
 import { modeShape, towards } from "./physics.js";
 import {
   RAD, SQUARE, baseOf, dot, drawAxes, drawClamp, drawHemisphere, edgesOf, orbit, plus, times, trace,
@@ -18,7 +18,7 @@ export function createView(app) {
   const node = svg("svg", { class: "tl-ex-view", role: "group", tabindex: 0,
     "aria-label": "The cameras around the structure; arrow keys turn the view" },
   scene, shape, cameras);
-  let curves = [], phase = 0, drag = null;
+  let curves = [], phase = 0;
   let size = null; // px; asking for it in every frame would lay out the page in between
 
   function projection() {
@@ -88,15 +88,15 @@ export function createView(app) {
     sight.elevation = within(sight.elevation + elevation, [0, 90]);
     app.request();
   }
-  function place(x, y) {
+  function place(held, x, y) {
     const { unit, centre, right, up, viewer } = projection();
     const a = (x - centre[0]) / unit, b = (centre[1] - y) / unit, off = Math.hypot(a, b);
-    if (off > 1 && !drag.beyond) drag.side *= -1;
-    drag.beyond = off > 1;
-    const depth = drag.side * Math.sqrt(Math.max(0, 1 - off * off)), most = Math.max(1, off);
+    if (off > 1 && !held.beyond) held.side *= -1;
+    held.beyond = off > 1;
+    const depth = held.side * Math.sqrt(Math.max(0, 1 - off * off)), most = Math.max(1, off);
     const v = plus(plus(times(right, a / most), times(up, b / most)), times(viewer, depth));
     const degrees = (angle) => Math.round(angle / RAD / STEP) * STEP;
-    turn(drag.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(within(v[2], [0, 1]))));
+    turn(held.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(within(v[2], [0, 1]))));
   }
   function nearest(x, y) { // of cameras whose drawings may lie on each other
     const away = (group) => {
@@ -105,27 +105,20 @@ export function createView(app) {
     };
     return [...cameras.children].reduce((a, b) => (away(b) < away(a) ? b : a));
   }
-  node.addEventListener("pointerdown", (event) => {
-    if (drag || event.button) return;
+  followDrag(node, (event) => {
     const { clientX: x, clientY: y } = event;
     const group = event.target.closest("[data-camera]") && nearest(x, y);
-    node.setPointerCapture(event.pointerId);
     (group ?? node).focus({ preventScroll: true });
     event.preventDefault();
-    drag = { x, y };
-    if (!group) return;
+    if (!group) return (now) => {
+      look((now.clientX - event.clientX) * 0.5, (now.clientY - event.clientY) * 0.4);
+      event = now;
+    };
     const { flat, viewer } = projection(), camera = Number(group.dataset.camera);
     const tip = towards(app.state.c[camera]), [tipX, tipY] = flat(tip);
-    drag = { camera, side: Math.sign(dot(tip, viewer)) || 1, x: x - tipX, y: y - tipY };
+    const held = { camera, side: Math.sign(dot(tip, viewer)) || 1, beyond: false };
+    return (now) => place(held, now.clientX - x + tipX, now.clientY - y + tipY);
   });
-  node.addEventListener("pointermove", ({ pointerId, clientX: x, clientY: y }) => {
-    if (!drag || !node.hasPointerCapture(pointerId)) return;
-    if (drag.camera !== undefined) return place(x - drag.x, y - drag.y);
-    look((x - drag.x) * 0.5, (y - drag.y) * 0.4);
-    Object.assign(drag, { x, y });
-  });
-  for (const end of ["pointerup", "pointercancel"])
-    node.addEventListener(end, () => { drag = null; });
   node.addEventListener("wheel", (event) => { // once the view has the focus: else the page scrolls
     if (!node.contains(document.activeElement) || !event.deltaY) return;
     event.preventDefault();

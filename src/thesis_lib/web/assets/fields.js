@@ -43,7 +43,7 @@ export function createField(field, id, text, more, changed) {
     html("p", { id: `${id}-hint`, class: "tl-rerun-hint" }, hint), problem);
   body.addEventListener("input", () => changed(now()));
   return { name, body, now, usual,
-    judge(found) { // says what is wrong, and whether it is another value than the default
+    report(found) { // says what is wrong, and whether it is another value than the default
       const other = Boolean(found.problem) || dumps(found.value) !== dumps(usual);
       problem.textContent = found.problem ?? "";
       body.toggleAttribute("data-changed", other);

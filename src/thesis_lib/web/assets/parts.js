@@ -93,6 +93,22 @@ export const heightOf = (width) => (width < 420 ? 270 : 310);
 export const resize = ({ canvas }, width, height) =>
   fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });
 
+// While a pointer is down on a node: `take(event)` returns what is called on its moves, if anything,
+// and `end` is called when it is let go.
+export function followDrag(node, take, end = () => {}) {
+  let move = null;
+  node.addEventListener("pointerdown", (event) => {
+    if (event.button || move) return;
+    move = take(event) ?? null;
+    if (move) node.setPointerCapture(event.pointerId);
+  });
+  node.addEventListener("pointermove", (event) => move?.(event));
+  for (const name of ["pointerup", "pointercancel"]) node.addEventListener(name, () => {
+    if (move) end();
+    move = null;
+  });
+}
+
 // Calls draw(width) when a node's width in px is no longer `width`; returns what ends that.
 export function followWidth(root, node, width, draw) {
   const observer = new ResizeObserver(() => requestAnimationFrame(() => {

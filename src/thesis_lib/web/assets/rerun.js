@@ -36,7 +36,8 @@ function renderForm({ model, el }) {
   const status = html("p", { class: "tl-rerun-status", "aria-live": "polite" });
   const sentence = html("p", { class: "tl-rerun-sentence", "aria-live": "polite" });
   const figure = html("div", { class: "tl-rerun-figure", hidden: "" });
-  const see = button("See the result", { class: "tl-rerun-see" }, () => figure.scrollIntoView());
+  const see = button("See the result", { class: "tl-rerun-see", hidden: "" },
+    () => figure.scrollIntoView());
   const code = html("code"), mill = html("code");
   const line = (label, node) => html("div", { class: "tl-rerun-command" }, html("pre", {}, node),
     copyButton("Copy", label, () => node.textContent, node));
@@ -140,7 +141,7 @@ function renderForm({ model, el }) {
     const run = chosen(), given = new Map();
     for (const row of rows) {
       const { problem, value } = judged.get(row.n);
-      row.other = row.judge(judged.get(row.n));
+      row.other = row.report(judged.get(row.n));
       const same = problem || value === row.usual; // −0 is 0
       if (row.other && !same) given.set(row.n, [row.name, value]);
     }

@@ -1,6 +1,6 @@
 // Space as every sketch shows it: vectors, what stands around a structure, cameras as pyramids, and
 // turning by pointer and arrow keys.
-import { fill, lines, path, text } from "./parts.js";
+import { fill, followDrag, lines, path, text } from "./parts.js";
 
 // World frame: X along the structure, Y across, Z up; azimuth from +Y to +X, elevation from XY.
 export const RAD = Math.PI / 180;
@@ -58,22 +58,15 @@ export const drawCamera = (space, tip, base) =>
   [space.line("tl-base", base, "Z"), path("", edgesOf(space, tip, base))];
 
 export function turnable(canvas, view, lowest, draw) {
-  let dragged;
   function rotate(event, azimuth, elevation) {
     view.azimuth += azimuth;
     view.elevation = Math.max(lowest, Math.min(90, view.elevation + elevation));
     event.preventDefault();
     draw();
   }
-  canvas.addEventListener("pointerdown", (event) => {
-    dragged = event;
-    canvas.setPointerCapture(event.pointerId);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!canvas.hasPointerCapture(event.pointerId)) return;
-    const { clientX, clientY } = dragged;
-    rotate(event, (event.clientX - clientX) * 0.5, (event.clientY - clientY) * 0.4);
-    dragged = event;
+  followDrag(canvas, (last) => (event) => {
+    rotate(event, (event.clientX - last.clientX) * 0.5, (event.clientY - last.clientY) * 0.4);
+    last = event;
   });
   canvas.addEventListener("keydown", (event) => {
     const step = {
