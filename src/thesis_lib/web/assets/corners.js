@@ -16,7 +16,7 @@ function isConvex(points) {
   return turns.every((turn) => turn > 0) || turns.every((turn) => turn < 0);
 }
 
-export const line = ({ name, points }) =>
+const formatLine = ({ name, points }) =>
   `    corners_px: [${points.map(([u, v]) => `[${u.toFixed(1)}, ${v.toFixed(1)}]`).join(", ")}]  # ${name}`;
 
 function camera({ name, size: [width, height], image, corners }, changed) {
@@ -142,7 +142,7 @@ function render({ model, el }) {
   const all = [], place = html("pre", { tabindex: "0", "data-testid": "lines" });
   const load = html("a", { download: "corners_px.txt", class: "tl-load" }, "Download");
   const left = html("p", { role: "status" });
-  const text = () => all.filter((one) => one.done()).map(line).join("\n");
+  const text = () => all.filter((one) => one.done()).map(formatLine).join("\n");
   function changed() {
     const lacking = all.filter((one) => !one.done()).map((one) => one.name);
     place.textContent = text();

@@ -2,7 +2,9 @@
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
 import { asked, keep } from "./address.js";
 import { linkButton } from "./copy.js";
-import { field, figure, fill, followWidth, heightOf, html, lines, options, path, resize, select, svg, text } from "./parts.js";
+import {
+  field, figure, fill, followWidth, heightOf, html, options, path, resize, select, svg, text,
+} from "./parts.js";
 import {
   RAD, baseOf, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
 } from "./space.js";
