@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-import yaml
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
@@ -176,8 +175,6 @@ def test_the_piece_stands_alone_and_is_small() -> None:
     assert text.count("<script") == 1
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
     assert len(text) < 230_000
-    page = Path(__file__).parents[2] / "book" / "rerun.md"
-    assert "```{raw} html\n:file: executed/rerun-form.html\n```" in page.read_text(encoding="utf-8")
 
 
 # --- in a browser
@@ -381,8 +378,14 @@ def test_a_chapters_command_reaches_each_set(
 ) -> None:
     texts = {"focal_length_mm": "35", "distances_mm": "600, 900", "modes": "1"}
     with open_offline(chromium, path, query="set=ch3") as opened:
-        note = opened.page.locator(".tl-rerun-note").inner_text()
-        assert "cases" in note
+        note = opened.page.locator(".tl-rerun-note")
+        assert note.inner_text().startswith(
+            "The command below runs all 4 figure sets of the chapter"
+        )
+        assert "The sets differ in " in note.inner_text()
+        assert "cases" in note.inner_text()
+        assert note.get_by_role("button").all_inner_texts() == CHAPTER_SETS["ch3"]
+        assert not opened.page.get_by_role("button", name="See the result").is_visible()
         row = opened.page.locator("[data-parameter=distances_mm]")
         assert "Only in beam-distance." in row.inner_text()
         (said,) = fill(opened, ("ch3", texts))
@@ -395,6 +398,19 @@ def test_a_chapters_command_reaches_each_set(
         assert all(one.request["focal_length_mm"] == 35 for one in studies)
         for study, mill in zip(studies, mills.splitlines(), strict=True):
             assert validate_request(study.name, papermill_values(mill, monkeypatch)[1]) == study
+        note.get_by_role("button", name="beam-aperture").click()
+        opened.page.get_by_role("button", name="See the result").wait_for()
+        assert "set=beam-aperture" in opened.page.url
+        assert opened.trouble == []
+
+
+def test_a_number_of_cameras_is_answered_by_how_to_say_it() -> None:
+    for names in (["ch3"], ["beam-arrays"], ["sound-distance"]):
+        with pytest.raises(Refused) as caught:
+            requests_of(names, {"cameras": 5})
+        (words,) = [one for one in shlex.split(caught.value.message) if one.startswith("layouts=")]
+        layouts = parse_assignments([words])
+        assert validate_request(ARRAYS, layouts).request["layouts"] == layouts["layouts"]
 
 
 def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
@@ -528,9 +544,3 @@ def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None
         ids = opened.page.evaluate("() => [...document.querySelectorAll('[id]')].map(e => e.id)")
         assert len(set(ids)) == len(ids)  # also with two forms on a page
         assert opened.trouble == []
-
-
-def test_yaml_reads_what_papermill_gets() -> None:
-    """YAML's own reading of numbers is why exponents get a point: 1e-07 is a word to it."""
-    assert yaml.safe_load("[1.0e-07, 1.5e+16]") == [1e-07, 1.5e16]
-    assert yaml.safe_load("[1e-07]") == ["1e-07"]

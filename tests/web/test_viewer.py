@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline
+from browser import CONTRAST, Opened, open_offline
 
 from thesis_lib.web import fragment as widgets
 from thesis_lib.web.fragment import static_html
@@ -242,12 +242,12 @@ def test_state_cannot_break_out_of_its_script() -> None:
     assert json.loads(literal[1]) == state
 
 
-def test_fragment_is_a_function_of_its_arguments() -> None:
-    esm = "export default { render() {} };"
-    one = static_html(esm, "", {"a": 1.23456789, "b": [math.nan, -math.inf]})
-    assert one == static_html(esm, "", {"a": 1.23456789, "b": [math.nan, -math.inf]})
-    assert one != static_html(esm, "", {"a": 2, "b": []})
+def test_fragment_is_a_function_of_its_arguments_without_numbers_that_do_not_exist() -> None:
+    esm, state = "export default { render() {} };", {"a": 1.23456789, "b": [math.nan, -math.inf]}
+    one = static_html(esm, "", state)
+    assert one == static_html(esm, "", dict(state)) != static_html(esm, "", {"a": 2, "b": []})
     assert '{"a":1.23457,"b":[null,null]}' in one
+    assert Viewer(data={"x": [1.0, math.nan, math.inf]}).data == {"x": [1.0, None, None]}
 
 
 @pytest.mark.parametrize(
@@ -273,10 +273,6 @@ def test_bundle_has_view_page_and_line() -> None:
     assert data["text/html"] == Viewer(data=study(), case="2a", mode=2)._repr_mimebundle_()[0]["text/html"]  # fmt: skip  # noqa: E501
 
 
-def test_numbers_that_do_not_exist_travel_as_null() -> None:
-    assert Viewer(data={"x": [1.0, math.nan, math.inf]}).data == {"x": [1.0, None, None]}
-
-
 def test_a_page_is_small() -> None:
     data = study()
     case = data["cases"][1]
@@ -287,28 +283,22 @@ def test_a_page_is_small() -> None:
 ASSETS = Path(widgets.__file__).parent / "assets"
 MODULES = {file.stem: file.read_text(encoding="utf-8") for file in ASSETS.glob("*.js")}
 IMPORT = re.compile(r'^import (?:\{([^}]*)\} from |\w+ from )?"\./(\w+)\.js";$', re.MULTILINE)
-WHOLE = re.compile(r'^import (\w+) from "\./(?:\w+)\.js";$', re.MULTILINE)
 TOP = re.compile(r"^(export )?(?:const|let|function|class) (\w+)", re.MULTILINE)
 
 
-def parts_of(front: str) -> set[str]:
-    """A front end and all that it imports."""
-    found, waiting = set(), [front]
-    while waiting:
-        found.add(part := waiting.pop())
-        waiting += [name for _, name in IMPORT.findall(MODULES[part]) if name not in found]
-    return found
+FRONTS = [
+    "corners", "explorer", "layout", "ledger", "measured", "radiated", "recompute_worker", "rerun",
+    "rounding_beam", "rounding_marker", "rounding_point", "viewer",
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("front", ["viewer", "layout", "measured", "radiated"])
+@pytest.mark.parametrize("front", FRONTS)
 def test_the_parts_join_without_clashes(front: str) -> None:
-    parts = parts_of(front)
-    names = [name for part in parts for _, name in TOP.findall(MODULES[part])]
-    names += {name for part in parts for name in WHOLE.findall(MODULES[part])}
-    assert len(names) == len(set(names)) > 25
-    whole = Viewer._esm if front == "viewer" else widgets.join_modules(front)
-    assert sorted(name for _, name in TOP.findall(whole)) == sorted(names)
-    assert not re.findall(r"^(?:import|export (?!default \{ render \};$)).*", whole, re.M)
+    whole = widgets.join_modules(front, *widgets.VIEWER_KINDS)
+    names = [name for _, name in TOP.findall(whole)]
+    assert len(names) == len(set(names)) > 0
+    rest = re.findall(r"^(?:import|export).*", whole, re.M)
+    assert [one[:16] for one in rest] == ([] if "worker" in front else ["export default {"])
 
 
 def test_the_parts_import_what_they_use() -> None:
@@ -777,14 +767,16 @@ def test_one_live_viewer_takes_any_kind(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
-@pytest.mark.parametrize("kind", ["plate", "sound"])
-def test_maps_fit_a_phone(chromium: Browser, request: pytest.FixtureRequest, kind: str) -> None:
-    with open_offline(chromium, request.getfixturevalue(f"{kind}s"), width=390) as opened:
+@pytest.mark.parametrize("pages", ["path", "plates", "sounds"])
+def test_it_fits_a_phone(chromium: Browser, request: pytest.FixtureRequest, pages: str) -> None:
+    with open_offline(chromium, request.getfixturevalue(pages), width=390) as opened:
         viewer = two(opened)[0]
         for case, mode in (("2a", 1), ("4a'", 3)):
             viewer.get_by_test_id("case").select_option(case)
             viewer.get_by_test_id(f"mode-{mode}").click()
             assert opened.sideways_px() <= 0
+        left = {one.bounding_box()["x"] for one in viewer.locator(".tl-grid > figure").all()}  # type: ignore[index]
+        assert len(left) == 1  # one column
         for node in viewer.locator("figure svg, figure canvas, figure button, figure input").all():
             box = node.bounding_box()
             assert box is not None
@@ -792,26 +784,9 @@ def test_maps_fit_a_phone(chromium: Browser, request: pytest.FixtureRequest, kin
             assert box["x"] + box["width"] <= 390
         for note in viewer.locator(".tl-nodal-note").all():
             assert note.evaluate("e => e.scrollHeight <= e.clientHeight")
-        if kind == "plate":
+        if pages == "plates":
             viewer.locator("[data-testid=map-1] .tl-cells rect").nth(80).tap()
             assert "reference" in viewer.get_by_test_id("readout-c").inner_text()
-        viewer.locator(".tl-bar").nth(2).tap()
-        assert words(viewer).startswith("Pinned: Mode 3, case 4a', aperture = 6")
-        opened.page.set_viewport_size({"width": 700, "height": 800})
-        opened.page.wait_for_function("document.querySelector('.tl-wide')")
-        assert opened.sideways_px() <= 0
-        assert opened.trouble == []
-
-
-def test_a_phone_does_not_scroll_sideways(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path, width=390) as opened:
-        viewer = viewers(opened)[0]
-        for case, mode in (("2a", 1), ("4a'", 3)):
-            viewer.get_by_test_id("case").select_option(case)
-            viewer.get_by_test_id(f"mode-{mode}").click()
-            assert opened.sideways_px() <= 0
-        left = {viewer.get_by_test_id(f"panel-{one}").bounding_box()["x"] for one in "abcd"}  # type: ignore[index]
-        assert len(left) == 1  # one column
         viewer.locator(".tl-bar").nth(2).tap()
         assert words(viewer).startswith("Pinned: Mode 3, case 4a', aperture = 6")
         opened.page.set_viewport_size({"width": 700, "height": 800})
@@ -820,43 +795,35 @@ def test_a_phone_does_not_scroll_sideways(chromium: Browser, path: Path) -> None
         compare = viewer.get_by_test_id("compare").bounding_box()
         assert compare is not None
         assert compare["x"] + compare["width"] <= 700
+        assert opened.sideways_px() <= 0
         assert opened.trouble == []
 
 
-@pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("pages", ["path", "plates", "sounds"])
 def test_text_has_contrast_in_every_theme(
-    chromium: Browser, request: pytest.FixtureRequest, pages: str, dark: bool
+    chromium: Browser, request: pytest.FixtureRequest, pages: str
 ) -> None:
-    script = """e => { const rgb = c => c.match(/[\\d.]+/g).slice(0, 3).map(v => {
-        v /= 255; return v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
-      const light = c => { const [r, g, b] = rgb(c); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-      const ground = light(getComputedStyle(e).backgroundColor);
-      const ratio = c => { const [a, b] = [light(c), ground].sort((x, y) => y - x);
-        return (a + 0.05) / (b + 0.05); };
-      const all = (css, name) => [...e.querySelectorAll(css)].map(
-        t => ratio(getComputedStyle(t)[name]));
-      return [ground, ...all('svg text', 'fill'),
-        ...all('p, p span, .tl-foot, .tl-key span, .tl-key em, legend, select', 'color'),
-        ...all('p em, button, .tl-phase label, .tl-phase span', 'color'),
-        ...all('.tl-scale span, .tl-nodal-note', 'color')]; }"""
-    with open_offline(chromium, request.getfixturevalue(pages), width=1100, dark=dark) as opened:
+    plain = (
+        "p, p span, p em, legend, select, button, .tl-foot, .tl-key :is(span, em), "
+        ".tl-phase :is(label, span), .tl-scale span, .tl-nodal-note"
+    )
+    script = f"""{CONTRAST}
+      return [ground(e), ...ratios('svg text', 'fill'), ...ratios('{plain}', 'color')]; }}"""
+    put = """([theme, light]) => {
+      document.documentElement.dataset.theme = theme;
+      document.body.dataset.jpThemeLight = light; }"""
+    with open_offline(chromium, request.getfixturevalue(pages), width=1100) as opened:
         viewer = opened.page.get_by_test_id("viewer").first
         viewer.get_by_test_id("mode-2").click()  # nodal on one plane
-        for attribute, expected in ((None, dark), ("dark", True), ("light", False)):
-            if attribute:
-                opened.page.evaluate(
-                    "theme => { document.documentElement.dataset.theme = theme; }", attribute
-                )
+        for system, theme, light, dark in (
+            ("light", "", "", False), ("dark", "", "", True), ("light", "dark", "", True),
+            ("dark", "light", "", False), ("dark", "", "true", False), ("light", "", "false", True),
+        ):  # fmt: skip
+            opened.page.emulate_media(color_scheme=system)  # type: ignore[arg-type]
+            opened.page.evaluate(put, [theme, light])
             ground, *ratios = viewer.evaluate(script)
-            assert (ground < 0.1) is expected
+            assert (ground < 0.1) is dark
             assert min(ratios) >= 4.5
-        opened.page.evaluate("() => { delete document.documentElement.dataset.theme; }")
-        for attribute in ("true", "false"):
-            opened.page.evaluate(
-                "light => { document.body.dataset.jpThemeLight = light; }", attribute
-            )
-            assert (viewer.evaluate(script)[0] < 0.1) is (attribute == "false")
 
 
 def test_a_viewer_copies_the_link_to_what_it_shows(chromium: Browser, tmp_path: Path) -> None:

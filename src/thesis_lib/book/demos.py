@@ -1,7 +1,7 @@
 """Pieces of pages that compute in the browser: explorer, rerun form and small experiments.
 
 The experiments of the page on the law of rounding use the explorer's model
-(``assets/explorer_model.js``), which the tests hold against the library.
+(``assets/physics.js``), which the tests hold against the library.
 """
 
 from __future__ import annotations

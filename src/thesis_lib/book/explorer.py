@@ -1,6 +1,6 @@
 """The explorer: a beam or plate, cameras to drag around it, and at once the accuracy they give.
 
-The forward model runs in the page itself (``assets/explorer_model.js``), so that no kernel is
+The forward model runs in the page itself (``assets/physics.js``), so that no kernel is
 needed. Everything else it shows comes from here: the structures' constants, the thesis's setups,
 their published errors, and what the thesis states of them.
 """

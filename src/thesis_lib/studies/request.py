@@ -68,6 +68,7 @@ class Study(Fields):
     first: ClassVar[str] = "nominal run"  # what trial 0 is
     predicts: ClassVar[str] = "law of rounding"  # what predicted_error stands for
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
+    hints: ClassVar[dict[str, str]] = {}  # how to say what is no parameter, by the name tried
 
     trials: Trials = 200
     seed: Seed = 0
@@ -135,10 +136,8 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
             hint = suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
-            raise ParameterError(
-                f"{model.name}: no parameter {one_line(str(name))}{hint}; "
-                f"{listed(own, f'thesis {command}')}"
-            )
+            words = model.hints.get(name) or f"{hint}; {listed(own, f'thesis {command}')}"
+            raise ParameterError(f"{model.name}: no parameter {one_line(str(name))}{words}")
 
 
 def validate_values(model: type[Study], values: Mapping[str, Any]) -> Study:

@@ -33,6 +33,10 @@ CAMERA_CONDITIONS = {
     "cases": "allowed: at least one, or layouts",
     "layouts": "allowed: new names, each with sets that grow",
 }
+CAMERAS_HINT = (
+    "; give the [azimuth, elevation] in ° of each to beam-arrays, plate-arrays or sound-arrays, "
+    "for three as -p 'layouts={\"mine\": [[[-40, 20], [0, 20], [40, 20]]]}'"
+)
 COINCIDENT_TEXT = (
     "two cameras at the same place in case {}, {} ([azimuth, elevation] in °), "
     "allowed: different places"
@@ -48,6 +52,8 @@ BYTES_PER_DEFLECTION = 16  # in single precision, with the copies that rounding 
 
 class CameraStudy(Study):
     """Parameters that all camera studies share; they default to what the beam's studies use."""
+
+    hints = dict.fromkeys(("cameras", "n_cameras"), CAMERAS_HINT)
 
     focal_length_mm: FocalLength = Field(BEAM_READING["focal_length_mm"])
     sensor_width_mm: SensorWidth = Field(BEAM_READING["sensor_width_mm"])

@@ -1,6 +1,6 @@
 """Data with which a page computes a study of chapter 3 or 4, as plain JSON values.
 
-The model stands in ``web/assets/explorer_model.js``; structures, camera setups, and the published
+The model stands in ``web/assets/physics.js``; structures, camera setups, and the published
 errors that a new run is held against come from here.
 """
 

@@ -1,6 +1,6 @@
 // First frames of cameras, in which the structure's corners are clicked; the manifest's lines come out.
 import { copyButton } from "./copy.js";
-import { html, svg } from "./parts.js";
+import { button, followDrag, html, svg } from "./parts.js";
 
 const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
 const NEAR = 20; // px of the screen from which on a corner is taken hold of: a finger is no finer
@@ -16,7 +16,7 @@ function isConvex(points) {
   return turns.every((turn) => turn > 0) || turns.every((turn) => turn < 0);
 }
 
-export const line = ({ name, points }) =>
+const formatLine = ({ name, points }) =>
   `    corners_px: [${points.map(([u, v]) => `[${u.toFixed(1)}, ${v.toFixed(1)}]`).join(", ")}]  # ${name}`;
 
 function camera({ name, size: [width, height], image, corners }, changed) {
@@ -30,8 +30,15 @@ function camera({ name, size: [width, height], image, corners }, changed) {
   const lens = html("canvas", { width: LENS, height: LENS, class: "tl-lens", role: "img",
     "aria-label": `Magnified part of the first frame of ${name}`, "data-testid": `${name}-lens` });
   const says = html("p", { role: "status" });
-  const add = html("button", { type: "button" }, "Put the next corner into the middle");
-  const clear = html("button", { type: "button" }, "Begin again");
+  const add = button("Put the next corner into the middle", {}, () => {
+    put(own.points.length, [width / 2, height / 2]);
+    marks[chosen].focus();
+  });
+  const clear = button("Begin again", {}, () => {
+    own.points.length = 0;
+    chosen = 0;
+    draw();
+  });
   let chosen = 0, centre = own.points[0] ?? [width / 2, height / 2];
 
   function draw() {
@@ -78,27 +85,19 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     if (follow) centre = own.points[k];
     draw();
   }
-  // While a pointer is down, a corner moves with it; `start` says which, and where from.
-  function draggable(node, start) {
-    let move = null;
-    node.addEventListener("pointerdown", (event) => {
-      if (event.button) return;
-      event.preventDefault();
-      move = start(event);
-      if (move) node.setPointerCapture(event.pointerId);
-    });
-    node.addEventListener("pointermove", (event) => move?.(event));
-    for (const end of ["pointerup", "pointercancel"]) node.addEventListener(end, () => {
-      if (move && own.points[chosen]) { centre = own.points[chosen]; magnify(); marks[chosen].focus(); }
-      move = null;
-    });
+  function release() {
+    if (!own.points[chosen]) return;
+    centre = own.points[chosen];
+    magnify();
+    marks[chosen].focus();
   }
   const scale = () => width / picture.getBoundingClientRect().width;
   function at(event) {
     const box = picture.getBoundingClientRect();
     return [(event.clientX - box.left) * scale(), (event.clientY - box.top) * scale()];
   }
-  draggable(frame, (event) => {
+  followDrag(frame, (event) => {
+    event.preventDefault();
     const p = at(event), far = ([u, v]) => Math.hypot(u - p[0], v - p[1]);
     let k = own.points.length;
     if (k < 4) put(k, p); // corners of a narrow structure are near each other: none is taken hold of yet
@@ -107,21 +106,22 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     const off = own.points[k].map((value, i) => value - p[i]);
     put(k, own.points[k]);
     return (moved) => put(k, at(moved).map((value, i) => value + off[i]));
-  });
+  }, release);
   frame.addEventListener("pointermove", (event) => {
     if (event.buttons || event.pointerType === "touch") return;
     centre = at(event);
     magnify();
   });
   frame.addEventListener("pointerleave", () => { centre = own.points[chosen] ?? centre; magnify(); });
-  draggable(lens, (down) => {
+  followDrag(lens, (down) => {
+    down.preventDefault();
     if (!own.points[chosen]) return null;
     const still = centre, box = lens.getBoundingClientRect(), unit = LENS / ZOOM / box.width;
     const to = (event) => put(chosen, [still[0] + (event.clientX - box.left - box.width / 2) * unit,
       still[1] + (event.clientY - box.top - box.height / 2) * unit], false);
     to(down);
     return to;
-  });
+  }, release);
   marks.forEach((mark, k) => {
     mark.addEventListener("focus", () => { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } });
     mark.addEventListener("keydown", (event) => {
@@ -131,11 +131,6 @@ function camera({ name, size: [width, height], image, corners }, changed) {
       put(k, own.points[k].map((value, i) => value + by * step[i]));
     });
   });
-  add.addEventListener("click", () => {
-    put(own.points.length, [width / 2, height / 2]);
-    marks[chosen].focus();
-  });
-  clear.addEventListener("click", () => { own.points.length = 0; chosen = 0; draw(); });
   picture.addEventListener("load", draw);
   own.node = html("section", {}, html("h2", {}, name), frame,
     html("div", { class: "tl-under" }, lens, html("div", {}, says, add, clear)));
@@ -147,7 +142,7 @@ function render({ model, el }) {
   const all = [], place = html("pre", { tabindex: "0", "data-testid": "lines" });
   const load = html("a", { download: "corners_px.txt", class: "tl-load" }, "Download");
   const left = html("p", { role: "status" });
-  const text = () => all.filter((one) => one.done()).map(line).join("\n");
+  const text = () => all.filter((one) => one.done()).map(formatLine).join("\n");
   function changed() {
     const lacking = all.filter((one) => !one.done()).map((one) => one.name);
     place.textContent = text();

@@ -2,20 +2,17 @@
 import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
 import { linkButton } from "./copy.js";
-import { button, figure, fill, fixed, html, path, svg, text, ticks } from "./parts.js";
+import {
+  button, figure, fill, fixed, followDrag, followWidth, html, path, svg, text, ticks,
+} from "./parts.js";
+import { randomNumber } from "./physics.js";
 
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
 
-// Numbers in [0, 1) that are the same on every visit (mulberry32).
-export function dice() {
-  let seed = 0;
-  return () => {
-    seed = (seed + 0x6d2b79f5) | 0;
-    let z = Math.imul(seed ^ (seed >>> 15), seed | 1);
-    z ^= z + Math.imul(z ^ (z >>> 7), z | 61);
-    return ((z ^ (z >>> 14)) >>> 0) / 2 ** 32;
-  };
+export function dice() { // numbers in [0, 1) that are the same on every visit
+  let drawn = 0;
+  return () => randomNumber(drawn += 1);
 }
 
 export function slider(words, [low, high], step, digits, unit, read, write) {
@@ -61,9 +58,8 @@ export function experiment(el, name, label, letters, build) {
   root.demo = model; // for tests
   el.replaceChildren(root);
   refresh();
-  const observer = new ResizeObserver(request);
-  observer.observe(root);
-  return () => { observer.disconnect(); cancelAnimationFrame(waiting); };
+  const unfollow = followWidth(root, root, root.clientWidth, request);
+  return () => { unfollow(); cancelAnimationFrame(waiting); };
 }
 
 // Words above a panel, and for screen readers.
@@ -80,21 +76,16 @@ export function axes(panel, width, across, up, xTitle, yTitle) {
   return { x, y, bottom, right: width - MARGIN.right };
 }
 
-// Follow the pointer over a drawing: `take(x, y)` at its begin returns what `move(x, y)` then is called on, or nothing.
+// Follow the pointer over a drawing: `take(x, y)` returns what its moves (x, y) then are told to.
 export function drag(canvas, take) {
-  let move = null;
   const at = ({ clientX, clientY }) => {
     const box = canvas.getBoundingClientRect();
     return [clientX - box.left, clientY - box.top];
   };
   canvas.classList.add("tl-demo-drag");
-  canvas.addEventListener("pointerdown", (event) => {
-    if (event.button || move) return;
-    move = take(...at(event)) ?? null;
-    if (!move) return;
-    canvas.setPointerCapture(event.pointerId);
+  followDrag(canvas, (event) => {
+    const move = take(...at(event));
     event.preventDefault();
+    return (now) => move(...at(now));
   });
-  canvas.addEventListener("pointermove", (event) => move?.(...at(event)));
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { move = null; });
 }

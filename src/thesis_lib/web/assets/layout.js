@@ -2,8 +2,12 @@
 // Front end of thesis_lib.planning.layout_view in the form that static_html runs.
 import { asked, keep } from "./address.js";
 import { linkButton } from "./copy.js";
-import { field, figure, fill, followWidth, heightOf, html, lines, options, path, resize, select, svg, text } from "./parts.js";
-import { RAD, baseOf, direction, dot, orbit, plus, times, trace, turnable } from "./space.js";
+import {
+  field, figure, fill, followWidth, heightOf, html, options, path, resize, select, svg, text,
+} from "./parts.js";
+import {
+  RAD, baseOf, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
+} from "./space.js";
 
 const SHOWN = ["azimuth", "elevation", "distance", "focal length", "pixels"];
 // Rows of a CSV with a header, as objects.
@@ -59,7 +63,7 @@ function render({ model, el }) {
   }
 
   function draw() { // the scale is that of the whole plan, so that its options compare
-    const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), scene = [], { centre, outline, markers } = plan;
+    const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), { centre, outline, markers } = plan;
     const away = ([x, y, z]) => [x - centre[0], y - centre[1], z - centre[2]];
     const placesOf = (one) => rowsOf(one.table).map(({ x_mm: x, y_mm: y, z_mm: z }) => away([x / 1000, y / 1000, z / 1000]));
     const every = plan.options.flatMap(placesOf);
@@ -69,29 +73,24 @@ function render({ model, el }) {
     const tall = 2 * radius * sine + (high - low) * cosine; // of the upright cylinder around all
     const unit = Math.min((width - 70) / (2 * radius), (height - 60) / tall);
     const middle = height / 2 + (unit * cosine * (high + low)) / 2;
-    const { viewer, flat } = orbit(view, unit, [width / 2, middle]);
-    const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
-
-    scene.push(...[0.5, 1].map((r) => line("tl-wire", trace((t) => times(direction(360 * t, 0), r * radius)))));
-    for (const [name, axis] of [["X", [1, 0, 0]], ["Y", [0, 1, 0]], ["Z", [0, 0, 1]]]) {
-      const [x, y] = flat(times(axis, 0.34 * radius));
-      scene.push(line("tl-axis", [[0, 0, 0], times(axis, 0.3 * radius)]), text(x, y + 4, name, "tl-muted"));
-    }
+    const space = orbit(view, unit, [width / 2, middle]), { viewer, flat, line } = space;
     const known = outline.length === 4; // else the box around markers, corner by corner
-    scene.push(line(known ? "tl-plate" : "tl-wire", outline.map(away), known ? "Z" : ""));
-    const dots = markers.map(away).map(flat).map(([x, y]) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
-    scene.push(path("tl-places", dots));
-
+    const dots = markers.map(away).map(flat).map(([x, y]) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`);
     const drawn = placesOf(option).map((tip, i) => {
-      const style = `--c: ${tints[i % tints.length]}`, distance = Math.sqrt(dot(tip, tip));
+      const style = `--c: ${tints[i % tints.length]}`, distance = Math.hypot(...tip);
       const azimuth = Math.atan2(tip[0], tip[1]) / RAD, elevation = Math.asin(tip[2] / distance) / RAD;
-      const base = baseOf(tip, azimuth, elevation, 0.1 * radius), [x, y] = flat(plus(tip, times(tip, 0.07)));
-      scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style), line("tl-wire", [tip, [tip[0], tip[1], 0]]));
-      return [dot(tip, viewer), svg("g", { class: "tl-camera", style }, line("tl-base", base, "Z"),
-        ...base.map((corner) => line("", [tip, corner])), text(x, y + 4, String(i + 1), "tl-note"))];
-    });
-    scene.push(...drawn.sort(([one], [two]) => one - two).map(([, group]) => group));
-    resize(panel, width, height).replaceChildren(...scene);
+      const base = baseOf(tip, azimuth, elevation, 0.1 * radius);
+      const [x, y] = flat(plus(tip, times(tip, 0.07)));
+      const sight = [line("tl-sight", [tip, [0, 0, 0]], "", style),
+        line("tl-wire", [tip, [tip[0], tip[1], 0]])];
+      return [dot(tip, viewer), sight, svg("g", { class: "tl-camera", style },
+        ...drawCamera(space, tip, base), text(x, y + 4, String(i + 1), "tl-note"))];
+    }).sort(([one], [two]) => one - two);
+    resize(panel, width, height).replaceChildren(
+      ...[0.5, 1].map((r) => drawRing(space, r * radius)), ...drawAxes(space, [0, 0, 0], 0.3 * radius),
+      line(known ? "tl-plate" : "tl-wire", outline.map(away), known ? "Z" : ""),
+      path("tl-places", dots.join("")), ...drawn.flatMap(([, sight]) => sight),
+      ...drawn.map(([, , group]) => group));
   }
 
   turnable(panel.canvas, view, -90, draw);

@@ -1,235 +1,233 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
 // Front end of thesis_lib.figure_sets.claims.tables.LedgerTable in the form anywidget expects; static_html runs it without a
-// kernel. One expression, so that its names stay apart from the viewer's, whose parts share this folder.
+// kernel.
 import { asked, keep } from "./address.js";
 import { copyButton, linkButton } from "./copy.js";
 import { button, fill, html, options, svg } from "./parts.js";
 
-export default (() => {
-  // A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
-  const MARKS = {
-    agrees: "M6 1a5 5 0 1 0 .01 0Z", // disc
-    "within scatter": "M6 .6 11.4 6 6 11.4 .6 6Z", // diamond
-    differs: "M6 1 11.6 11H.4Z", // triangle
-    "no material change": "M1 4h10v4H1Z", // bar
-    undefined: "M1.8 1.8h8.4v8.4h-8.4Z", // hollow square
+// A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
+const MARKS = {
+  agrees: "M6 1a5 5 0 1 0 .01 0Z", // disc
+  "within scatter": "M6 .6 11.4 6 6 11.4 .6 6Z", // diamond
+  differs: "M6 1 11.6 11H.4Z", // triangle
+  "no material change": "M1 4h10v4H1Z", // bar
+  undefined: "M1.8 1.8h8.4v8.4h-8.4Z", // hollow square
+};
+const VERDICTS = Object.keys(MARKS);
+const WORDS = { agrees: "agree", differs: "differ" }; // of several claims
+
+// Control, label, and the values of a row, any of which may be chosen.
+const FILTERS = [
+  ["chapter", "Chapter", (row) => [row.chapter]],
+  ["case", "Case", (row) => row.case.split(/,\s*/)],
+  ["mode", "Mode", (row) => row.modes],
+  ["verdict", "Verdict", (row) => [row.verdict]],
+  ["kind", "Kind", (row) => [row.kind]],
+];
+const COLUMNS = [["place", "Place"], ["case", "Case"], ["mode", "Mode"], ["what", "Claim"],
+  ["stated", "Stated"], ["got", "We get"], ["verdict", "Verdict"], ["ratio", "Ratio"], ["more", "More"]];
+const { compare } = new Intl.Collator("en", { numeric: true }); // figure 3.4 before figure 3.10
+const rank = (verdict) => VERDICTS.indexOf(verdict);
+const SORTS = {
+  place: (a, b) => a.chapter - b.chapter || compare(a.place, b.place),
+  verdict: (a, b) => rank(a.verdict) - rank(b.verdict),
+  ratio: (a, b) => a.ratio - b.ratio,
+};
+
+const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also of no-break spaces
+
+function link(words, href) {
+  const node = html("a", { href }, words);
+  return href && node.protocol !== "javascript:" ? node : words;
+}
+
+// --- one claim: a body of its own with a row, and a second row once it is opened. The roles are written out, for
+// the style makes grids of the rows, which would take the table's meaning from them in some browsers.
+const marks = {};
+function verdictMark(verdict) {
+  const d = MARKS[verdict] ?? MARKS.undefined;
+  marks[verdict] ??= svg("svg", { width: 12, height: 12, viewBox: "0 0 12 12", "aria-hidden": "true",
+    "data-verdict": verdict }, svg("path", { d }));
+  return marks[verdict].cloneNode(true);
+}
+function secondLine(row) {
+  const cell = html("td", { colspan: COLUMNS.length, role: "cell" });
+  if (row.note)
+    cell.append(html("p", {}, row.note, ...(row.note_href ? [" ", link("More on this", row.note_href)] : [])));
+  if (row.command) {
+    const code = html("code", {}, row.command);
+    cell.append(html("p", {}, "Run again: ", code, " ", copyButton("Copy", null, () => row.command, code)));
+  }
+  cell.append(html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id)));
+  return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" }, cell);
+}
+const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, better on one line
+// Padding that puts the units of numbers below each other, in digits.
+const pad = (words, widest) => {
+  const digits = /^\d+/.exec(words)?.[0].length;
+  return digits && digits < widest ? `--pad: ${widest - digits}` : null;
+};
+function claimOf(row, widest) {
+  const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
+  const word = row.note_href ? "why" : row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
+  const toggle = button(word, { "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
+    () => {
+      const open = toggle.getAttribute("aria-expanded") === "true";
+      const second = body.rows[1] ?? body.appendChild(secondLine(row));
+      second.hidden = open;
+      fill(toggle, { "aria-expanded": !open, "aria-controls": second.id }, []);
+    });
+  const shown = {
+    place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
+    case: [row.case], mode: [row.modes.join(", ")], what: [row.what], stated: [row.stated], got: [row.got],
+    verdict: [verdictMark(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
+    ratio: [row.ratio?.toFixed(2) ?? ""], more: [toggle],
   };
-  const VERDICTS = Object.keys(MARKS);
-  const WORDS = { agrees: "agree", differs: "differ" }; // of several claims
+  const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
+    class: `tl-ledger-${name}`, "data-label": label, role: name === "what" ? "rowheader" : "cell",
+    "data-number": name in widest && SHORT.test(row[name]) ? "" : null,
+    style: name in widest ? pad(row[name], widest[name]) : null,
+  }, ...shown[name].filter((part) => part !== "")));
+  body.append(html("tr", { role: "row" }, ...cells));
+  const words = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");
+  return { row, body, words, values: FILTERS.map(([, , of]) => of(row).map(String)) };
+}
 
-  // Control, label, and the values of a row, any of which may be chosen.
-  const FILTERS = [
-    ["chapter", "Chapter", (row) => [row.chapter]],
-    ["case", "Case", (row) => row.case.split(/,\s*/)],
-    ["mode", "Mode", (row) => row.modes],
-    ["verdict", "Verdict", (row) => [row.verdict]],
-    ["kind", "Kind", (row) => [row.kind]],
-  ];
-  const COLUMNS = [["place", "Place"], ["case", "Case"], ["mode", "Mode"], ["what", "Claim"],
-    ["stated", "Stated"], ["got", "We get"], ["verdict", "Verdict"], ["ratio", "Ratio"], ["more", "More"]];
-  const { compare } = new Intl.Collator("en", { numeric: true }); // figure 3.4 before figure 3.10
-  const rank = (verdict) => VERDICTS.indexOf(verdict);
-  const SORTS = {
-    place: (a, b) => a.chapter - b.chapter || compare(a.place, b.place),
-    verdict: (a, b) => rank(a.verdict) - rank(b.verdict),
-    ratio: (a, b) => a.ratio - b.ratio,
+function render({ model, el }) {
+  const onPage = Boolean(model.get("page")); // a page by static_html: its address keeps the filters
+  const root = html("section", { class: "tl-ledger", "aria-label": "Claims of the thesis" });
+  const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
+  const boxes = {}; // a select per filter, and the search
+  const heads = {};
+  const more = button("", { class: "tl-ledger-fold", "aria-expanded": false }, () => { unfolded = !unfolded; apply(); });
+  let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
+  let table = null, linked = null, sorted = { column: null, sign: 1 };
+
+  // --- what is shown
+  function apply() {
+    const chosen = FILTERS.map(([name]) => boxes[name].value);
+    const wanted = plain(boxes.search.value);
+    const counts = Object.fromEntries(VERDICTS.map((verdict) => [verdict, 0]));
+    const all = unfolded || Boolean(wanted) || chosen.some(Boolean);
+    let shown = 0, uncounted = 0, extra = false;
+    for (const claim of claims) {
+      const { row, body, words, values } = claim;
+      const fits = (all || !folded.has(claim)) && words.includes(wanted) && chosen.every((value, i) => !value || values[i].includes(value));
+      const asked = body === linked?.body;
+      body.hidden = !fits && !asked;
+      if (body.hidden) continue;
+      shown += 1;
+      extra ||= !fits;
+      if (row.counted) counts[row.verdict] += 1; else uncounted += 1;
+    }
+    more.hidden = !folded.size || (all && !unfolded);
+    more.textContent = `${unfolded ? "Hide" : "Show"} ${folded.size} counts and roots that no total counts`;
+    fill(more, { "aria-expanded": unfolded }, []);
+    const parts = VERDICTS.map((one) => `${counts[one]} ${counts[one] === 1 ? one : WORDS[one] ?? one}`);
+    count.textContent = `${shown} of ${claims.length} shown: ${parts.join(", ")}` +
+      (uncounted ? `; ${uncounted} not counted†` : "") + (extra ? "; one is shown by its link" : "");
+  }
+  function change() { // by the reader: the linked claim is no longer an exception
+    unlink();
+    apply();
+  }
+  function sort(column, sign) {
+    sorted = { column, sign };
+    const order = [...claims], missing = ({ row }) => column === "ratio" && row.ratio == null;
+    if (column) order.sort((a, b) => missing(a) - missing(b) || (sign * SORTS[column](a.row, b.row) || 0));
+    table.append(...order.map(({ body }) => body));
+    for (const [name, head] of Object.entries(heads))
+      head.setAttribute("aria-sort", name !== column ? "none" : sign > 0 ? "ascending" : "descending");
+  }
+  const nextSort = (name) => // up, down, as given
+    sorted.column !== name ? [name, 1] : sorted.sign > 0 ? [name, -1] : [null, 1];
+
+  // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
+  function readAddress() { // what is unknown is ignored
+    for (const [name, box] of Object.entries(boxes)) {
+      const value = asked(name) ?? "";
+      if (!box.options || [...box.options].some((option) => option.value === value)) box.value = value;
+    }
+    const [, down, column] = /^(-?)(\w+)$/.exec(asked("sort") ?? "") ?? [];
+    if (Object.hasOwn(SORTS, column ?? "")) sort(column, down ? -1 : 1);
+  }
+  function writeAddress() {
+    if (!onPage) return;
+    const said = new URLSearchParams(Object.entries(boxes).flatMap(([name, { value }]) => (value ? [[name, value]] : [])));
+    if (sorted.column) said.set("sort", `${sorted.sign < 0 ? "-" : ""}${sorted.column}`);
+    keep([...Object.keys(boxes), "sort"], said, !linked && location.hash.startsWith("#claim-") ? "" : location.hash);
+  }
+  function unlink() {
+    linked?.body.removeAttribute("aria-current");
+    linked = null;
+  }
+  function follow() {
+    if (!claims.length) return;
+    let name = location.hash.slice(1);
+    try { name = decodeURIComponent(name); } catch { /* not one of ours */ }
+    unlink();
+    linked = claims.find(({ body }) => body.id === name) ?? null;
+    linked?.body.setAttribute("aria-current", "true");
+    apply();
+    const show = () => linked?.body.scrollIntoView({ block: "center" });
+    show();
+    requestAnimationFrame(() => requestAnimationFrame(show)); // the rows around it have their true heights now
+  }
+
+  // --- building, once per data
+  function control(name, label, node) {
+    boxes[name] = node;
+    return html("label", { class: `tl-ledger-${name}` }, html("span", {}, label), node);
+  }
+  function filter([name, label], i) {
+    const values = [...new Set(claims.flatMap((claim) => claim.values[i]))].filter(Boolean);
+    values.sort(name === "verdict" ? (a, b) => rank(a) - rank(b) : compare);
+    return control(name, label, html("select", {}, ...options([["", "all"], ...values.map((value) => [value, value])])));
+  }
+  function head([name, label]) {
+    const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
+    node.append(SORTS[name] ? button(label, {}, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
+    if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" }, []);
+    return node;
+  }
+  function build() {
+    const rows = model.get("data").rows ?? [];
+    linked = null;
+    sorted = { column: null, sign: 1 };
+    const most = (name) => Math.min(3, Math.max(0, ...rows.map((row) => /^\d*/.exec(row[name])[0].length)));
+    const widest = { stated: most("stated"), got: most("got") };
+    claims = rows.map((row) => claimOf(row, widest));
+    folded = new Set(claims.slice(claims.length - (model.get("data").folded ?? 0)));
+    if (!claims.length) return root.replaceChildren("No claims to show.");
+    const controls = html("div", { class: "tl-ledger-controls", role: "group", "aria-label": "Filters" },
+      ...FILTERS.map(filter), control("search", "Search", html("input", { type: "search" })),
+      button("Reset", {}, () => {
+        for (const box of Object.values(boxes)) box.value = "";
+        sort(null, 1);
+        change();
+        writeAddress();
+      }), ...(onPage ? linkButton(writeAddress) : []));
+    controls.addEventListener("input", change);
+    controls.addEventListener("change", writeAddress); // of the search: when it is left
+    table = html("table", { role: "table", "aria-label": "Claims and verdicts" },
+      html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, ...COLUMNS.map(head))),
+      ...claims.map(({ body }) => body));
+    const uncounted = claims.some(({ row }) => !row.counted);
+    root.replaceChildren(controls, count, table, more,
+      ...(uncounted ? [html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals.")] : []));
+    if (onPage) readAddress();
+    apply();
+  }
+
+  build();
+  el.replaceChildren(root); // at once, complete: the table is laid out only here
+  if (onPage) follow();
+  if (onPage) window.addEventListener("hashchange", follow);
+  model.on("change:data", build);
+  return () => {
+    window.removeEventListener("hashchange", follow);
+    model.off("change:data", build);
   };
+}
 
-  const plain = (words) => words.replace(/\s+/g, " ").trim().toLowerCase(); // also of no-break spaces
-
-  function link(words, href) {
-    const node = html("a", { href }, words);
-    return href && node.protocol !== "javascript:" ? node : words;
-  }
-
-  // --- one claim: a body of its own with a row, and a second row once it is opened. The roles are written out, for
-  // the style makes grids of the rows, which would take the table's meaning from them in some browsers.
-  const marks = {};
-  function verdictMark(verdict) {
-    const d = MARKS[verdict] ?? MARKS.undefined;
-    marks[verdict] ??= svg("svg", { width: 12, height: 12, viewBox: "0 0 12 12", "aria-hidden": "true",
-      "data-verdict": verdict }, svg("path", { d }));
-    return marks[verdict].cloneNode(true);
-  }
-  function secondLine(row) {
-    const cell = html("td", { colspan: COLUMNS.length, role: "cell" });
-    if (row.note)
-      cell.append(html("p", {}, row.note, ...(row.note_href ? [" ", link("More on this", row.note_href)] : [])));
-    if (row.command) {
-      const code = html("code", {}, row.command);
-      cell.append(html("p", {}, "Run again: ", code, " ", copyButton("Copy", null, () => row.command, code)));
-    }
-    cell.append(html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id)));
-    return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" }, cell);
-  }
-  const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, better on one line
-  // Padding that puts the units of numbers below each other, in digits.
-  const pad = (words, widest) => {
-    const digits = /^\d+/.exec(words)?.[0].length;
-    return digits && digits < widest ? `--pad: ${widest - digits}` : null;
-  };
-  function claimOf(row, widest) {
-    const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
-    const word = row.note_href ? "why" : row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
-    const toggle = button(word, { "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
-      () => {
-        const open = toggle.getAttribute("aria-expanded") === "true";
-        const second = body.rows[1] ?? body.appendChild(secondLine(row));
-        second.hidden = open;
-        fill(toggle, { "aria-expanded": !open, "aria-controls": second.id }, []);
-      });
-    const shown = {
-      place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
-      case: [row.case], mode: [row.modes.join(", ")], what: [row.what], stated: [row.stated], got: [row.got],
-      verdict: [verdictMark(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
-      ratio: [row.ratio?.toFixed(2) ?? ""], more: [toggle],
-    };
-    const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
-      class: `tl-ledger-${name}`, "data-label": label, role: name === "what" ? "rowheader" : "cell",
-      "data-number": name in widest && SHORT.test(row[name]) ? "" : null,
-      style: name in widest ? pad(row[name], widest[name]) : null,
-    }, ...shown[name].filter((part) => part !== "")));
-    body.append(html("tr", { role: "row" }, ...cells));
-    const words = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");
-    return { row, body, words, values: FILTERS.map(([, , of]) => of(row).map(String)) };
-  }
-
-  function render({ model, el }) {
-    const onPage = Boolean(model.get("page")); // a page by static_html: its address keeps the filters
-    const root = html("section", { class: "tl-ledger", "aria-label": "Claims of the thesis" });
-    const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
-    const boxes = {}; // a select per filter, and the search
-    const heads = {};
-    const more = button("", { class: "tl-ledger-fold", "aria-expanded": false }, () => { unfolded = !unfolded; apply(); });
-    let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
-    let table = null, linked = null, sorted = { column: null, sign: 1 };
-
-    // --- what is shown
-    function apply() {
-      const chosen = FILTERS.map(([name]) => boxes[name].value);
-      const wanted = plain(boxes.search.value);
-      const counts = Object.fromEntries(VERDICTS.map((verdict) => [verdict, 0]));
-      const all = unfolded || Boolean(wanted) || chosen.some(Boolean);
-      let shown = 0, uncounted = 0, extra = false;
-      for (const claim of claims) {
-        const { row, body, words, values } = claim;
-        const fits = (all || !folded.has(claim)) && words.includes(wanted) && chosen.every((value, i) => !value || values[i].includes(value));
-        const asked = body === linked?.body;
-        body.hidden = !fits && !asked;
-        if (body.hidden) continue;
-        shown += 1;
-        extra ||= !fits;
-        if (row.counted) counts[row.verdict] += 1; else uncounted += 1;
-      }
-      more.hidden = !folded.size || (all && !unfolded);
-      more.textContent = `${unfolded ? "Hide" : "Show"} ${folded.size} counts and roots that no total counts`;
-      fill(more, { "aria-expanded": unfolded }, []);
-      const parts = VERDICTS.map((one) => `${counts[one]} ${counts[one] === 1 ? one : WORDS[one] ?? one}`);
-      count.textContent = `${shown} of ${claims.length} shown: ${parts.join(", ")}` +
-        (uncounted ? `; ${uncounted} not counted†` : "") + (extra ? "; one is shown by its link" : "");
-    }
-    function change() { // by the reader: the linked claim is no longer an exception
-      unlink();
-      apply();
-    }
-    function sort(column, sign) {
-      sorted = { column, sign };
-      const order = [...claims], missing = ({ row }) => column === "ratio" && row.ratio == null;
-      if (column) order.sort((a, b) => missing(a) - missing(b) || (sign * SORTS[column](a.row, b.row) || 0));
-      table.append(...order.map(({ body }) => body));
-      for (const [name, head] of Object.entries(heads))
-        head.setAttribute("aria-sort", name !== column ? "none" : sign > 0 ? "ascending" : "descending");
-    }
-    const nextSort = (name) => // up, down, as given
-      sorted.column !== name ? [name, 1] : sorted.sign > 0 ? [name, -1] : [null, 1];
-
-    // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
-    function readAddress() { // what is unknown is ignored
-      for (const [name, box] of Object.entries(boxes)) {
-        const value = asked(name) ?? "";
-        if (!box.options || [...box.options].some((option) => option.value === value)) box.value = value;
-      }
-      const [, down, column] = /^(-?)(\w+)$/.exec(asked("sort") ?? "") ?? [];
-      if (Object.hasOwn(SORTS, column ?? "")) sort(column, down ? -1 : 1);
-    }
-    function writeAddress() {
-      if (!onPage) return;
-      const said = new URLSearchParams(Object.entries(boxes).flatMap(([name, { value }]) => (value ? [[name, value]] : [])));
-      if (sorted.column) said.set("sort", `${sorted.sign < 0 ? "-" : ""}${sorted.column}`);
-      keep([...Object.keys(boxes), "sort"], said, !linked && location.hash.startsWith("#claim-") ? "" : location.hash);
-    }
-    function unlink() {
-      linked?.body.removeAttribute("aria-current");
-      linked = null;
-    }
-    function follow() {
-      if (!claims.length) return;
-      let name = location.hash.slice(1);
-      try { name = decodeURIComponent(name); } catch { /* not one of ours */ }
-      unlink();
-      linked = claims.find(({ body }) => body.id === name) ?? null;
-      linked?.body.setAttribute("aria-current", "true");
-      apply();
-      const show = () => linked?.body.scrollIntoView({ block: "center" });
-      show();
-      requestAnimationFrame(() => requestAnimationFrame(show)); // the rows around it have their true heights now
-    }
-
-    // --- building, once per data
-    function control(name, label, node) {
-      boxes[name] = node;
-      return html("label", { class: `tl-ledger-${name}` }, html("span", {}, label), node);
-    }
-    function filter([name, label], i) {
-      const values = [...new Set(claims.flatMap((claim) => claim.values[i]))].filter(Boolean);
-      values.sort(name === "verdict" ? (a, b) => rank(a) - rank(b) : compare);
-      return control(name, label, html("select", {}, ...options([["", "all"], ...values.map((value) => [value, value])])));
-    }
-    function head([name, label]) {
-      const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
-      node.append(SORTS[name] ? button(label, {}, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
-      if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" }, []);
-      return node;
-    }
-    function build() {
-      const rows = model.get("data").rows ?? [];
-      linked = null;
-      sorted = { column: null, sign: 1 };
-      const most = (name) => Math.min(3, Math.max(0, ...rows.map((row) => /^\d*/.exec(row[name])[0].length)));
-      const widest = { stated: most("stated"), got: most("got") };
-      claims = rows.map((row) => claimOf(row, widest));
-      folded = new Set(claims.slice(claims.length - (model.get("data").folded ?? 0)));
-      if (!claims.length) return root.replaceChildren("No claims to show.");
-      const controls = html("div", { class: "tl-ledger-controls", role: "group", "aria-label": "Filters" },
-        ...FILTERS.map(filter), control("search", "Search", html("input", { type: "search" })),
-        button("Reset", {}, () => {
-          for (const box of Object.values(boxes)) box.value = "";
-          sort(null, 1);
-          change();
-          writeAddress();
-        }), ...(onPage ? linkButton(writeAddress) : []));
-      controls.addEventListener("input", change);
-      controls.addEventListener("change", writeAddress); // of the search: when it is left
-      table = html("table", { role: "table", "aria-label": "Claims and verdicts" },
-        html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, ...COLUMNS.map(head))),
-        ...claims.map(({ body }) => body));
-      const uncounted = claims.some(({ row }) => !row.counted);
-      root.replaceChildren(controls, count, table, more,
-        ...(uncounted ? [html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals.")] : []));
-      if (onPage) readAddress();
-      apply();
-    }
-
-    build();
-    el.replaceChildren(root); // at once, complete: the table is laid out only here
-    if (onPage) follow();
-    if (onPage) window.addEventListener("hashchange", follow);
-    model.on("change:data", build);
-    return () => {
-      window.removeEventListener("hashchange", follow);
-      model.off("change:data", build);
-    };
-  }
-
-  return { render };
-})();
+export default { render };

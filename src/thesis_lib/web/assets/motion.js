@@ -1,6 +1,6 @@
 // What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of it.
 import { fill, html, icon, lines, path, show } from "./parts.js";
-import pinhole from "./pinhole.js";
+import { inView, pixelate, project } from "./pinhole.js";
 
 const PERIOD = 2400, SPEEDS = [0.25, 0.5, 1, 2]; // ms of a period on the screen, and what that is divided by
 
@@ -79,15 +79,16 @@ export function createMotion(draw, unasked = true) {
 export function createImage() {
   const WIDTH = 320, HEIGHT = 180, canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
   const box = html("select", { "data-testid": "camera" }), words = html("p", { class: "tl-foot" });
+  const label = html("label", {}, "Image of camera", box);
   const node = html("figure", { class: "tl-panel-m", "data-testid": "image" },
-    html("figcaption", {}, html("label", {}, "Image of camera", box)), canvas, words);
+    html("figcaption", {}, label), canvas, words);
   const context = canvas.getContext("2d");
   let P, rest, moved, size, shifts, name, phase = 0, seen = null;
 
   const chosen = () => P.subarray(12 * box.value, 12 * box.value + 12);
   function instant(amount) { // pixels of the markers, u of all, then v of all
     const points = rest.map((value, i) => value + amount * (moved[i] - value));
-    return pinhole.pixelate(pinhole.project(chosen(), points, shifts));
+    return pixelate(project(chosen(), points, shifts));
   }
   function paint(pixels, colour) {
     const count = pixels.length / 2, scale = Math.min(WIDTH / size[0], HEIGHT / size[1]);
@@ -107,13 +108,14 @@ export function createImage() {
     paint(seen, "#ffd24a");
   }
   function tell() {
-    const [before, after] = [rest, moved].map((points) => pinhole.project(chosen(), points, shifts)), count = before.length / 2;
+    const [before, after] = [rest, moved].map((points) => project(chosen(), points, shifts)), count = before.length / 2;
     const motion = Math.max(...Array.from({ length: count }, (_, i) =>
       Math.hypot(after[i] - before[i], after[count + i] - before[count + i])));
-    const outside = Math.round(count * (1 - pinhole.inView(after, size, 1)));
+    const outside = Math.round(count * (1 - inView(after, size, 1)));
     words.textContent = `${name}${size.join(" × ")} pixels; markers move by up to ${show(motion)} px from rest (grey) and are read in whole ` +
       `pixels.${outside ? ` ${outside} of ${count} markers are out of view.` : ""}`;
     fill(canvas, { "aria-label": `Image of camera ${Number(box.value) + 1}: ${words.textContent}` });
+    label.dataset.chosen = box.selectedOptions[0].text; // in print
   }
   box.addEventListener("change", () => { tell(); draw(); });
   return {

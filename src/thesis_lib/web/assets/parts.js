@@ -33,6 +33,16 @@ export function select(pairs, attributes, onChange) { // of pairs of a value and
   node.addEventListener("change", () => onChange(node.value));
   return node;
 }
+// One of a few, side by side: a value, its words, and a smaller note.
+export function radios(legend, name, choices, onChange) {
+  const group = html("div", { class: "tl-modes" }, ...choices.map(([value, words, note = ""]) => {
+    const testid = `${legend.toLowerCase()}-${value}`;
+    const input = html("input", { type: "radio", name, value, "data-testid": testid });
+    input.addEventListener("change", () => onChange(value));
+    return html("label", {}, input, html("span", {}, words, html("small", {}, note)));
+  }));
+  return html("fieldset", { class: "tl-field" }, html("legend", {}, legend), group);
+}
 export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 
@@ -82,6 +92,22 @@ export function entitle({ canvas, caption }, study, role, words, strong = "", he
 export const heightOf = (width) => (width < 420 ? 270 : 310);
 export const resize = ({ canvas }, width, height) =>
   fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });
+
+// While a pointer is down on a node: `take(event)` returns what is called on its moves, if anything,
+// and `end` is called when it is let go.
+export function followDrag(node, take, end = () => {}) {
+  let move = null;
+  node.addEventListener("pointerdown", (event) => {
+    if (event.button || move) return;
+    move = take(event) ?? null;
+    if (move) node.setPointerCapture(event.pointerId);
+  });
+  node.addEventListener("pointermove", (event) => move?.(event));
+  for (const name of ["pointerup", "pointercancel"]) node.addEventListener(name, () => {
+    if (move) end();
+    move = null;
+  });
+}
 
 // Calls draw(width) when a node's width in px is no longer `width`; returns what ends that.
 export function followWidth(root, node, width, draw) {

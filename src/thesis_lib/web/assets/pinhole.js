@@ -1,65 +1,62 @@
-// Cameras that look at the origin, and whole pixels, as in vision/pinhole.py: for the explorer's model and for the moving image
-// of a camera. Lengths in m, angles in rad, images in px; points are flat lists X Y Z X Y Z …, images flat lists by camera,
-// coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_explorer.py holds each function against them.
-export default (() => {
-  const { abs, sin, cos } = Math;
+// Cameras that look at the origin, and whole pixels, as in vision/pinhole.py. Lengths in m, angles
+// in rad, images in px; points are flat lists X Y Z X Y Z …, images flat lists by camera,
+// coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_explorer.py compares each.
+const { abs, sin, cos } = Math;
 
-  const hemisphereDirection = (azimuth, elevation) =>
-    [cos(elevation) * sin(azimuth), cos(elevation) * cos(azimuth), sin(elevation)];
+export const hemisphereDirection = (azimuth, elevation) =>
+  [cos(elevation) * sin(azimuth), cos(elevation) * cos(azimuth), sin(elevation)];
 
-  // Rows of the rotation from world to camera: x right, y down, z forward towards the origin.
-  function hemisphereRotation(azimuth, elevation) {
-    const x = [-cos(azimuth), sin(azimuth), 0], z = hemisphereDirection(azimuth, elevation).map((c) => -c);
-    return [x, [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]], z];
-  }
+// Rows of the rotation from world to camera: x right, y down, z forward towards the origin.
+function hemisphereRotation(azimuth, elevation) {
+  const x = [-cos(azimuth), sin(azimuth), 0];
+  const z = hemisphereDirection(azimuth, elevation).map((c) => -c);
+  const y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
+  return [x, y, z];
+}
 
-  // Projection matrices K [R | −R C] of equal cameras that look at the origin, 12 numbers each (eq. 3.10).
-  function hemisphereCameras(distance, directions, focalPx, [width, height]) {
-    return Float64Array.from(directions.flatMap(([azimuth, elevation]) => {
-      const C = hemisphereDirection(azimuth, elevation).map((c) => distance * c);
-      const [x, y, z] = hemisphereRotation(azimuth, elevation)
-        .map((r) => [...r, -(r[0] * C[0] + r[1] * C[1] + r[2] * C[2])]);
-      const row = (axis, middle) => axis.map((c, i) => focalPx * c + middle * z[i]);
-      return [...row(x, width / 2), ...row(y, height / 2), ...z];
-    }));
-  }
+// Projection matrices K [R | −R C] of equal cameras that look at the origin, 12 numbers each
+// (eq. 3.10).
+export function hemisphereCameras(distance, directions, focalPx, [width, height]) {
+  return Float64Array.from(directions.flatMap(([azimuth, elevation]) => {
+    const C = hemisphereDirection(azimuth, elevation).map((c) => distance * c);
+    const [x, y, z] = hemisphereRotation(azimuth, elevation)
+      .map((r) => [...r, -(r[0] * C[0] + r[1] * C[1] + r[2] * C[2])]);
+    const row = (axis, middle) => axis.map((c, i) => focalPx * c + middle * z[i]);
+    return [...row(x, width / 2), ...row(y, height / 2), ...z];
+  }));
+}
 
-  // Images of points; `shifts` (u and v by camera) moves each camera's pixel grid.
-  function project(P, points, shifts = null) {
-    const n = P.length / 12, count = points.length / 3, uv = new Float64Array(2 * n * count);
-    for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
-      const k = 12 * i, X = points[3 * p], Y = points[3 * p + 1], Z = points[3 * p + 2];
-      const depth = P[k + 8] * X + P[k + 9] * Y + P[k + 10] * Z + P[k + 11];
-      for (let j = 0; j < 2; j += 1) {
-        const a = k + 4 * j;
-        uv[(2 * i + j) * count + p] =
-          (P[a] * X + P[a + 1] * Y + P[a + 2] * Z + P[a + 3]) / depth + (shifts ? shifts[2 * i + j] : 0);
-      }
+// Images of points; `shifts` (u and v by camera) moves each camera's pixel grid.
+export function project(P, points, shifts = null) {
+  const n = P.length / 12, count = points.length / 3, uv = new Float64Array(2 * n * count);
+  for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
+    const k = 12 * i, X = points[3 * p], Y = points[3 * p + 1], Z = points[3 * p + 2];
+    const depth = P[k + 8] * X + P[k + 9] * Y + P[k + 10] * Z + P[k + 11];
+    for (let j = 0; j < 2; j += 1) {
+      const a = k + 4 * j, shift = shifts ? shifts[2 * i + j] : 0;
+      const w = P[a] * X + P[a + 1] * Y + P[a + 2] * Z + P[a + 3];
+      uv[(2 * i + j) * count + p] = w / depth + shift;
     }
-    return uv;
   }
+  return uv;
+}
 
-  const WHOLE = 1.5 * 2 ** 52; // beside it a double has no fraction
-  const rint = (value) => value + WHOLE - WHOLE; // halves to even, as numpy.rint
-  function pixelate(uv) { // within 1e-9 px of a half counts as that half
-    const whole = new Float64Array(uv.length);
-    for (let i = 0; i < uv.length; i += 1) {
-      const doubled = rint(2 * uv[i]);
-      whole[i] = rint(abs(2 * uv[i] - doubled) < 2e-9 ? doubled / 2 : uv[i]);
-    }
-    return whole;
+const WHOLE = 1.5 * 2 ** 52; // beside it a double has no fraction
+export const rint = (value) => value + WHOLE - WHOLE; // halves to even, as numpy.rint
+export function pixelate(uv) { // within 1e-9 px of a half counts as that half
+  return uv.map((value) => {
+    const doubled = rint(2 * value);
+    return rint(abs(2 * value - doubled) < 2e-9 ? doubled / 2 : value);
+  });
+}
+
+// Share of the images that lie on the sensor.
+export function inView(uv, [width, height], n) {
+  const count = uv.length / (2 * n);
+  let inside = 0;
+  for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
+    const u = uv[2 * i * count + p], v = uv[(2 * i + 1) * count + p];
+    if (u >= 0 && u <= width && v >= 0 && v <= height) inside += 1;
   }
-
-  // Share of the images that lie on the sensor.
-  function inView(uv, [width, height], n) {
-    const count = uv.length / (2 * n);
-    let inside = 0;
-    for (let i = 0; i < n; i += 1) for (let p = 0; p < count; p += 1) {
-      const u = uv[2 * i * count + p], v = uv[(2 * i + 1) * count + p];
-      if (u >= 0 && u <= width && v >= 0 && v <= height) inside += 1;
-    }
-    return inside / (n * count);
-  }
-
-  return { hemisphereDirection, hemisphereRotation, hemisphereCameras, project, rint, pixelate, inView };
-})();
+  return inside / (n * count);
+}

@@ -1,6 +1,9 @@
 // Many cameras and a beam: errors of its markers, drawn and by the law, and what one more camera is worth.
 import { action, axes, dice, headline, experiment, slider } from "./demo.js";
-import model from "./explorer_model.js";
+import {
+  deflectionShape, deflectionVariance, markers, measureDeflections, worldPoints,
+} from "./physics.js";
+import { hemisphereCameras } from "./pinhole.js";
 import { fixed, lines, path, svg } from "./parts.js";
 
 const DISTANCE = 0.5, SIZE = [320, 180], MOST = 24, DRAWS = 400;
@@ -8,16 +11,16 @@ const root = (values) => Array.from(values, Math.sqrt);
 const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 
 function build(request, { a, b, c }, { structure, sensorWidth }) {
-  const state = { cameras: 4, mode: 3, amplitude: 5.5, elevation: 35 }, [places] = model.markers(structure);
+  const state = { cameras: 4, mode: 3, amplitude: 5.5, elevation: 35 }, [places] = markers(structure);
   const focal = (24 / sensorWidth) * SIZE[0], random = dice();
   let scene = null;
   function set(changes) { Object.assign(state, changes); scene = null; request(); }
   function seen(cameras) { // what does not change from draw to draw; cameras stand evenly, none on an axis of the beam
     const directions = Array.from({ length: cameras }, (_, i) => [((i + 0.3) * 2 * Math.PI) / cameras, (state.elevation * Math.PI) / 180]);
-    const P = model.hemisphereCameras(DISTANCE, directions, focal, SIZE);
-    const reference = model.deflectionShape(structure, state.mode, state.amplitude / 1000);
-    const [rest, deflected] = [reference.map(() => 0), reference].map((w) => model.worldPoints(structure, w));
-    return { P, rest, deflected, reference, variance: model.deflectionVariance(P, rest, deflected) };
+    const P = hemisphereCameras(DISTANCE, directions, focal, SIZE);
+    const reference = deflectionShape(structure, state.mode, state.amplitude / 1000);
+    const [rest, deflected] = [reference.map(() => 0), reference].map((w) => worldPoints(structure, w));
+    return { P, rest, deflected, reference, variance: deflectionVariance(P, rest, deflected) };
   }
   const rise = (variance) => 1000 * Math.sqrt(mean(variance)); // over all markers, mm
   function prepare() {
@@ -27,7 +30,7 @@ function build(request, { a, b, c }, { structure, sensorWidth }) {
   function one() { // one more draw
     const { P, rest, deflected, reference, squares } = scene;
     const shifts = Float64Array.from({ length: 2 * state.cameras }, () => random() - 0.5);
-    scene.last = model.measure(P, rest, deflected, shifts);
+    scene.last = measureDeflections(P, rest, deflected, shifts);
     scene.last.forEach((w, i) => { squares[i] += (w - reference[i]) ** 2; });
     scene.draws += 1;
   }

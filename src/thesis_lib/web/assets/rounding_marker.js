@@ -1,13 +1,13 @@
 // One marker on one pixel grid: what rounding makes of its motion, and the law of rounding from draws.
 import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
-import model from "./explorer_model.js";
+import { pixelate } from "./pinhole.js";
 import { fixed, lines, path, resize, svg, text } from "./parts.js";
 
 const REST = 0.2, MOST = 3, DRAWS = 200;
 const law = (motion) => { const f = motion % 1; return Math.sqrt(f * (1 - f)); };
 // Rest and moved image in whole pixels of a grid that is shifted, and the error of their difference.
 function measured(motion, shift) {
-  const [from, to] = model.pixelate(Float64Array.of(REST + shift, REST + motion + shift));
+  const [from, to] = pixelate(Float64Array.of(REST + shift, REST + motion + shift));
   return { from: from - shift, to: to - shift, error: to - from - motion };
 }
 

@@ -1,10 +1,10 @@
 // Two cameras and a point, in the plane of both: pixels are strips, and two strips measure a height.
 import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
-import model from "./explorer_model.js";
+import { pixelate } from "./pinhole.js";
 import { fixed, lines, path, resize, svg, text } from "./parts.js";
 
 const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL, DRAWS = 400, MOST = 6; // mm, px, mm/px, draws, mm
-const radians = (degrees) => (degrees * Math.PI) / 180;
+const angleOf = (degrees) => (degrees * Math.PI) / 180;
 const sides = [-1, 1];
 // A camera on one side looks down at the elevation; its image coordinate, in px, grows with X by `along` and with Z by `up`.
 const rows = (elevation) => sides.map((side) => ({ along: (-side * Math.sin(elevation)) / SPAN, up: Math.cos(elevation) / SPAN }));
@@ -12,14 +12,14 @@ const gain = (elevation) => SPAN / (2 * Math.cos(elevation)); // ∂Z/∂m of ea
 
 // Motion of both images in px, its fraction, the gain, and the standard deviation of the measured deflection in mm.
 function law({ w, elevation }) {
-  const phi = radians(elevation), delta = w * rows(phi)[0].up, f = delta - Math.floor(delta), g = gain(phi);
+  const phi = angleOf(elevation), delta = w * rows(phi)[0].up, f = delta - Math.floor(delta), g = gain(phi);
   return { delta, f, g, sigma: g * Math.sqrt(2 * f * (1 - f)) };
 }
 
 function measured({ w, elevation }, shifts) { // heights as rebuilt at rest and moved, and where the point is then thought to be
-  const phi = radians(elevation), by = rows(phi);
+  const phi = angleOf(elevation), by = rows(phi);
   const rebuilt = (z) => {
-    const m = by.map(({ up }, i) => model.pixelate(Float64Array.of(up * z + shifts[i]))[0] - shifts[i]);
+    const m = by.map(({ up }, i) => pixelate(Float64Array.of(up * z + shifts[i]))[0] - shifts[i]);
     return { x: (m[0] - m[1]) / (2 * by[0].along), z: gain(phi) * (m[0] + m[1]), m };
   };
   const rest = rebuilt(0), moved = rebuilt(w);
@@ -47,7 +47,7 @@ function build(request, { a, b }) {
     return (__, y) => set({ w: clamp(Math.round((w + (y0 - y) / unit) * 20) / 20, [0, MOST]) });
   });
   function section(width) { // around the point, a few mm
-    const phi = radians(state.elevation), { rest, moved } = measured(state, shifts);
+    const phi = angleOf(state.elevation), { rest, moved } = measured(state, shifts);
     height = 300;
     unit = height / 12;
     const half = width / 2 / unit, x = (mm) => width / 2 + mm * unit, y = (mm) => height - 3 * unit - mm * unit;

@@ -1,7 +1,10 @@
 // Panel (a): the structure, which bends, and the cameras around it, to be turned.
 import { bent } from "./motion.js";
 import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
-import { RAD, SQUARE, baseOf, direction, dot, orbit, plus, times, trace, turnable } from "./space.js";
+import {
+  RAD, SQUARE, baseOf, direction, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, drawRing,
+  orbit, plus, times, trace, turnable,
+} from "./space.js";
 
 const LARGEST = 0.06; // deflection as it is drawn, of the structure's length
 
@@ -29,47 +32,40 @@ export function createSketch(panel, study) { // returns what draws it
   }
 
   function draw() {
-    const { width, data } = study, height = heightOf(width), { kind, length_mm: length } = data.structure;
-    const every = study.settings(), shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
-    const distances = [...new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])))];
+    const { width, data } = study, height = heightOf(width);
+    const { kind, length_mm: length } = data.structure, every = study.settings();
+    const shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
+    const distances = new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])));
     const half = length / 2, across = (data.structure.width_mm ?? 30) / 2;
-    const radius = Math.max(...distances, half * 1.1), scene = [];
-    const sine = Math.sin(view.elevation * RAD);
+    const radius = Math.max(...distances, half * 1.1), sine = Math.sin(view.elevation * RAD);
     const unit = Math.min((width - 70) / 2, (height - 44) / (1 + sine)) / radius;
-    const { viewer, flat } = orbit(view, unit, [width / 2, (height + unit * radius * (1 - sine)) / 2]);
-    const line = (cls, points, end, style) => path(cls, lines(points.map(flat), end), { style });
+    const space = orbit(view, unit, [width / 2, (height + unit * radius * (1 - sine)) / 2]);
+    const { viewer, flat, line } = space;
 
-    const ring = (r, elevation) => line("tl-wire", trace((t) => times(direction(360 * t, elevation), r)));
-    scene.push(...distances.map((r) => ring(r, 0)),
-      ...[0, 30, 60].map((elevation) => ring(radius, elevation)),
-      ...[0, 45, 90, 135].map((azimuth) =>
-        line("tl-wire", trace((t) => times(direction(azimuth, 180 * t), radius)))));
-    const axes = [["X", [1, 0, 0], half], ["Y", [0, 1, 0], across], ["Z", [0, 0, 1], 0]];
-    for (const [name, axis, from] of axes) {
-      const [x, y] = flat(times(axis, from + 0.22 * radius)), ends = [from, from + 0.16 * radius];
-      scene.push(line("tl-axis", ends.map((end) => times(axis, end))), text(x, y + 4, name, "tl-muted"));
-    }
     const curves = data.structure.contours_mm ?? [SQUARE.map(([u, v]) => [u * half, v * across])];
-    const outline = curves.map((curve) => lines(curve.map(([x, y]) => flat([x, y, 0])), "Z")).join("");
+    const outline = curves.map((curve) =>
+      lines(curve.map(([x, y]) => flat([x, y, 0])), "Z")).join("");
     const places = mesh(), most = Math.max(...places.flat().map(([, , w]) => Math.abs(w)));
     const rise = (unit * LARGEST * length * Math.cos(view.elevation * RAD)) / (most || 1);
     bending = places.map((curve) => curve.map(([x, y, w]) => [...flat([x, y, 0]), rise * w]));
-    scene.push(path(bending.length ? "tl-rest" : "tl-plate", outline), shape);
-    if (kind === "beam") {
-      const clamp = SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]);
-      scene.push(line("tl-clamp", clamp, "Z"));
-    }
-    for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // where the sound is computed
+    const scene = [
+      ...[...distances].map((r) => drawRing(space, r)), ...drawHemisphere(space, radius),
+      ...drawAxes(space, [half, across, 0], 0.16 * radius),
+      path(bending.length ? "tl-rest" : "tl-plate", outline), shape,
+      ...(kind === "beam" ? [drawClamp(space, half, radius)] : [])];
+    for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // of the sound
       const place = ([u, z]) => (name.startsWith("X") ? [u, 0, z] : [0, u, z]);
-      const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]].map(place), [x, y] = flat(rectangle[3]);
+      const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]].map(place);
+      const [x, y] = flat(rectangle[3]);
       scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
     }
 
-    // Cameras: pyramids with the tip at the centre of projection and the base towards the origin. One that
-    // several highlighted settings share is drawn in the first one's colour; larger for the next, if they
-    // are but few.
+    // Cameras: pyramids with the tip at the centre of projection and the base towards the origin.
+    // One that several highlighted settings share is drawn in the first one's colour; larger for
+    // the next, if they are but few.
     const seen = new Map(), pyramids = [];
-    const nested = shown.length < 3 || new Set(shown.map((i) => String(every[i].cameras))).size === 1;
+    const layouts = new Set(shown.map((i) => String(every[i].cameras)));
+    const nested = shown.length < 3 || layouts.size === 1;
     function pyramid(camera, style = null) {
       const [distance, azimuth, elevation] = camera, copies = seen.get(String(camera)) ?? 0;
       if (copies && !(nested && style)) return;
@@ -77,37 +73,39 @@ export function createSketch(panel, study) { // returns what draws it
       const tip = times(direction(azimuth, elevation), distance);
       const base = baseOf(tip, azimuth, elevation, 0.12 * radius * (1 + 0.4 * copies));
       if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
-      pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style },
-        line("tl-base", base, "Z"), ...base.map((corner) => line("", [tip, corner])))]);
+      pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`,
+        style }, ...drawCamera(space, tip, base))]);
     }
     for (const i of shown) for (const camera of every[i].cameras) pyramid(camera, study.tint(i));
     for (const one of every) for (const camera of one.cameras) pyramid(camera);
     scene.push(...pyramids.sort(([one], [two]) => one - two).map(([, group]) => group));
-
-    scene.push(...drawParameter(every, shown, flat, line));
-    resize(panel, width, height).replaceChildren(...scene);
+    resize(panel, width, height).replaceChildren(...scene, ...drawParameter(every, shown, space));
   }
 
-  function drawParameter(every, shown, flat, line) { // the varied one, where it has a place in the sketch
+  function drawParameter(every, shown, { flat, line }) { // where it has a place in the sketch
     const { name } = study.data.parameter, scene = [], notes = [];
     const isAperture = name.startsWith("aperture"), isDistance = name.startsWith("distance");
-    if (isDistance || name.startsWith("width") || (isAperture && shown.length < 3)) shown.forEach((i, n) => {
-      const [one, two] = every[i].cameras.map(([, azimuth, elevation]) => direction(azimuth, elevation));
-      const [[distance]] = every[i].cameras, pixels = every[i].resolution;
-      let at = flat(times(one, distance)).map((value, axis) => value + [44, 10][axis]); // beside the camera
+    const isShown = isDistance || name.startsWith("width") || (isAperture && shown.length < 3);
+    if (isShown) shown.forEach((i, n) => {
+      const [one, two] = every[i].cameras.map(([, ...angles]) => direction(...angles));
+      const [[distance]] = every[i].cameras, pixels = every[i].resolution, style = study.tint(i);
+      let at = plus(flat(times(one, distance)), [44, 10]); // beside the camera
       if (isAperture && two) { // the angle between the first two optical axes
         const angle = Math.acos(dot(one, two) * 0.99999);
         const size = (distance * (0.66 - 0.2 * n)) / Math.sin(angle);
         const arc = trace((t) => plus(times(one, size * Math.sin((1 - t) * angle)),
           times(two, size * Math.sin(t * angle))), 32);
-        scene.push(line("tl-arc", arc, "", study.tint(i)));
+        scene.push(line("tl-arc", arc, "", style));
         at = flat(arc[16]);
-      } else if (isDistance) scene.push(line("tl-arc", [[0, 0, 0], times(one, distance)], "", study.tint(i)));
-      notes.push([...at, isAperture || isDistance || !pixels ? every[i].label : `${pixels.join(" × ")} px`]);
+      } else if (isDistance)
+        scene.push(line("tl-arc", [[0, 0, 0], times(one, distance)], "", style));
+      const labelled = isAperture || isDistance || !pixels;
+      notes.push([...at, labelled ? every[i].label : `${pixels.join(" × ")} px`]);
     });
     notes.sort((one, two) => two[1] - one[1]).forEach((note, n) => {
-      if (n && Math.abs(note[0] - notes[n - 1][0]) < 100) note[1] = Math.min(note[1], notes[n - 1][1] - 15);
-      scene.push(text(Math.max(56, Math.min(study.width - 56, note[0])), note[1] - 5, note[2], "tl-note"));
+      const [x, y, words] = note, [lastX, lastY] = notes[n - 1] ?? [Infinity];
+      if (Math.abs(x - lastX) < 100) note[1] = Math.min(y, lastY - 15);
+      scene.push(text(Math.max(56, Math.min(study.width - 56, x)), note[1] - 5, words, "tl-note"));
     });
     return scene;
   }
@@ -118,7 +116,8 @@ export function createSketch(panel, study) { // returns what draws it
     draw,
     move(phase) { fill(shape, { d: bent(bending, Math.cos(phase)) }); },
     label() {
-      entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label, "Arrow keys rotate.");
+      entitle(panel, study, "img", "Cameras; varied: ", study.data.parameter.label,
+        "Arrow keys rotate.");
     },
   };
 }

@@ -1,50 +1,77 @@
-// Space as every sketch shows it: vectors, cameras as pyramids, and turning by pointer and arrow keys.
-import { fill } from "./parts.js";
+// Space as every sketch shows it: vectors, what stands around a structure, cameras as pyramids, and
+// turning by pointer and arrow keys.
+import { fill, followDrag, lines, path, text } from "./parts.js";
 
-// World frame: X along the structure, Y across, Z up; azimuth from +Y towards +X, elevation from XY.
+// World frame: X along the structure, Y across, Z up; azimuth from +Y to +X, elevation from XY.
 export const RAD = Math.PI / 180;
-export const direction = (azimuth, elevation) => [Math.cos(elevation * RAD) * Math.sin(azimuth * RAD),
+export const direction = (azimuth, elevation) => [
+  Math.cos(elevation * RAD) * Math.sin(azimuth * RAD),
   Math.cos(elevation * RAD) * Math.cos(azimuth * RAD), Math.sin(elevation * RAD)];
-export const sideways = (azimuth) => [-Math.cos(azimuth * RAD), Math.sin(azimuth * RAD), 0];
+const sideways = (azimuth) => [-Math.cos(azimuth * RAD), Math.sin(azimuth * RAD), 0];
 export const times = (v, k) => v.map((c) => c * k);
 export const plus = (u, v) => u.map((c, i) => c + v[i]);
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-export const trace = (point, steps = 72) => Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0]];
+export const trace = (point, steps = 72) =>
+  Array.from({ length: steps + 1 }, (_, i) => point(i / steps));
 export const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 
-// How a view shows space: the direction to the viewer, and where a place is on the screen.
+// How a view shows space: the direction to the viewer and those of the screen, where a place is on
+// the screen, and lines through places.
 export function orbit(view, unit, [x, y]) {
-  const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth), up = cross(viewer, right);
-  return { viewer, flat: (v) => [x + unit * dot(v, right), y - unit * dot(v, up)] };
+  const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth);
+  const up = cross(viewer, right), flat = (v) => [x + unit * dot(v, right), y - unit * dot(v, up)];
+  const line = (cls, points, end = "", style = null) =>
+    path(cls, lines(points.map(flat), end), { style });
+  return { viewer, right, up, flat, line };
 }
 
-// The base of a camera's pyramid, before the tip and towards what it looks at; its long sides are level.
-export function baseOf(tip, azimuth, elevation, size) {
-  const out = direction(azimuth, elevation), side = times(sideways(azimuth), size * 0.5);
-  const over = times(cross(side, out), 0.56), centre = plus(tip, times(out, -size));
+export const drawRing = ({ line }, radius, elevation = 0) =>
+  line("tl-wire", trace((t) => times(direction(360 * t, elevation), radius)));
+export const drawHemisphere = (space, radius) => [
+  ...[0, 30, 60].map((elevation) => drawRing(space, radius, elevation)),
+  ...[0, 45, 90, 135].map((azimuth) =>
+    space.line("tl-wire", trace((t) => times(direction(azimuth, 180 * t), radius))))];
+
+// Axes that begin at distances `from` the origin; `size` is how long they are.
+export const drawAxes = ({ flat, line }, from, size) => ["X", "Y", "Z"].flatMap((name, i) => {
+  const axis = [0, 1, 2].map((k) => Number(k === i));
+  const [x, y] = flat(times(axis, from[i] + 1.35 * size));
+  return [line("tl-axis", [from[i], from[i] + size].map((end) => times(axis, end))),
+    text(x, y + 4, name, "tl-muted")];
+});
+
+export const drawClamp = ({ line }, half, radius) =>
+  line("tl-clamp", SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]), "Z");
+
+// The base of a camera's pyramid, `size` before the tip and towards what it looks at; its long
+// sides are level. It is as wide as `spread` says of its distance, and as high as `ratio` of that.
+export function baseOf(tip, azimuth, elevation, size, spread = 1, ratio = 0.56) {
+  const out = direction(azimuth, elevation), side = times(sideways(azimuth), (size * spread) / 2);
+  const over = times(cross(side, out), ratio), centre = plus(tip, times(out, -size));
   return SQUARE.map(([u, v]) => plus(centre, plus(times(side, u), times(over, v))));
 }
+export const edgesOf = ({ flat }, tip, base) =>
+  base.map((corner) => lines([tip, corner].map(flat))).join("");
+export const drawCamera = (space, tip, base) =>
+  [space.line("tl-base", base, "Z"), path("", edgesOf(space, tip, base))];
 
 export function turnable(canvas, view, lowest, draw) {
-  let dragged;
   function rotate(event, azimuth, elevation) {
     view.azimuth += azimuth;
     view.elevation = Math.max(lowest, Math.min(90, view.elevation + elevation));
     event.preventDefault();
     draw();
   }
-  canvas.addEventListener("pointerdown", (event) => {
-    dragged = event;
-    canvas.setPointerCapture(event.pointerId);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!canvas.hasPointerCapture(event.pointerId)) return;
-    rotate(event, (event.clientX - dragged.clientX) * 0.5, (event.clientY - dragged.clientY) * 0.4);
-    dragged = event;
+  followDrag(canvas, (last) => (event) => {
+    rotate(event, (event.clientX - last.clientX) * 0.5, (event.clientY - last.clientY) * 0.4);
+    last = event;
   });
   canvas.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, 6], ArrowDown: [0, -6] }[event.key];
+    const step = {
+      ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, 6], ArrowDown: [0, -6],
+    }[event.key];
     if (step) rotate(event, ...step);
   });
   fill(canvas, { tabindex: 0 });

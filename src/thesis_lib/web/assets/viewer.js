@@ -4,8 +4,11 @@ import { asked, keep } from "./address.js";
 import { createBars } from "./bars.js";
 import { linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
-import { KINDS, field, figure, fill, html, icon, isNumber, mark, path, select, show, svg, swatch } from "./parts.js";
-import pinhole from "./pinhole.js";
+import {
+  KINDS, field, figure, fill, followWidth, html, icon, isNumber, mark, path, radios, select, show,
+  svg, swatch,
+} from "./parts.js";
+import { hemisphereCameras } from "./pinhole.js";
 import { RAD } from "./space.js";
 import { createSketch } from "./sketch.js";
 import { createStudy } from "./study.js";
@@ -43,15 +46,9 @@ function render({ model, el }) {
     const { cases, modes } = study.data, names = cases.map((one) => [one.name, `${one.name} – ${one.title}`]);
     controls.replaceChildren();
     if (names.length > 1) add("Case", names, study.case().name, "case", (value) => choose("case", value));
-    const buttons = modes.map(({ mode, frequency_hz: frequency }) => {
-      const hertz = isNumber(frequency) ? ` ${show(frequency)} Hz` : "";
-      const attributes = { "data-testid": `mode-${mode}`, "aria-label": `Mode ${mode}${hertz}` };
-      const input = html("input", { type: "radio", name: uid, ...attributes });
-      input.addEventListener("change", () => choose("mode", mode));
-      return html("label", {}, input, html("span", {}, `${mode}`, html("small", {}, hertz)));
-    });
-    const group = html("div", { class: "tl-modes" }, ...buttons);
-    controls.append(html("fieldset", { class: "tl-field" }, html("legend", {}, "Mode"), group));
+    controls.append(radios("Mode", uid, modes.map(({ mode, frequency_hz: frequency }) =>
+      [mode, `${mode}`, isNumber(frequency) ? ` ${show(frequency)} Hz` : ""]),
+    (mode) => choose("mode", mode)));
     add("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
       (value) => { study.compare = value; highlight(); remember(); });
     controls.append(...link);
@@ -96,7 +93,7 @@ function render({ model, el }) {
     imaged = key;
     const { cameras, resolution } = study.settings()[i], focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
     const P = cameras.flatMap(([distance, ...angles]) =>
-      [...pinhole.hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
+      [...hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
     const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
     const markers = study.mode().reference_mm.flatMap((w, n) => (isNumber(w)
       ? [[xs[grid ? n % grid[0] : n] - half, grid ? ys[Math.floor(n / grid[0])] - across : 0, w]] : []));
@@ -171,11 +168,11 @@ function render({ model, el }) {
   motion.watch(a.node, image.node);
   const handlers = { "change:case": () => changeCase(), "change:mode": update, "change:data": changeData };
   Object.entries(handlers).forEach(([name, handler]) => model.on(name, handler));
-  const observer = new ResizeObserver(() =>
-    requestAnimationFrame(() => { if (root.contains(grid) && fit()) update(); }));
-  observer.observe(root);
+  const unfollow = followWidth(root, root, 0, () => {
+    if (root.contains(grid) && fit()) update();
+  });
   return () => {
-    observer.disconnect();
+    unfollow();
     panels?.stop();
     motion.stop();
     Object.entries(handlers).forEach(([name, handler]) => model.off(name, handler));

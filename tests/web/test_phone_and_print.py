@@ -1,0 +1,92 @@
+"""The rendered book on a phone and on paper: figures grow, nothing to press is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+
+import pytest
+
+pytest.importorskip("playwright", reason="the browser tests need the playwright package")
+
+from book.test_book_pages import BOOK, needs_book
+from browser import Opened, browser, find_browser, open_offline
+from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
+WITH_FIGURES = [
+    "beam", "conclusions", "design-law", "introduction", "laboratory", "motions", "planner",
+    "plate", "rounding", "sound",
+]  # fmt: skip
+COVERED = """async () => {
+  const covered = [], buttons = [...document.querySelectorAll('.tl-grow')]
+    .filter(one => one.checkVisibility());
+  for (const one of buttons) {
+    one.scrollIntoView({ block: 'center' });
+    await new Promise(requestAnimationFrame);
+    const { left, top, width, height } = one.getBoundingClientRect();
+    const hit = document.elementFromPoint(left + width / 2, top + height / 2);
+    if (hit !== one) covered.push(one.ariaLabel);
+  }
+  return [buttons.length, covered]; }"""
+PRESSED = """() => [...document.querySelectorAll(
+    'main :is(input, select, textarea, button:not(thead *), .tl-controls)')]
+  .filter(one => one.checkVisibility({ visibilityProperty: true })).map(one => one.outerHTML)"""
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+@needs_book
+def test_buttons_that_enlarge_lie_on_top_on_a_phone(running: Browser) -> None:
+    total = 0
+    for name in WITH_FIGURES:
+        with open_offline(running, BOOK / f"{name}.html", 390, 844) as opened:
+            count, covered = opened.page.evaluate(COVERED)
+            assert covered == [], name
+            total += count
+    assert total > 50
+
+
+def enlarge(opened: Opened, figure: str) -> tuple[list[float], list[tuple[float, float, float]]]:
+    """Widths of a figure's parts in the page, and left, top and width of those enlarged."""
+    boxes = """parts => parts.map(one => one.getBoundingClientRect())
+      .map(({ left, top, width }) => [left, top, width])"""
+    parts = ":is(.tl-panel, .tl-frame:not(:has(.tl-panels)) img)"
+    before = opened.page.locator(figure).first.locator(parts).evaluate_all(boxes)
+    opened.page.locator(figure).first.locator(".tl-grow").click()
+    after = opened.page.locator(".tl-zoom-view :is(.tl-panel, :scope > img)")
+    return [width for *_, width in before], after.evaluate_all(boxes)
+
+
+@needs_book
+@pytest.mark.parametrize(
+    ("name", "figure"), [("executed/beam-aperture", "#fig-3-7"), ("introduction", "figure")]
+)
+def test_a_phone_enlarges_to_twice_the_width(running: Browser, name: str, figure: str) -> None:
+    """Panels stay one below the other."""
+    with open_offline(running, BOOK / f"{name}.html", 390, 844) as opened:
+        opened.page.locator(figure).first.scroll_into_view_if_needed()
+        before, after = enlarge(opened, figure)
+        assert len(before) == len(after) > 0
+        assert all(new[2] >= 1.99 * old for old, new in zip(before, after, strict=True))
+        assert [top for _, top, _ in after] == sorted({top for _, top, _ in after})
+        assert opened.trouble == []
+
+
+@needs_book
+@pytest.mark.parametrize(
+    ("name", "sheets"),
+    [("executed/beam-arrays", 18), ("rounding", 7), ("rerun", 2), ("explorer", 2)],
+)
+def test_nothing_to_press_is_printed(running: Browser, name: str, sheets: int) -> None:
+    pypdf = pytest.importorskip("pypdf", reason="sheets are counted with pypdf")
+    with open_offline(running, BOOK / f"{name}.html", 1280, 800) as opened:
+        opened.page.emulate_media(media="print")
+        assert opened.page.evaluate(PRESSED) == []
+        margin = dict.fromkeys(("top", "right", "bottom", "left"), "10mm")
+        printed = opened.page.pdf(format="A4", margin=margin, print_background=True)
+        assert len(pypdf.PdfReader(BytesIO(printed)).pages) <= sheets
