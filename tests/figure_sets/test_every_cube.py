@@ -92,7 +92,8 @@ def test_small_cubes_have_units_and_long_names(name):
     assert faults(attributes_of(small(name))) == []
 
 
-@pytest.mark.parametrize("name", SMALL)
+# Chapter 5 declares some variables by other dimensions: those of its recordings.
+@pytest.mark.parametrize("name", sorted({*SMALL} - {"experiment-cameras"}))
 def test_variables_are_numbers_or_words_along_the_declared_dimensions(name):
     known: dict[str, list[tuple[set[str], str]]] = {}
     for path, one in declared().items():
