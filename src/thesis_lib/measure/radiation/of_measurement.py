@@ -15,7 +15,6 @@ from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import between as interpolation
@@ -34,6 +33,7 @@ from thesis_lib.measure.recordings.manifest_model import (
     Radiation,
     StructureSpec,
 )
+from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.studies import storage
