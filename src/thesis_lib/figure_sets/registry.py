@@ -1,7 +1,7 @@
 """All figure sets by name, found in the folders beside this file; chapters; requests by name.
 
 A reader's own set is a folder anywhere with the same modules
-(:mod:`thesis_lib.figure_sets.figure_set`) and the notebook ``NAME.ipynb`` of each of its sets.
+(see ``figure_sets.figure_set``) and the notebook ``NAME.ipynb`` of each of its sets.
 Kernels find it by the environment variable :data:`SETS_VARIABLE`.
 """
 
