@@ -6,6 +6,9 @@ from math import pi
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from scipy.special import j1, struve
 
 from thesis_lib.acoustics import radiation as rad
@@ -105,6 +108,15 @@ def test_pulsating_sphere_obeys_eulers_equation_with_order_2(conforms):
         slope = (-1.5 * p[0] + 2 * p[1] - 0.5 * p[2]) / h
         errors.append(abs(-slope / (1j * omega * RHO) - v))
     conforms.order(orders(errors), 2, atol=0.06)
+
+
+def test_pulsating_sphere_sends_its_power_through_every_sphere(conforms):
+    a, v, omega = 0.05, 0.3, 1.7 * C / 0.05
+    r = np.array([a, 0.1, 1, 30])
+    p = pulsating_sphere(r, a, 4 * pi * a**2 * v, omega)
+    through = 4 * pi * r**2 * np.abs(p) ** 2 / (2 * RHO * C)
+    driven = 4 * pi * a**2 * np.real(p[0] * np.conj(v)) / 2
+    conforms.invariance(through, driven, rtol=1e-13)
 
 
 def test_a_small_pulsating_sphere_is_a_monopole_with_order_2(conforms):
@@ -281,6 +293,17 @@ def test_a_measured_surface_radiates_by_wallaces_integral(conforms, m, n, ka):
     conforms.closed_form(float(forms[0][0, 0] / forms[1][0, 0]), wallace(m, n, ka / A), rtol=3e-4)
 
 
+@pytest.mark.parametrize(("m", "n"), FAMILIES)
+def test_radiation_efficiency_has_wallaces_limit_at_low_frequency(conforms, m, n):
+    # Finer pistons at a lower frequency: both errors fall as the square.
+    errors = []
+    for refined in (1, 2, 4):
+        parts, k = panel(12 * refined, 8 * refined), 0.4 / refined / A
+        sigma = rad.radiation_efficiency(parts, panel_mode(parts, m, n), k * C)
+        errors.append(abs(sigma / low_frequency(m, n, k) - 1))
+    conforms.order(orders(errors), 2, atol=0.1)
+
+
 def test_a_panel_far_above_coincidence_radiates_like_a_plane_wave(conforms):
     parts = panel(60, 40)
     sigma = rad.radiation_efficiency(parts, panel_mode(parts, 1, 1), 40 / A * C)
@@ -330,6 +353,25 @@ def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
         conforms.independent(far_power(parts, v, omega), power, rtol=1e-3)
 
 
+def test_power_of_the_far_field_converges_to_that_of_the_matrix_with_order_2(conforms):
+    # By the midpoint rule over the half space, where the (1, 1) mode is loudest at θ = 0.
+    parts = panel(12, 8)
+    v, omega = panel_mode(parts, 1, 1), 3 * C / A
+    exact = rad.sound_power(parts, v, omega)
+    errors = []
+    for n in (12, 24, 48):
+        theta = (np.arange(n)[:, None] + 0.5) * pi / 2 / n
+        phi = (np.arange(4 * n) + 0.5) * 2 * pi / (4 * n)
+        u = np.stack(
+            [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi]
+        )
+        intensity = np.abs(rad.far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
+        total = np.sum(intensity * np.sin(theta)) * pi / 2 / n * 2 * pi / (4 * n)
+        errors.append(abs(total / exact - 1))
+    conforms.order(orders(errors), 2, atol=0.1)
+    conforms.independent(errors[-1], below=1e-3)
+
+
 def test_near_field_intensity_of_a_piston_is_its_power_with_order_2(conforms):
     # Re(p v*)/2 over a hemisphere of any radius equals the power: nothing is lost on the way.
     parts = panel(6, 4)
@@ -342,6 +384,20 @@ def test_near_field_intensity_of_a_piston_is_its_power_with_order_2(conforms):
         velocity = -(out - inner) / (2 * h) / (1j * omega * RHO)
         errors.append(abs(np.sum(weight * np.real(p * np.conj(velocity))) * r**2 / 2 / exact - 1))
     conforms.order(orders(errors), 2, atol=0.1)
+
+
+VELOCITIES = hnp.arrays(
+    complex, 24, elements=st.complex_numbers(max_magnitude=1e3, allow_subnormal=False)
+)
+
+
+@given(VELOCITIES, st.floats(1e-3, 5.9))
+def test_power_is_never_negative(v, ka):
+    parts = panel(6, 4)
+    omega = ka * C / A
+    matrix = rad.radiation_matrix(parts, omega)
+    rounding = 1e-14 * np.trace(matrix) * np.sum(np.abs(v) ** 2)
+    assert rad.sound_power(parts, v, omega) >= -rounding
 
 
 @pytest.mark.parametrize("ka", [0.1, 1.0, 12.0])
@@ -385,7 +441,29 @@ def test_two_pistons_that_meet_are_one_of_double_area(conforms):
     conforms.closed_form(power[-1], (k * distances[-1]) ** 2 / 12, rtol=0.01)
 
 
+def test_two_pistons_in_opposition_that_meet_are_silent(conforms):
+    k = 8.0
+    power = []
+    for d in 0.04 / 2 ** np.arange(4):
+        two = Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (0.02, 0.02))
+        power.append(rad.sound_power(two, [1.0, -1.0], k * C))
+    conforms.order(orders(power), 2, atol=0.02)
+
+
 # The kernel.
+
+place = st.floats(-1, 1, allow_subnormal=False)
+
+
+@given(place, place, place, place, st.floats(0.01, 2), st.floats(50, 4000))
+def test_source_and_receiver_change_places(conforms, x1, y1, x2, y2, z, omega):
+    def pressure(source, receiver):
+        parts = Pistons(np.array(source)[:, None], (0.01, 0.02))
+        point = np.array([*receiver, z])[:, None]
+        return complex(transfer_pressure(parts, point, omega)[0, 0])
+
+    there, back = pressure((x1, y1), (x2, y2)), pressure((x2, y2), (x1, y1))
+    conforms.invariance(there, back, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", [complex, float])

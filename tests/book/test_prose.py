@@ -151,6 +151,13 @@ def test_agreement_counts_the_checks(opened, text):
 
 
 @pytest.mark.slow
+def test_a_doctored_cube_changes_the_prose(opened, text):
+    cube = opened["plate-distance"]
+    doctored = {**opened, "plate-distance": cube.assign(mean_error=10 * cube["mean_error"])}
+    assert pieces_write.PIECES["plate-results"](doctored) != text("plate-results")
+
+
+@pytest.mark.slow
 def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
     (exponent,) = map(float, re.findall(r"exponent of M is −(\d\.\d+)", text("sound-markers")))
     assert 0.45 < exponent < 0.55

@@ -83,6 +83,18 @@ def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
     np.testing.assert_array_equal(cube["tracked_width"], WIDTHS)
 
 
+def test_errors_are_those_of_the_measured_deflections(conforms, cubes):
+    for cube in cubes.values():
+        reference = cube["reference_deflection"].values[0]
+        scale = 100 / np.abs(reference).max()
+        error = np.abs(cube["measured_deflection"].values[:, 0] - reference) * scale
+        conforms.independent(
+            cube["mean_error"][:, 0], np.sqrt(np.mean(error**2, axis=-1)), atol=1e-5
+        )
+        conforms.independent(cube["max_point_error"][:, 0], error.max(axis=-1), atol=1e-5)
+        conforms.independent(cube["point_error"][:, 0], error[:, 0], atol=1e-5)
+
+
 def test_settings_of_the_resolution_are_methods_and_widths(conforms, cubes):
     cube = cubes["experiment-resolution"]
     methods = ("matched", "literal", "aligned", "harmonic")

@@ -81,8 +81,23 @@ def test_order_is_ascending_and_no_lower_mode_is_missing(conforms, aspect, n):
     conforms.independent(omega, lowest, rtol=1e-12)
 
 
+@given(st.floats(0.1, 10), st.integers(1, 40))
+def test_turning_the_plate_by_a_right_angle_keeps_its_frequencies(conforms, aspect, n):
+    plate = plate_of(aspect)
+    turned = replace(plate, length=plate.width, width=plate.length)
+    conforms.invariance(plate.angular_frequencies(n), turned.angular_frequencies(n), rtol=1e-12)
+
+
 def test_more_modes_leave_the_first_ones_as_they_are(conforms):
     conforms.invariance(PLATE.mode_indices(200)[:31], PLATE.mode_indices(31), atol=0)
+
+
+def test_frequency_scales_with_thickness_over_length_squared(conforms):
+    other = replace(
+        PLATE, thickness=2 * PLATE.thickness, length=3 * PLATE.length, width=3 * PLATE.width
+    )
+    ratio = other.angular_frequencies(20) / PLATE.angular_frequencies(20)
+    conforms.invariance(ratio, 2 / 9, rtol=1e-13)
 
 
 def test_no_mode_is_refused():
@@ -206,6 +221,16 @@ def test_point_load_at_the_centre_with_order_1_in_the_number_of_modes(conforms):
     conforms.closed_form(np.real(sums[-1]), 0.01160, rtol=5e-4)
 
 
+def uniform_mean():
+    """Mean deflection under a uniform load, in q a⁴/D: Navier's series summed over one index."""
+    m = np.arange(1.0, 2000, 2)
+    decay = np.exp(-pi * m)
+    tanh, sech2 = (1 - decay) / (1 + decay), 4 * decay / (1 + decay) ** 2
+    once = pi * tanh / (4 * m)  # Σ 1/(n² + m²) over odd n
+    twice = pi * tanh / (8 * m**3) - pi**2 * sech2 / (16 * m**2)  # Σ 1/(n² + m²)²
+    return 64 / pi**8 * np.sum(((pi**2 / 8 - once) / m**4 - twice / m**2) / m**2)
+
+
 def shape_means(n_modes):
     """Means of the mode shapes over the plate: 2 (2/π)² / m₁m₂ for odd indices, else 0."""
     m1, m2 = SQUARE.mode_indices(n_modes).T
@@ -219,6 +244,14 @@ def test_uniform_load_deflects_the_centre_as_in_the_table(conforms):
     terms = modal_coordinates(SQUARE, 0.0, 12_800) * shape_means(12_800)
     total = np.sum(terms) * SQUARE.bending_stiffness / SQUARE.length**2
     conforms.closed_form(total, exact, rtol=1e-7)
+
+
+def test_uniform_load_with_order_5_halves_in_the_number_of_modes(conforms):
+    numbers = 400 * 2 ** np.arange(7)
+    omega = SQUARE.angular_frequencies(numbers[-1])
+    sums = np.cumsum(shape_means(numbers[-1]) ** 2 / (SQUARE.mass * omega**2))
+    errors = uniform_mean() - sums[numbers - 1] * SQUARE.bending_stiffness / SQUARE.length**2
+    conforms.order(slope(numbers, errors), -2.5, atol=0.05)
 
 
 # Response to a force.
