@@ -34,7 +34,7 @@ def print_json(value: Any) -> None:
     from pydantic_core import to_jsonable_python
 
     plain = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda one: one.tolist())
-    click.echo(json.dumps(plain, indent=1))
+    click.echo(json.dumps(plain, ensure_ascii=False, indent=1))
 
 
 class OutputError(RuntimeError):

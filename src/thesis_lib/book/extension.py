@@ -26,6 +26,7 @@ from thesis_lib.book.pieces.shown import find_figure_names
 from thesis_lib.figure_sets.registry import STUDIES
 
 MAX_DESCRIPTION_LENGTH = 200
+_MADE_PAGES = {"index", "search", "genindex", "py-modindex"}  # those without a source
 _BINDER_ADDRESS = "https://mybinder.org/v2"
 _BAR_PATTERN = re.compile(r"(?P<skip>``.*?``|`[^`]*`)|(?P<before>^|[\s'\"(\[{<\-/:=])\|(?=\S)")
 _NO_EXPRESSION = re.compile(r"<(?:[^<>]|<\w+>)*>")
@@ -39,6 +40,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("builder-inited", _load_mathjax)
     app.connect("html-page-context", _describe_page)
     app.connect("html-page-context", _add_binder_button, priority=600)  # after the theme's buttons
+    app.connect("build-finished", _remove_old_pages)
     app.connect("autodoc-process-docstring", _escape_bars)
     app.connect("autodoc-process-signature", _shorten_defaults)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
@@ -133,6 +135,20 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
         context["metatags"] = (
             context.get("metatags", "") + f'\n<meta {kind}="{name}" content="{escape(text)}"/>'
         )
+
+
+def _remove_old_pages(app: Any, error: Exception | None) -> None:
+    """Delete the pages of earlier builds whose sources are gone, which Sphinx leaves there."""
+    if error or app.builder.format != "html":
+        return
+    folder = Path(app.outdir)
+    names = {*app.env.all_docs, *_MADE_PAGES}
+    for page in folder.rglob("*.html"):
+        name = page.relative_to(folder).with_suffix("").as_posix()
+        if name not in names and not name.startswith("_"):
+            page.unlink()
+            for source in (folder / "_sources").glob(f"{name}.*"):
+                source.unlink()
 
 
 def _name_pages(app: Any, page: str, context: Any) -> None:

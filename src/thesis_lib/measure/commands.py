@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping
@@ -83,6 +82,7 @@ def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
     """Print what the recordings of a manifest could reach; draw it into a folder, if given."""
     from thesis_lib.measure.feasibility import assess
     from thesis_lib.measure.recordings.manifest import read_manifest
+    from thesis_lib.outputs import print_json
 
     manifest = read_manifest(path, check_files=False)
     assessment = assess.assess_manifest(manifest)
@@ -103,6 +103,7 @@ def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
 def run_measurement(path: Path, out: Path, as_json: bool) -> None:
     """Measure the recordings of a manifest into a folder, and print what was found."""
     from thesis_lib.measure.pipeline import measure_recordings
+    from thesis_lib.outputs import print_json
 
     report = measure_recordings(path, out, partial(echo, err=as_json))
     page = out / "report.html"
@@ -111,12 +112,6 @@ def run_measurement(path: Path, out: Path, as_json: bool) -> None:
         print_json({"report": str(page), "found": report.summary, "notes": notes})
     else:
         echo(f"Open {page}")
-
-
-def print_json(values: Mapping[str, Any]) -> None:
-    """Print plain values as JSON; what is not known, NaN, is null."""
-    known = json.loads(json.dumps(values), parse_constant=lambda _: None)
-    click.echo(json.dumps(known, ensure_ascii=False, indent=1))
 
 
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
