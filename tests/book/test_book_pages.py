@@ -284,8 +284,10 @@ def test_links_lead_to_files_and_anchors(visit: Callable[[str, bool], Visit], na
 
 @cache
 def anchors(page: Path) -> set[str]:
-    """The names of all places of a page."""
-    return set(re.findall(r'\bid="([^"]*)"', page.read_text(encoding="utf-8")))
+    """The names of all places of a page; those of claims are made by the ledger's script."""
+    text = page.read_text(encoding="utf-8")
+    claims = re.findall(r'"id":"([\w-]+)","kind"', text) if page.stem == "claims" else ()
+    return {*re.findall(r'\bid="([^"]*)"', text), *(f"claim-{one}" for one in claims)}
 
 
 @needs_book
