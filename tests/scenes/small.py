@@ -11,7 +11,8 @@ REQUESTS = {
     "cameras": {},
     "design-law": {"trials": 60, "counts": [2, 3, 8, 24], "frame_rates_hz": [60, 480]},
     "planner": {
-        "counts": [2, 4], "resolutions_px": [[320, 180]], "starts": 0, "step_deg": 30, "trials": 20
+        "counts": [2, 4], "resolutions_px": [[320, 180]], "starts": 0, "step_deg": 30, "trials": 20,
+        "target_percent": 40,
     },
 }  # fmt: skip
 OF_LEDGER = ("beam-arrays", "plate-aperture", "sound-distance", "experiment-cameras")
