@@ -312,7 +312,7 @@ def test_a_camera_films_the_same_whatever_other_settings_there_are():
         assert alone.motion == together.motion
     seeds = {lab_plate.rig_of(study, 1, [stand]).seed for stand in stands}
     assert len(seeds) == len(stands)
-    every = plate_study().stands
+    every = plate_study().camera_stands
     assert len(every) == len(set(every))
     assert set(stands) <= set(every)
 

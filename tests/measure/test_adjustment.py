@@ -125,7 +125,7 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
     uv = exact_images(rig(), R, t)
 
     def seen_from_behind(images):
-        return thick.shown(images)[..., 2, 0] < 0
+        return thick.corners_in_images(images)[..., 2, 0] < 0
 
     back = np.array([[0.0], [0.0], [-thick.thickness]])
     for c, s in np.argwhere(seen_from_behind(uv)):
@@ -138,7 +138,9 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
     unified, _ = unify_corners(single, shots, thick, two_sided=True)
     off = []
     for board in (thick, BOARD):
-        result = adjust_bundle(unified, board.shown(unified), [s.camera() for s in single])
+        result = adjust_bundle(
+            unified, board.corners_in_images(unified), [s.camera() for s in single]
+        )
         off.append(np.linalg.norm(align_cameras(result.cameras, rig())[1], axis=1).max())
     conforms.closed_form(off[0], below=1e-6)
     assert off[1] > 1e-3  # and without its thickness they are where they are not

@@ -43,7 +43,7 @@ class Setting:
     #: ``printed``, ``reversed``, or empty where the order of adding pairs has no meaning
     pair_order: str = ""
 
-    def turned(self) -> Setting:
+    def swap_axes(self) -> Setting:
         """Return the setting with its azimuths read from +X towards +Y."""
         directions = tuple((90 - azimuth, elevation) for azimuth, elevation in self.directions_deg)
         return replace(self, directions_deg=directions)

@@ -144,9 +144,9 @@ class BeamView:
 
     def frame(self, time: float, rng: np.random.Generator | None = None) -> Image:
         """Render the frame at a time in s of the motion; without a generator it has no noise."""
-        return self.light(time).recorded(self.sensor, rng)
+        return self.collect_light(time).recorded(self.sensor, rng)
 
-    def light(self, time: float) -> Light:
+    def collect_light(self, time: float) -> Light:
         """Collect the light around a time in s of the motion."""
         samples = self.sensor.samples
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure

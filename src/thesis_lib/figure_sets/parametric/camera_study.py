@@ -91,7 +91,7 @@ class CameraStudy(Study):
 
     def settings(self) -> list[Setting]:
         """Return the study's settings in the order of the thesis's tables, azimuths from +Y."""
-        return [s.turned() if self.azimuth_zero == "X" else s for s in self.thesis_settings()]
+        return [s.swap_axes() if self.azimuth_zero == "X" else s for s in self.thesis_settings()]
 
     @property
     def law(self) -> str:

@@ -110,9 +110,9 @@ class _Sound:
                 for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
             ]
         )
-        return {"rms": rms} | (self.predicted(setting) if block.trials.start == 0 else {})
+        return {"rms": rms} | (self.predict_setting(setting) if block.trials.start == 0 else {})
 
-    def predicted(self, setting: Setting) -> dict[str, Array]:
+    def predict_setting(self, setting: Setting) -> dict[str, Array]:
         """Predict the errors of a setting by the law of rounding: (modes, planes, ...)."""
         focal_length_mm, sensor_width_mm, known, noise_px = self.study
         P = setting.cameras(focal_length_mm, sensor_width_mm).P

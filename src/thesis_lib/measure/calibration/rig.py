@@ -295,12 +295,14 @@ def adjust_cameras(
         lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
-    full = adjust_bundle(used, board.shown(used), cameras, not lenses, not lenses)
+    full = adjust_bundle(used, board.corners_in_images(used), cameras, not lenses, not lenses)
     if (
         not lenses
         and contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
     ):
-        full = adjust_bundle(used, board.shown(used), cameras, intrinsics=False, distortion=False)
+        full = adjust_bundle(
+            used, board.corners_in_images(used), cameras, intrinsics=False, distortion=False
+        )
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)

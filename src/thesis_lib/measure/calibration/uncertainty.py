@@ -237,7 +237,7 @@ def jackknife_calibration(
     def compute() -> xr.Dataset:
         corners = calibration["corners"].values
         corners = corners[:, np.isfinite(corners).any(axis=(0, 2, 3))]  # of poses that were used
-        points, lenses = board.shown(corners), held
+        points, lenses = board.corners_in_images(corners), held
         together, single = calibration["reprojection_rms"], calibration["single_rms"].values
         apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
         if lenses is None and apart:  # lenses are then of each camera alone

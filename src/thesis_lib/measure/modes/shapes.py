@@ -61,14 +61,14 @@ class Track:
         return self.uv[:, 1] if self.rows is None else self.rows
 
     @property
-    def late(self) -> Array:
+    def row_delays(self) -> Array:
         """By how much each centre was seen after its frame's time, s, shape (frames, markers)."""
         return np.asarray(self.readout * (self.seen_rows / self.camera.size[1] - 0.5), float)
 
     @property
     def usual(self) -> Array:
-        """The mean of :attr:`late` over what is seen, s, shape (markers,)."""
-        late = np.ma.masked_invalid(self.late)
+        """The mean of :attr:`row_delays` over what is seen, s, shape (markers,)."""
+        late = np.ma.masked_invalid(self.row_delays)
         return np.asarray(late.mean(axis=0).filled(0.0), float)
 
     def shifted(self, seconds: float, pace: float = 1.0, at: float = 0.0) -> Track:
@@ -260,7 +260,7 @@ def remove_nonlinearity(
     slope = np.einsum("ikn,k->in", image_jacobian(P, rest.points)[0], normal)
     linear = slope * predict_heights(track.usual[None])[:, None]
     lifted = rest.points[:, None] + normal[:, None, None] * predict_heights(
-        np.nan_to_num(track.late)
+        np.nan_to_num(track.row_delays)
     )
     true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
     return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)

@@ -109,7 +109,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         "highest": _highest(structure, step),
         "outline": np.ravel(1000 * corners),
         "wall": asked.wall,
-        "held": len(asked.held(structure.kind, len(corners))),
+        "held": len(asked.held_edges(structure.kind, len(corners))),
         "speed_of_sound": asked.speed_of_sound_m_s,
         "air_density": asked.air_density_kg_m3,
     }
@@ -210,7 +210,7 @@ def _choose_motion(
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
     step = interpolation.largest_gap(markers)
-    held = interpolation.edge_places(corners, asked.held(structure.kind, len(corners)), step)
+    held = interpolation.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
     return interpolation.by_spline(markers, held, places)
 
 

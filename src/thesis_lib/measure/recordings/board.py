@@ -53,7 +53,7 @@ class Board:
         y = (np.arange(ny) - (ny - 1) / 2) * self.tile
         return np.stack([np.tile(x, ny), np.repeat(y, nx), np.zeros(nx * ny)])
 
-    def shown(self, images: Array) -> Array:
+    def corners_in_images(self, images: Array) -> Array:
         """Return the corners in the frame of a side, as images show them, in m.
 
         Corners of the other side lie a thickness behind, and run in an image from it the other
