@@ -87,7 +87,7 @@ def ordered_colors(count: int) -> list[str]:
     Examples
     --------
     >>> ordered_colors(3)
-    ['#3b528b', '#23898e', '#addc30']
+    ['#414487', '#21918c', '#7ad151']
     """
     shades = matplotlib.colormaps["viridis"](np.linspace(0.2, 0.8, count))
     return [to_hex(shade) for shade in shades]
