@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
-from thesis_lib.plotting.style import figure_svg, in_style, iterate_slices
-from thesis_lib.studies.cubes import trials_are
+from thesis_lib.plotting.style import figure_svg, in_style
+from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.fields import suggest_name
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import describe_study

@@ -12,11 +12,10 @@ import io
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import matplotlib
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -323,14 +322,6 @@ def draw_map(axes: Axes, values: Array, across: Array, up: Array, limit: float) 
 
 TICK_STEPS = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 2, 5))
 """Ticks of logarithmic axes: 1, 2 and 5 times powers of ten."""
-
-
-_Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
-
-
-def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
-    """Iterate over a cube along a dimension."""
-    return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
 
 
 def panel_grid(count: int, width: float, height: float, **how: Any) -> tuple[Figure, list[Axes]]:

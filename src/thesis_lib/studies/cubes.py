@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -38,6 +39,13 @@ LISTED_VARIABLES = {  # by its dimension, what is compared of a cube whose resul
 ROW_KEYS = ["case", "value", "label", "pair_order", "mode"]
 STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
+
+_Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
+
+
+def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
+    """Iterate over a cube along a dimension."""
+    return (cube.isel({dim: index}) for index in range(cube.sizes[dim]))
 
 
 def list_dimension(cube: xr.Dataset) -> str:

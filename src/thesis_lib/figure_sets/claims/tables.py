@@ -25,7 +25,7 @@ from thesis_lib.ledger.verdicts import (
     WIDENING_POINTS,
     WIDENING_POINTS_BELOW_10,
 )
-from thesis_lib.plotting.style import iterate_slices
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.fragment import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
 _LEDGER_SCRIPT = join_modules("ledger")

@@ -19,13 +19,13 @@ from thesis_lib.plotting.style import (
     INK_COLOR,
     REFERENCE_COLOR,
     cycle_color,
-    iterate_slices,
     log_axes,
     make_logarithmic,
     name_styles,
     ordered_colors,
     subplots,
 )
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX
 from thesis_lib.vision.rounding import difference_variance

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.design_law.shares import (
     OUTLIER_PX,
 )
 from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDE_RANGE, CONE_MOTION_PX
-from thesis_lib.plotting.style import iterate_slices
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import dither
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION
 from thesis_lib.vision.simulation import fit_exponent

@@ -25,7 +25,8 @@ from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.plotting.style import iterate_slices, save_figure
+from thesis_lib.plotting.style import save_figure
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 

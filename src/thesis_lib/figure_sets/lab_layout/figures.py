@@ -33,12 +33,11 @@ from thesis_lib.plotting.style import (
     REFERENCE_COLOR,
     WORST_COLOR,
     draw_curves,
-    iterate_slices,
     make_logarithmic,
     ordered_colors,
     subplots,
 )
-from thesis_lib.studies.cubes import trials_are
+from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.vision.pinhole import hemisphere_directions
 

@@ -19,9 +19,9 @@ from thesis_lib.plotting.style import (
     RANK_COLORS,
     REFERENCE_COLOR,
     cycle_color,
-    iterate_slices,
     subplots,
 )
+from thesis_lib.studies.cubes import iterate_slices
 
 STYLE = MATH_STYLE  # of pictures
 LINE_BLACK = "#222222"

@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
-from thesis_lib.plotting.style import draw_map, iterate_slices, make_mosaic
+from thesis_lib.plotting.style import draw_map, make_mosaic
 from thesis_lib.studies import cubes
+from thesis_lib.studies.cubes import iterate_slices
 
 CASE_TITLES = {
     "distance": "distance d",

@@ -18,12 +18,12 @@ from thesis_lib.plotting.style import (
     INK_COLOR,
     REFERENCE_COLOR,
     cycle_color,
-    iterate_slices,
     make_logarithmic,
     name_styles,
     ordered_colors,
     subplots,
 )
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision.optics import picture_height
 
 FIGURE_SIZE_IN = (7.2, 3.3)  # inches

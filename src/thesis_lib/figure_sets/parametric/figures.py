@@ -13,15 +13,9 @@ from thesis_lib.figure_sets.parametric.sound_turn import turn_summary
 from thesis_lib.figure_sets.parametric.tables import compare_frequencies
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
-from thesis_lib.plotting.style import (
-    bar_beside,
-    draw_map,
-    iterate_slices,
-    ordered_colors,
-    place_panels,
-    subplots,
-)
+from thesis_lib.plotting.style import bar_beside, draw_map, ordered_colors, place_panels, subplots
 from thesis_lib.studies import schema
+from thesis_lib.studies.cubes import iterate_slices
 
 TEXTS = {
     "turn": lambda cube: {"audible": audible_planes(cube)},

@@ -29,10 +29,10 @@ from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
     cycle_color,
-    iterate_slices,
     log_axes,
     subplots,
 )
+from thesis_lib.studies.cubes import iterate_slices
 
 __all__ = ["TEXTS", "front", "gain", "layouts"]
 PLAN_BLACK = "#222222"

@@ -15,7 +15,7 @@ from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.figures import layout_view
 from thesis_lib.planning.positions import MAX_TIE_RATIO
-from thesis_lib.plotting.style import iterate_slices
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
 FRONT_QUESTION = "beam: nearer or farther, too"  # of which the front is drawn

@@ -35,8 +35,8 @@ from thesis_lib.measure.recordings.manifest_model import (
 )
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.recordings.validation import ChainError
-from thesis_lib.plotting.style import iterate_slices
 from thesis_lib.studies import storage
+from thesis_lib.studies.cubes import iterate_slices
 
 MAX_FLATNESS_RATIO = 0.02  # of the longer side that markers may be off their plane at rest
 # Times what noise explains, up to which a model's modes are taken for the shape

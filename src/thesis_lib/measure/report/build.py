@@ -29,8 +29,9 @@ from thesis_lib.measure.report.warnings import (
     check_sound,
     no_wall_change,
 )
-from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, iterate_slices, save_figure
+from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.plotting.viewer_data import encode_field
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
 

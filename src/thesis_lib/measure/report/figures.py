@@ -29,10 +29,10 @@ from thesis_lib.plotting.style import (
     cycle_color,
     drawable_names,
     in_style,
-    iterate_slices,
     panel_grid,
     subplots,
 )
+from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision.lens import project_points
 

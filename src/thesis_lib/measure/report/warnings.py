@@ -17,7 +17,7 @@ from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.excitation import Sweep
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.response.force import dwell_time, settling_time
-from thesis_lib.plotting.style import iterate_slices
+from thesis_lib.studies.cubes import iterate_slices
 
 MAX_LOST_FRACTION = 0.05  # of the marker images of a camera
 MAX_STRAY_FRACTION = 0.01  # of the centres that are left out
