@@ -102,7 +102,7 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     assert found["missing"].max() < 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
     """Driven by noise; a sound card of its own records the force, and a microphone beside it."""
     truth = Driven(random_force(8.0, 0.04, 25.0), (0.05, 0.03))

@@ -324,7 +324,7 @@ def test_gaps_that_are_made_again_err_as_the_gaps_do(swept, tmp_path):
     assert 0.75 < np.std(estimated) / np.std(found - clean) < 1.3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_of_a_whole_sweep_hold_where_centres_are_missing(swept, tmp_path):
     own = with_gaps(swept, tmp_path, 0.1)
     data = own.responded(own.asked("sweep"))
