@@ -22,7 +22,7 @@ from thesis_lib.web.page import BookError
 BROWSER_COMMANDS = ("chromium", "chromium-browser", "google-chrome")
 PRINT_STYLE = "book/assets/print.css"
 UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
-  link => link.protocol === "file:" && link.removeAttribute("href"))"""
+  link => link.protocol === "file:" && link.replaceWith(...link.childNodes))"""
 BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 
 
@@ -96,7 +96,7 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
         opened.goto(page.resolve().as_uri(), wait_until="load")
         opened.evaluate("() => window.MathJax?.startup?.promise")
         opened.add_style_tag(path=style)
-        opened.evaluate(UNLINK_PAGES)  # those that the explorer and the ledger made, too
+        opened.evaluate(UNLINK_PAGES)  # whole elements: a script may set an address again
         opened.pdf(
             path=pdf, prefer_css_page_size=True, print_background=True, tagged=True, outline=True
         )
