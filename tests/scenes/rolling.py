@@ -26,7 +26,7 @@ class RollingView(BeamView):
         rest = lens.project_points(camera, on_surface(markers.extent, self.points))
         self.late = readout * (rest[1] / camera.size[1] - 0.5)
 
-    def light(self, time: float) -> Light:
+    def collect_light(self, time: float) -> Light:
         """Collect the light around a time in s of the motion, that of the middle row."""
         samples, late = self.sensor.samples, self.late
         within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
