@@ -14,9 +14,6 @@ import os
 import threading
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
-
-import click
 
 from thesis_lib.asides import aside
 from thesis_lib.files import only_command, sha256, whole_text
@@ -25,16 +22,7 @@ from thesis_lib.text import has_hidden, one_line
 RECORD_NAME = ".written.json"
 CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
 _THREAD_LOCK = threading.Lock()  # a lock of a folder keeps out other processes, not threads
-JSON_OPTION = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_lib\n"
-
-
-def print_json(value: Any) -> None:
-    """Print a value as one JSON document on standard output; what is not finite is null."""
-    from pydantic_core import to_jsonable_python
-
-    plain = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda one: one.tolist())
-    click.echo(json.dumps(plain, ensure_ascii=False, indent=1))
 
 
 class OutputError(RuntimeError):

@@ -1,9 +1,8 @@
-"""Commands beside ``thesis measure``: synchronisation alone, and what is needed on paper."""
+"""What ``thesis measure`` does by its options, synchronisation alone, and sheets to print."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.asides import echo
+from thesis_lib.asides import echo, print_json
 
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -78,16 +77,16 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
     echo(f"Now look through {name}, and ask: thesis measure --check {name}")
 
 
-def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
-    """Print what the recordings of a manifest could reach; draw it into a folder, if given."""
-    from thesis_lib.measure.feasibility import assess
-    from thesis_lib.measure.recordings.manifest import read_manifest
-    from thesis_lib.outputs import print_json
+def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: bool) -> None:
+    """Print what the recordings of a manifest could reach; draw it into `out`, if given.
 
-    manifest = read_manifest(path, check_files=False)
+    `folder` is the manifest's.
+    """
+    from thesis_lib.measure.feasibility import assess
+
     assessment = assess.assess_manifest(manifest)
     verdict = assess.describe_verdict(assessment)
-    files = write_corners_page(manifest, path.parent)
+    files = write_corners_page(manifest, folder)
     files += draw(manifest, out) if out else []
     if as_json:
         outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
@@ -95,15 +94,13 @@ def check_manifest(path: Path, out: Path | None, as_json: bool) -> None:
         return
     echo(*assess.describe_assessment(assessment), *files, "")
     well = assessment.verdict.outcome == "compressed" and not assessment.warnings
-    colour = "green" if well else "red" if assessment.verdict.outcome == "none" else "yellow"
-    plain = os.environ.get("NO_COLOR") or None
-    click.secho("\n".join(verdict), fg=colour, color=False if plain else None)
+    failed = assessment.verdict.outcome == "none"
+    echo(*verdict, colour="green" if well else "red" if failed else "yellow")
 
 
 def run_measurement(path: Path, out: Path, as_json: bool) -> None:
     """Measure the recordings of a manifest into a folder, and print what was found."""
     from thesis_lib.measure.pipeline import measure_recordings
-    from thesis_lib.outputs import print_json
 
     report = measure_recordings(path, out, partial(echo, err=as_json))
     page = out / "report.html"

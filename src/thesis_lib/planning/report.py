@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import json
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from markupsafe import Markup
 
@@ -83,6 +85,22 @@ def write_plan(
         (part / "plan.html").write_text(build_page(made, cube, lines, picture), encoding="utf-8")
         put_files(part, folder)
     return lines
+
+
+def plan_record(folder: Path) -> dict[str, Any]:
+    """Return the proposed option of a plan's files: cost, cameras, errors in %, by mode."""
+    cube = storage.open_netcdf(folder / "plan.nc")
+    best = cube.isel(option=int(cube["chosen"]))
+    names = ["frequency", "predicted_error", "simulated_error", "simulated_low", "simulated_high"]
+    return {
+        "structure": cube.attrs["structure"],
+        "parameters": json.loads(cube.attrs["parameters"]),
+        "page": folder / "plan.html",
+        "cost": float(best["cost"]),
+        "cost_is": cube.attrs["cost_is"],
+        "cameras": pd.read_csv(folder / "plan.csv").to_dict("records"),
+        "errors": best[names].to_dataframe()[names].reset_index().to_dict("records"),
+    }
 
 
 def plan_command(request: PlanRequest, file: str = "") -> str:

@@ -49,26 +49,24 @@ def is_folder(name: str) -> bool:
     return os.sep in name or name in (".", "..")
 
 
+def sets_of(name: str) -> list[str]:
+    """Return the figure sets that a set, a chapter or a folder stands for."""
+    from thesis_lib.figure_sets.registry import CHAPTER_SETS, load_sets
+
+    return load_sets(Path(name)) if is_folder(name) else CHAPTER_SETS.get(name, [name])
+
+
 def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     """Return validated studies of sets and chapters; each set takes the parameters that it has.
 
     A name that is a folder's stands for the figure sets in it.
     """
-    from thesis_lib.figure_sets import registry
-    from thesis_lib.figure_sets.registry import CHAPTER_SETS, model_of
+    from thesis_lib.figure_sets.registry import model_of
     from thesis_lib.studies.request import ParameterError, check_names, validate_values
 
     studies, notes = [], []
     try:
-        expanded = [
-            one
-            for name in names
-            for one in (
-                registry.load_sets(Path(name))
-                if is_folder(name)
-                else CHAPTER_SETS.get(name, [name])
-            )
-        ]
+        expanded = [one for name in names for one in sets_of(name)]
         models = [model_of(name) for name in dict.fromkeys(expanded)]
         known = {key for model in models for key in model.model_fields}
         check_names(models[0], (key for key in values if key not in known))
