@@ -307,16 +307,15 @@ def _number(number: StatedNumber) -> Entry:
     )
 
 
-def count_verdicts(found: Iterable[Entry], **where: object) -> dict[str, int]:
-    """Count the entries by verdict, of those whose attributes are as given.
+def count_verdicts(found: Iterable[Entry]) -> dict[str, int]:
+    """Count the entries by verdict.
 
     Examples
     --------
-    >>> count_verdicts([], chapter=3)
+    >>> count_verdicts([])
     {'agrees': 0, 'within scatter': 0, 'differs': 0, 'no material change': 0, 'undefined': 0}
     """
-    chosen = [e for e in found if all(getattr(e, name) == value for name, value in where.items())]
-    counts = Counter(entry.verdict for entry in chosen)
+    counts = Counter(entry.verdict for entry in found)
     return {verdict: counts[verdict] for verdict in VERDICTS}
 
 

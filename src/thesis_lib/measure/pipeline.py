@@ -19,7 +19,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
 from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.exchange.cameras import OWN_FILE, Found
-from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
+from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
 from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.modes.identify import modes_result
@@ -46,6 +46,15 @@ from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import label_values, parse_variables, with_origin
 
+STEPS_FOLDER = ".steps"  # folder of what is kept between runs
+#: All that a measurement may write, as patterns
+OUTPUT_FILES = (
+    "report.html", "figures/*.*", "vtk/**/*.*", "measured.*", "shapes.*", "motion.*", "modes.*",
+    "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
+    "tracked.mp4",
+)  # fmt: skip
+_SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
+_NEVER_S = 1e6  # after all recordings
 SHOT_VARIABLES = parse_variables("shots_used(camera) [1] board images that were used")
 UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
@@ -171,17 +180,6 @@ def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(label_values(values | {"shots_used": seen}, table), names)
 
 
-STEPS_FOLDER = ".steps"  # folder of what is kept between runs
-#: All that a measurement may write, as patterns
-OUTPUT_FILES = (
-    "report.html", "figures/*.*", "vtk/**/*.*", "measured.*", "shapes.*", "motion.*", "modes.*",
-    "mode-*.*", "response.*", "radiated.*", "heard-*.wav", "calibration.nc", "cameras.*", "shape.*",
-    "tracked.mp4",
-)  # fmt: skip
-_SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
-_NEVER_S = 1e6  # after all recordings
-
-
 def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
@@ -215,18 +213,24 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
     there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
     check_cache(out / STEPS_FOLDER)
-    for line in describe_assessment(assess_manifest(manifest)):
+    assessment = assess_manifest(manifest)
+    for line in describe_assessment(assessment):
         say(line)
     inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        is_shape = manifest.excitation.behaviour.result == "shape"
-        measure = measure_shape if is_shape else measure_motion
-        return measure(manifest, folder, inputs, out, say)
+        if manifest.excitation.behaviour.result == "shape":
+            return measure_shape(manifest, folder, inputs, assessment, out, say)
+        return measure_motion(manifest, folder, inputs, out, say)
 
 
 def measure_shape(
-    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
+    manifest: Manifest,
+    folder: Path,
+    inputs: Recorded,
+    assessment: Assessment,
+    out: Path,
+    say: Callable[[str], object],
 ) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
@@ -235,7 +239,6 @@ def measure_shape(
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
     seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
-    assessment = assess_manifest(manifest)
     report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")

@@ -51,7 +51,7 @@ def compare_summaries(
     return table
 
 
-def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
+def comparison_lines(table: pd.DataFrame, old_name: str, first: str) -> list[str]:
     """Return a line per setting and mode, in % of the largest deflection."""
     if "verdict" in table:
         changed = table[table["verdict"] != table["verdict_old"]]
@@ -86,16 +86,16 @@ def comparison_lines(table: pd.DataFrame, old_name: str) -> list[str]:
             f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
             f"{' *' if row.apart else ''}"
         )
-    return [*lines, _legend(table)]
+    return [*lines, _legend(table, first)]
 
 
-def _legend(table: pd.DataFrame) -> str:
-    """Explain the columns of a table of errors, and the short names in it."""
+def _legend(table: pd.DataFrame, first: str) -> str:
+    """Explain the columns of a table of errors, and the short names in it; `first` is trial 0."""
     labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
     meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
     return (
-        "errors in % of the largest reference value; trial 0 is the nominal run; * the bands do "
-        f"not meet; {meanings}"
+        f"errors in % of the largest reference value; trial 0: {first}; * the bands do not meet; "
+        f"{meanings}"
     )
 
 
@@ -104,13 +104,14 @@ def difference_lines(
 ) -> list[str]:
     """Describe how a cube's errors differ from those of another, or from the published run."""
     if other is not None:
-        return comparison_lines(
-            compare_summaries(summarise_errors(cube), summarise_errors(other)), name
-        )
-    published = read_published(cube.attrs["figure_set"])
-    if published is None:
-        return ["nothing is published yet to compare with"]
-    return comparison_lines(compare_summaries(summarise_errors(cube), published), "published")
+        old = summarise_errors(other)
+    else:
+        name, published = "published", read_published(cube.attrs["figure_set"])
+        if published is None:
+            return ["nothing is published yet to compare with"]
+        old = published
+    table = compare_summaries(summarise_errors(cube), old)
+    return comparison_lines(table, name, cube.attrs["trial_0"])
 
 
 def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
@@ -142,7 +143,7 @@ def error_lines(cube: xr.Dataset) -> list[str]:
         f"{' *' if row.apart else ''}"
         for row in table[np.isfinite(table["trial_0"])].itertuples()
     ]
-    return [*lines, _legend(table)]
+    return [*lines, _legend(table, cube.attrs["trial_0"])]
 
 
 def all_difference_lines(

@@ -32,7 +32,6 @@ from scipy.stats import norm, t
 
 from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.calibration import bundle_adjustment
 from thesis_lib.measure.calibration.bundle_adjustment import (
     LENS_UNKNOWNS,
     POSE_UNKNOWNS,
@@ -40,6 +39,9 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
     Network,
     adjust_bundle,
     camera_deviations,
+    gauge_directions,
+    normal_equations,
+    of_pictures,
 )
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
@@ -89,7 +91,7 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     matrices, sides = _image_contributions(observations, points, adjustment)
     parts = matrices[:, free][:, :, free] * units[:, None] * units
     right = sides[:, free] * units
-    gauge, _ = np.linalg.qr(bundle_adjustment.gauge_directions(alone)[free] / units[:, None])
+    gauge, _ = np.linalg.qr(gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
     changes = (
         _changes_without_each(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
@@ -133,7 +135,7 @@ def with_lenses(
     N = _image_contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
     bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    Q, _ = np.linalg.qr(bundle_adjustment.gauge_directions(bare)[:cut] / units[:, None])
+    Q, _ = np.linalg.qr(gauge_directions(bare)[:cut] / units[:, None])
     moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
     T = np.concatenate([moved, np.eye(len(held))])
     return np.asarray(poses + T @ held @ T.T)
@@ -152,8 +154,8 @@ def _image_contributions(
         cameras = tuple(network.cameras[c] for c in views)
         one = Network(cameras, network.rotations[[s]], network.translations[[s]])
         uv = observations[views][:, [s]]
-        own = bundle_adjustment.of_pictures(points, np.ix_(views, np.array([s])))
-        N, g, _ = bundle_adjustment.normal_equations(uv, own, one)
+        own = of_pictures(points, np.ix_(views, np.array([s])))
+        N, g, _ = normal_equations(uv, own, one)
         board = POSE_UNKNOWNS * len(views) + np.arange(POSE_UNKNOWNS)
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])

@@ -13,10 +13,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.calibration import bundle_adjustment
-from thesis_lib.measure.calibration.bundle_adjustment import Network
+from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,
@@ -24,10 +25,17 @@ from thesis_lib.measure.fitting.harmonics import (
     deflection_amplitude,
 )
 from thesis_lib.measure.recordings.board import Markers
+from thesis_lib.studies.schema import label_values, parse_variables
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
 MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+SHARED_VARIABLES = parse_variables("""
+    shared_real(marker) [m] what independent errors of the calibration, of one standard deviation
+        each, add to the complex amplitudes, real part
+    shared_imag(marker) [m] what independent errors of the calibration, of one standard deviation
+        each, add to the complex amplitudes, imaginary part
+""")
 
 
 def common_errors(
@@ -76,6 +84,19 @@ def common_errors(
     return fewer.reshape(len(fewer), len(fits), -1)
 
 
+def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ArrayLike) -> xr.Dataset:
+    """Return a result with :data:`SHARED_VARIABLES`; its standard errors hold them.
+
+    `rows` are of :func:`common_errors`, of all fits or of one; `turns` multiply complex amplitudes
+    to those at the maximum of the vibration.
+    """
+    own = data["standard_error"]
+    shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
+    own.values[:] = np.hypot(own.values, shared)
+    values = {"shared_real": rows.real, "shared_imag": rows.imag}
+    return data.assign(label_values(values, SHARED_VARIABLES, ("row", *map(str, own.dims[:-1]))))
+
+
 def _keep_largest(rows: ComplexArray) -> ComplexArray:
     """Return at most :data:`MAX_DIRECTIONS` rows with the covariance of the largest directions.
 
@@ -91,7 +112,7 @@ def _keep_largest(rows: ComplexArray) -> ComplexArray:
 def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    cameras = bundle_adjustment.step_network(network, step).cameras
+    cameras = step_network(network, step).cameras
     pairs = list(zip(fit.cameras, cameras, strict=True))
     harmonics = [
         _undistort_again(old, new, own)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.calibration_error import common_errors
+from thesis_lib.measure.fitting.calibration_error import common_errors, with_common_errors
 from thesis_lib.measure.fitting.frequency import (
     apply_paces,
     estimate_paces,
@@ -119,14 +119,6 @@ VARIABLES = parse_variables("""
 """)
 
 
-SHARED_VARIABLES = parse_variables("""
-    shared_real(row, marker) [m] what independent errors of the calibration, of one standard
-        deviation each, add to the complex amplitudes, real part
-    shared_imag(row, marker) [m] what independent errors of the calibration, of one standard
-        deviation each, add to the complex amplitudes, imaginary part
-""")
-
-
 def shape_result(
     manifest: Manifest,
     sound: xr.Dataset,
@@ -147,7 +139,8 @@ def shape_result(
         Cameras, clocks and tracks.
     covariance : ndarray, optional
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
-        then the result has :data:`SHARED_VARIABLES`, too, and standard errors hold it.
+        then the result has ``SHARED_VARIABLES`` of
+        :mod:`~thesis_lib.measure.fitting.calibration_error`, too, and standard errors hold it.
 
     Returns
     -------
@@ -275,11 +268,7 @@ def shape_result(
     if covariance is None:
         return data
     rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
-    shared = np.sqrt(np.sum((rows * np.exp(-1j * phase)).real ** 2, axis=0))
-    data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
-    return data.assign(
-        label_values({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
-    )
+    return with_common_errors(data, rows, np.exp(-1j * phase))
 
 
 def _compare_aliases(

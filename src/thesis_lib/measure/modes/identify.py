@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.calibration_error import common_errors
+from thesis_lib.measure.fitting.calibration_error import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
@@ -390,12 +390,6 @@ VARIABLES = parse_variables("""
     before(line) [1] power of the tracks over noise
     after(line) [1] power of what the modes leave
 """)
-SHARED_VARIABLES = parse_variables("""
-    shared_real(row, mode, marker) [m] what independent errors of the calibration, of one standard
-        deviation each, add to the complex amplitudes, real part
-    shared_imag(row, mode, marker) [m] what independent errors of the calibration, of one standard
-        deviation each, add to the complex amplitudes, imaginary part
-""")
 
 
 def modes_result(
@@ -412,7 +406,9 @@ def modes_result(
     -------
     xarray.Dataset
         Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
-        covariance it has :data:`SHARED_VARIABLES`, too, and standard errors of shapes hold it.
+        covariance it has ``SHARED_VARIABLES`` of
+        :mod:`~thesis_lib.measure.fitting.calibration_error`, too, and standard errors of shapes
+        hold it.
 
     Raises
     ------
@@ -477,11 +473,7 @@ def modes_result(
     still = np.zeros(len(recordings))  # of exposures, which the fits are free of
     omegas = [float(pole.imag) for pole in found.poles]
     rows = common_errors(found.fits, markers_of(manifest), omegas, still, covariance)
-    shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
-    data["standard_error"].values[:] = np.hypot(data["standard_error"].values, shared)
-    return data.assign(
-        label_values({"shared_real": rows.real, "shared_imag": rows.imag}, SHARED_VARIABLES)
-    )
+    return with_common_errors(data, rows, turns)
 
 
 COMMON_VARIABLES = (

@@ -90,15 +90,24 @@ class _Form:
             return _clock_seconds(cell)
         return float(cell.replace(self.decimal, "."))
 
+    def parse(self, line: str) -> tuple[list[float | None], bool]:
+        """Return the numbers of a line, None where a cell holds none, and whether it is data.
+
+        It is if two cells or more are numbers, and so is the first filled. Empty ends do not
+        count.
+        """
+        cells = self.cells(line.rstrip(f" {self.separator}"))
+        row = [self.number(cell) for cell in cells]
+        filled = [number for cell, number in zip(cells, row, strict=True) if cell]
+        return row, sum(one is not None for one in filled) >= 2 and filled[0] is not None
+
     def numbers(self, line: str) -> list[float | None]:
-        """Return the numbers of a line, None where a cell holds none; empty ends do not count."""
-        return [self.number(cell) for cell in self.cells(line.rstrip(f" {self.separator}"))]
+        """Return the numbers of a line, None where a cell holds none."""
+        return self.parse(line)[0]
 
     def is_data(self, line: str) -> bool:
-        """Return whether at least two cells of a line are numbers, and so is the first filled."""
-        cells = [cell for cell in self.cells(line) if cell]
-        known = [self.number(cell) is not None for cell in cells]
-        return sum(known) >= 2 and known[0]
+        """Return whether a line is data."""
+        return self.parse(line)[1]
 
 
 CLOCK_PATTERN = re.compile(
@@ -227,13 +236,13 @@ def _values(path: Path, form: _Form, body: Sequence[tuple[int, str]], width: int
     """Read the numbers of all rows, shape (rows, columns), NaN where a cell is empty or a word."""
     rows = []
     for number, line in body:
-        if not form.is_data(line):
+        row, good = form.parse(line)
+        if not good:
             raise ForceError(
                 f"{path}: line {number}: {line.strip()[:40]!r} is not a time and a force, "
                 f"{EXAMPLE_TEXT}"
             )
-        row = form.numbers(line)[:width]
-        rows.append([*row, *[None] * (width - len(row))])
+        rows.append([*row[:width], *[None] * (width - len(row))])
     found = np.array(rows, float)
     for k, cell in enumerate(form.cells(body[0][1])[:width]):
         if CLOCK_PATTERN.fullmatch(cell):  # times of day count from the first
