@@ -20,7 +20,7 @@ import xarray as xr
 
 from thesis_lib.book.pieces import summary_figure as conclusions_figure
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.experiment import figures as walk
+from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.files import project_root

@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.experiment import figures as walk
+from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.lab_equal_pixels import compute as lab_equal_pixels_study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.planning.results import camera_table
 from thesis_lib.plotting.style import (
+    BLACK_COLOR,
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     INK_COLOR,
@@ -122,7 +123,7 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     }
     dots |= {f"{w}×{heights[w]} px": {"marker": symbol} for w, symbol in symbols.items()}
     name_styles(axes, {label: {"ls": "none", "ms": 5, **style} for label, style in dots.items()})
-    axes.plot(cost, simulated, "_", color="#222222", markersize=9, label="simulated")
+    axes.plot(cost, simulated, "_", color=BLACK_COLOR, markersize=9, label="simulated")
     if target is not None:
         axes.axhline(target, color=HIGHLIGHT_COLOR, linestyle="--", linewidth=1, label="target")
         at = cost[int(cube["chosen"])], predicted[int(cube["chosen"])]

@@ -31,6 +31,7 @@ from thesis_lib.plotting.selection import (
     select_settings,
 )
 from thesis_lib.plotting.style import (
+    BLACK_COLOR,
     HIGHLIGHT_COLOR,
     RANK_COLORS,
     REFERENCE_COLOR,
@@ -53,7 +54,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
     the length of a bar means nothing.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    colors, black = ordered_colors(n_settings), "#222222"
+    colors = ordered_colors(n_settings)
     top = _top(groups)
     floor = _least(groups, top)
     silent = [bars.name for bars in groups if np.isnan(bars.literal).all()]
@@ -70,12 +71,14 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
         words, alone = bars.name or part.attrs["trial_0"], {"ls": "none", "marker": "s", "ms": 8}
         name_styles(axes, {words: {"alpha": style["alpha"], **alone}})
         if np.isfinite(median).all():  # there were trials
-            axes.vlines(position, low, high, color=black, lw=1.2)
+            axes.vlines(position, low, high, color=BLACK_COLOR, lw=1.2)
             words = f"5–95 % of {cubes.trials_are(part)}"
-            axes.plot([], [], "|", color=black, ms=10, mew=1.2, label=words)
-            axes.plot(position, median, "o", color=black, ms=4, label="median")
+            axes.plot([], [], "|", color=BLACK_COLOR, ms=10, mew=1.2, label=words)
+            axes.plot(position, median, "o", color=BLACK_COLOR, ms=4, label="median")
         words = f"{part.attrs['predicts']}, rms"
-        axes.plot(position, bars.predicted, "_", color=black, ms=18 / len(groups), label=words)
+        axes.plot(
+            position, bars.predicted, "_", color=BLACK_COLOR, ms=18 / len(groups), label=words
+        )
         for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
             if claim:
                 _mark_claim(axes, at, claim, 0.3 * width)

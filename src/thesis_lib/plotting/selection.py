@@ -101,16 +101,16 @@ def errors_table(cube: xr.Dataset) -> pd.DataFrame:
 def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
     """Yield prediction and claimed values of an error by setting and mode."""
     cases, modes = cube["case"].values, cube["mode"].values.tolist()
-    predicted: Any = np.full((len(cases), len(modes)), None)
-    said: Any = predicted.copy()
+    predicted = np.full((len(cases), len(modes)), np.nan)
+    said: Any = np.full(predicted.shape, None)
     if error != "max_point_error" or f"predicted_{error}" in cube:
         predicted = cubes.predicted_value(cube, error).transpose("setting", "mode").values
     for case in dict.fromkeys(cases.tolist()):
         for m, mode in enumerate(modes):
             said[cases == case, m] = claimed_errors(cube, case, mode, error)
     for s, m in np.ndindex(said.shape):
-        value = np.nan if predicted[s, m] is None else float(predicted[s, m])
-        here = {"parameter": str(cube["parameter"].values[s]), "predicted": value}
+        parameter = str(cube["parameter"].values[s])
+        here = {"parameter": parameter, "predicted": float(predicted[s, m])}
         yield here | _claimed_value(said[s, m])
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from thesis_lib.figure_sets.claims.tables import TEXTS
 from thesis_lib.ledger.entries import Entry, from_cube
-from thesis_lib.plotting.style import CYCLE_COLORS, REFERENCE_COLOR, subplots
+from thesis_lib.plotting.style import BLACK_COLOR, CYCLE_COLORS, REFERENCE_COLOR, subplots
 
 __all__ = ["TEXTS", "chapter", "readings"]
 VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
@@ -69,7 +69,7 @@ def _ratios(axes: Axes, part: Sequence[Entry]) -> None:
     ticks = np.arange(-np.floor(edge), np.floor(edge) + 1)
     axes.set_xticks(ticks, [f"{2.0**tick:g}" for tick in ticks])
     axes.axvline(0, color=REFERENCE_COLOR, lw=1)
-    axes.axvline(median, color="#222222", lw=1, ls="--")
+    axes.axvline(median, color=BLACK_COLOR, lw=1, ls="--")
     where: Any = {"ha": "right", "va": "top", "transform": axes.transAxes, "fontsize": 8}
     axes.text(0.98, 0.96, f"median ratio {2**median:.2f}", **where)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -86,7 +86,7 @@ def readings(cube: xr.Dataset) -> Figure:
     for number, color, part in zip((3, 4, 6), CYCLE_COLORS, inside.T, strict=False):
         axes.barh(place, part, 0.75, left, color=color, label=f"chapter {number}")
         left += part
-    axes.axvline(left[0], color="#222222", lw=0.8, ls="--")
+    axes.axvline(left[0], color=BLACK_COLOR, lw=0.8, ls="--")
     axes.set_yticks(place, names, fontsize=8)
     axes.set(xlim=(0, total), xlabel=f"stated values met, of {total}")
     axes.grid(visible=False, axis="y")

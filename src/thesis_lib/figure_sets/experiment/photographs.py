@@ -27,12 +27,12 @@ from thesis_lib.measure.calibration.zhang import central_corners
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
 from thesis_lib.measure.tracking.follow import reduce_frame
-from thesis_lib.plotting.style import CYCLE_COLORS, in_style, make_mosaic, subplots
+from thesis_lib.plotting.style import BLACK_COLOR, CYCLE_COLORS, in_style, make_mosaic, subplots
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
 _, ORANGE, GREEN, PINK, RED, SKY = CYCLE_COLORS
-DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground="#222222")]
+DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=BLACK_COLOR)]
 
 
 def _draw_photo(
@@ -77,7 +77,7 @@ def _colour_border(axes: Axes, tint: str) -> None:
 def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
     """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
     if rim:
-        axes.plot(*places, "+", color="#222222", markersize=size + 1, markeredgewidth=2.4)
+        axes.plot(*places, "+", color=BLACK_COLOR, markersize=size + 1, markeredgewidth=2.4)
     axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
 
 

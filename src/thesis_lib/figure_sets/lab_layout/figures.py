@@ -28,6 +28,7 @@ from thesis_lib.plotting.panels import setup_panel
 from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import (
     BEST_COLOR,
+    BLACK_COLOR,
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
@@ -44,8 +45,8 @@ from thesis_lib.vision.pinhole import hemisphere_directions
 MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
 MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
 CURVE_POINTS = 400  # points at which a curve is looked up
-DARK_GREY, PALE_GREY = "#222222", "#c8c8c8"
-LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", DARK_GREY)}
+PALE_GREY = "#c8c8c8"
+LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", BLACK_COLOR)}
 PART_CURVES = {
     "noise_error": ("scatter alone", "-", CYCLE_COLORS[5]),
     "bias_error": ("bias alone", "-", CYCLE_COLORS[1]),
@@ -244,7 +245,9 @@ def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
 
 def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
     values, grey = part["value"].values, "#555555"
-    axes.plot(values, 100 * part["lost"], "o-", color=DARK_GREY, markersize=4, label="lost, of all")
+    axes.plot(
+        values, 100 * part["lost"], "o-", color=BLACK_COLOR, markersize=4, label="lost, of all"
+    )
     style: Any = {"markerfacecolor": "none", "color": HIGHLIGHT_COLOR, **_LINE_STYLE}
     axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **style)
     for value, height in zip(values, part["image_height"].values, strict=True):
@@ -338,7 +341,7 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
     both = both[np.isfinite(both)]
     if both.size:
         ends = [both.min(), both.max()]
-        axes.plot(ends, ends, color=DARK_GREY, linewidth=0.8)
+        axes.plot(ends, ends, color=BLACK_COLOR, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
     axes.set(xlabel="law, % of the largest deflection")
     axes.set(title=f"(b) rms over {trials_are(part)} against the law")
@@ -358,7 +361,7 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
         label = f"rms over {trials_are(part)}"
         axes.hist(trials, bins, histtype="step", color=CYCLE_COLORS[0], label=label)
         axes.legend()
-    axes.axvline(1, color=DARK_GREY, linewidth=0.8)
+    axes.axvline(1, color=BLACK_COLOR, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
 
 
@@ -376,7 +379,7 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
         how: Any = {**_LINE_STYLE, "color": CYCLE_COLORS[0], "alpha": alpha}
         axes.plot(n, [function(own) for own in groups], style, label=name, **how)
     root = groups[0].min() * np.sqrt(n[0] / n)
-    axes.plot(n, root, "--", color=DARK_GREY, linewidth=1, label="best pair, as 1/√n")
+    axes.plot(n, root, "--", color=BLACK_COLOR, linewidth=1, label="best pair, as 1/√n")
     axes.set(yscale="log", xlabel="cameras", title="(d) error by the number of cameras")
     axes.set_ylabel("% of the largest deflection")
     plain_ticks(axes.yaxis)

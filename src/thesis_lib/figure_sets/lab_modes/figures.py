@@ -14,6 +14,7 @@ from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import (
+    BLACK_COLOR,
     HIGHLIGHT_COLOR,
     MATH_STYLE,
     RANK_COLORS,
@@ -24,7 +25,6 @@ from thesis_lib.plotting.style import (
 from thesis_lib.studies.cubes import iterate_slices
 
 STYLE = MATH_STYLE  # of pictures
-LINE_BLACK = "#222222"
 MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
@@ -87,7 +87,7 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     misfits, costs = right.subplots(2, 1)
     _misfit_panel(misfits, part)
     _mark_rates(costs, part, "cycles", "detuned_error")
-    line: Any = {"color": LINE_BLACK, "linewidth": 1, "label": "loss of amplitude"}
+    line: Any = {"color": BLACK_COLOR, "linewidth": 1, "label": "loss of amplitude"}
     costs.plot(part["cycles"], part["detuned_prediction"], **line)
     costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
     costs.set_xlabel("error in periods per recording")
@@ -107,7 +107,7 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     axes.plot(one["spectrum_frequency"], one["spectrum"], color=cycle_color(number), linewidth=1.2)
     true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
-    ink = HIGHLIGHT_COLOR if aliased else LINE_BLACK
+    ink = HIGHLIGHT_COLOR if aliased else BLACK_COLOR
     axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
@@ -119,8 +119,8 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
 def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     _mark_rates(axes, part, "candidate_frequency", "misfit")
     axes.set_yscale("log")
-    axes.axvline(float(part["frequency"]), color=LINE_BLACK, linewidth=0.8, linestyle="--")
-    axes.axhline(1, color=LINE_BLACK, linewidth=0.8)
+    axes.axvline(float(part["frequency"]), color=BLACK_COLOR, linewidth=0.8, linestyle="--")
+    axes.axhline(1, color=BLACK_COLOR, linewidth=0.8)
     axes.set(title="(b) disagreement of the cameras at each alias")
     axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
     top = float(np.nanmax(part["misfit"].values))

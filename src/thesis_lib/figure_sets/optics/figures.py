@@ -178,7 +178,8 @@ def _label_distances(axes: Axes, d: Array, label: str = "distance d in mm") -> N
 def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
     """Return the cube at the focal length that is nearest to the book's."""
     book = json.loads(cube.attrs["parameters"])["focal_length_mm"] / 1000
-    return {"lens": cube.sel(focal_length=book, method="nearest")}
+    nearest = int(np.argmin(np.abs(cube["focal_length"].values - book)))  # in any order
+    return {"lens": cube.isel(focal_length=nearest)}
 
 
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from thesis_lib.figure_sets.planner.tables import (
 from thesis_lib.planning.figures import LAYOUT_VIEWS, flatten_points, front_panel, layout_panel
 from thesis_lib.plotting.style import (
     BELOW_PANEL,
+    BLACK_COLOR,
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
     cycle_color,
@@ -35,7 +36,6 @@ from thesis_lib.plotting.style import (
 from thesis_lib.studies.cubes import iterate_slices
 
 __all__ = ["TEXTS", "front", "gain", "layouts"]
-PLAN_BLACK = "#222222"
 
 
 def gain(cube: xr.Dataset) -> Figure:
@@ -59,7 +59,7 @@ def gain(cube: xr.Dataset) -> Figure:
             ),
         )
         for values, line, style in lines:
-            panel.plot(n, values, line, **{"color": PLAN_BLACK, **style})
+            panel.plot(n, values, line, **{"color": BLACK_COLOR, **style})
         log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
     once = axes[1].get_legend_handles_labels()
