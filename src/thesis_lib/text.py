@@ -120,6 +120,11 @@ def of_error(error: BaseException) -> str:
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
+def format_share(share: float) -> str:
+    """Format a share in percent, to two digits or whole."""
+    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
+
+
 def damaged(path: Path, line: int, problem: str) -> str:
     """Return what is said of a published file that is not as it was."""
     mend = f"`git checkout {path}`, or installing the library again, restores it"

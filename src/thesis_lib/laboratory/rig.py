@@ -12,6 +12,9 @@ up to 42° keep every view below 70°.
 Parallel boards determine no focal length (Zhang 2000, section 4), and tilts about one axis only
 leave the aspect ratio weak, so the board is tilted, turned and rolled, and it is moved through the
 volume that the beam takes up, as far as its corners stay in the images.
+
+Rigs of other experiments are made here, too, and the replicates of all: cameras that were put up
+again, on other clocks, with other noise.
 """
 
 from __future__ import annotations

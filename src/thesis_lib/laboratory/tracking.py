@@ -8,6 +8,8 @@ Cameras before a planar structure of any outline are each a little off their aim
 calibration images of a board; all are calibrated together from these. Then they read no more of
 their sensors than the structure reaches, and markers are followed from the corners of the outline,
 marked to a pixel.
+
+Tracks of many rigs are recorded as one dataset, and read from it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Style of all figures: colours, axes, maps and files, independent of any configuration.
+"""Style of all figures: colours, axes, maps, panels and files, independent of any configuration.
 
 Matplotlib's parameters belong to the whole process, and pyplot's figures, too. So nothing here uses
 pyplot; code that draws or saves does it inside :func:`in_style`, alone among all threads, with

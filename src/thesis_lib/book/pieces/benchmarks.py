@@ -11,6 +11,7 @@ from typing import Any
 
 from thesis_lib.files import project_root
 from thesis_lib.templates import render
+from thesis_lib.text import format_share
 
 Row = Mapping[str, Any]
 
@@ -178,11 +179,6 @@ def compare_films(run: Row) -> dict[str, Any]:
     by = {(row["motion_px"], row["film"]): format_share(row["error"]) for row in rows}
     motions = sorted({row["motion_px"] for row in rows})
     return {"films": films, "rows": [(px, [by[px, film] for film in films]) for px in motions]}
-
-
-def format_share(share: float) -> str:
-    """Format a share in percent, to two digits or whole."""
-    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %"
 
 
 BENCHMARK_VALUES: dict[str, tuple[str, Callable[[Row], dict[str, Any]]]] = {

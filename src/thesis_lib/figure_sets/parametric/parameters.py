@@ -1,4 +1,4 @@
-"""The parameters of every figure set: typed, bounded, and refused in one line.
+"""The parameters of chapters 3, 4 and 6, and of plates of other shapes.
 
 One model per figure set serves the command line, the notebooks and the tables of the book. A
 field's ``allowed`` text is what the user reads, in the table and in the error message alike.

@@ -286,7 +286,7 @@ class Adjustment(Network):
     deviations: Array
     #: Of all cameras' poses, then all boards' (rotation, position; rad, m), then the lenses', up to
     #: the choice of a datum, shape (unknowns, unknowns); see
-    #: :func:`~thesis_lib.measure.calibration.bundle_adjustment.camera_deviations`
+    #: :func:`camera_deviations`
     covariance: Array
     iterations: int  #: Steps taken
 

@@ -38,7 +38,7 @@ from thesis_lib.measure.messages import (
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
 from thesis_lib.measure.tracking.follow import DETECTORS
-from thesis_lib.text import one_line
+from thesis_lib.text import format_share, one_line
 from thesis_lib.web.html import render_lines
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264
@@ -386,8 +386,8 @@ def describe_verdict(assessment: Assessment) -> list[str]:
 
 
 def format_error_share(share: float) -> str:
-    """Format an error as a share of the largest deflection in percent, two digits or whole."""
-    return f"{100 * share:.{0 if share >= 0.1 else 1}f} %" if share < 1 else "all of it"
+    """Format an error as a share of the largest deflection in percent."""
+    return format_share(share) if share < 1 else "all of it"
 
 
 def _cut(text: str, width: int) -> str:

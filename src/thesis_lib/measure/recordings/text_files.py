@@ -1,9 +1,9 @@
-"""Text files from elsewhere, in YAML, TOML, XML or JSON: read within bounds of size and depth.
+"""Text files from elsewhere, read within bounds of size and depth; tables, written as CSV.
 
-Tables are written as CSV, which spreadsheets open: no text in them is a formula.
-
-A few lines of YAML can stand for gigabytes, a list in a list for ever. Whatever is read here is
+They are in YAML, TOML, XML or JSON. A few lines of YAML can stand for gigabytes, a list in a list for ever. Whatever is read here is
 read, or refused in one line, within a second.
+
+Spreadsheets open the tables: no text in them is a formula.
 """
 
 from __future__ import annotations

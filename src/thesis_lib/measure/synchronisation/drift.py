@@ -104,7 +104,7 @@ def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list
 
 
 def _loudness(sound: Signal, rate: float) -> Array:
-    """Return the logarithm of the energy of what is high in a sound, in steps of `HOP`."""
+    """Return the logarithm of the energy of what is high in a sound, in steps of :data:`HOP_S`."""
     n = round(HOP_S * rate)
     high = np.diff(sound[: round(MAX_LOUDNESS_S * rate)].astype(float))
     energy = np.square(high[: len(high) // n * n]).reshape(-1, n).mean(axis=1)
