@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets import registry
-from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
+from thesis_lib.figure_sets.registry import FIGURE_SETS, SETS_VARIABLE, is_known, validate_request
 from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.files import shipped, workplace
 from thesis_lib.studies import cubes
@@ -112,9 +111,9 @@ def _refusal(path: Path, problem: str) -> CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
-    if not registry.is_known(name):
+    if not is_known(name):
         trusted = (
-            f"if you trust its code, name its folder: {registry.SETS_VARIABLE}=FOLDER thesis …"
+            f"if you trust its code, name its folder: {SETS_VARIABLE}=FOLDER thesis …"
         )
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:

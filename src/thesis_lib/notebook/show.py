@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 
 from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
-from thesis_lib.figure_sets import registry, run
+from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import FIGURE_SETS, model_of, validate_request
+from thesis_lib.figure_sets.registry import FIGURE_SETS, is_known, model_of, validate_request
 from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
@@ -41,7 +41,7 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    registry.is_known(name, here=True)  # which loads it
+    is_known(name, here=True)  # which loads it
     model = model_of(name)
     injected = _find_injected(namespace.get("In", []))
     check_names(model, injected)

@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
@@ -84,7 +83,7 @@ def common_errors(
     return fewer.reshape(len(fewer), len(fits), -1)
 
 
-def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ArrayLike) -> xr.Dataset:
+def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray) -> xr.Dataset:
     """Return a result with :data:`SHARED_VARIABLES`; its standard errors hold them.
 
     `rows` are of :func:`common_errors`, of all fits or of one; `turns` multiply complex amplitudes

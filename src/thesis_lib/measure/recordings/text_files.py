@@ -1,7 +1,7 @@
 """Text files from elsewhere, read within bounds of size and depth; tables, written as CSV.
 
-They are in YAML, TOML, XML or JSON. A few lines of YAML can stand for gigabytes, a list in a list for ever. Whatever is read here is
-read, or refused in one line, within a second.
+They are in YAML, TOML, XML or JSON. A few lines of YAML can stand for gigabytes, a list in a list
+for ever. Whatever is read here is read, or refused in one line, within a second.
 
 Spreadsheets open the tables: no text in them is a formula.
 """
