@@ -112,9 +112,7 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
     """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
     if not is_known(name):
-        trusted = (
-            f"if you trust its code, name its folder: {SETS_VARIABLE}=FOLDER thesis …"
-        )
+        trusted = f"if you trust its code, name its folder: {SETS_VARIABLE}=FOLDER thesis …"
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)
