@@ -20,7 +20,7 @@ import xarray as xr
 
 from thesis_lib.book.pieces import summary_figure as conclusions_figure
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.experiment import figures as walk
+from thesis_lib.figure_sets.experiment import figures
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
 from thesis_lib.files import project_root
@@ -62,7 +62,7 @@ def of_conclusions(results: Path) -> bytes:
 def of_recordings(folder: Path) -> Iterator[tuple[str, bytes]]:
     """The pictures of the walk through chapter 5, from the measured recordings in the cache."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
-    for path in walk.write_pictures(data, folder):
+    for path in figures.write_pictures(data, folder):
         yield path.name, path.read_bytes()
 
 
