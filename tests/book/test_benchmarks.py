@@ -130,6 +130,18 @@ def test_ratios_are_taken_within_a_round():
     assert benchmark_tables.median_ratio(one, other) == 2
 
 
+def test_plan_is_computed_from_the_rates():
+    data = {
+        "limits": {"bandwidth": 2.16},
+        "triangulation": [{"name": "thesis_lib, compiled", "refined": True, "cameras": 12,
+                           "bytes": 216, "rates": [10.0]}],
+    }  # fmt: skip
+    *_, row = benchmark_tables.tabulate_benchmarks("plan", data).splitlines()
+    assert row == (
+        "| 12 | compiled | 192 GB | 24 GB | 216 MiB | 1.7 min | 50 s | 12 s | 3.1 s | 1 |"
+    )
+
+
 def left(motion_px, film):
     """Share of an amplitude that a published film has wrong, between those that were measured."""
     rows = [

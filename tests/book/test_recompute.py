@@ -473,7 +473,7 @@ def test_rubbish_in_the_address_shows_the_published_run(chromium: Browser, dista
         assert opened.trouble == []
 
 
-@pytest.mark.parametrize(("width", "dark"), [(390, True), (1280, False)])
+@pytest.mark.parametrize(("width", "dark"), [(390, True), (320, True), (1280, False)])
 def test_it_fits_and_its_result_is_in_sight(
     chromium: Browser, distance: Path, width: int, dark: bool
 ) -> None:

@@ -385,9 +385,6 @@ def test_markers_that_too_few_cameras_see_are_missing_and_counted(conforms, nois
 # Requests.
 
 
-BOTH = ["experiment-resolution", "experiment-cameras"]
-
-
 def test_the_default_rig_is_the_thesis_s():
     study = ExperimentResolution()
     assert list(study.directions_deg.values()) == [(10, 22), (-10, 22), (190, 22), (170, 22)]
@@ -404,7 +401,7 @@ def test_the_parameters_reach_the_rig():
               "elevation_deg": 35.0, "lens_k1": 0.0, "frequency_hz": 5.0, "amplitude_mm": 2.0,
               "frame_rate_hz": 100.0, "exposure_ms": 2.0, "shot_noise": 0.1, "read_noise": 2.0,
               "audio_noise_db": 30.0, "seed": 9}  # fmt: skip
-    rig = rig_of(validate_request(BOTH[0], values).recordings)
+    rig = rig_of(validate_request("experiment-resolution", values).recordings)
     camera, station = rig.cameras[1], rig.stations[1]
     assert camera.K[0, 0] == pytest.approx(1600, rel=0.006)
     x, y, z = camera.centre / 0.7

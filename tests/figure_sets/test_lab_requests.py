@@ -15,7 +15,7 @@ from thesis_lib.vibration.structure import resonance_frequency
 
 RESOLUTION, CAMERAS = "experiment-resolution", "experiment-cameras"
 ELEVATION, LAYOUT = "lab-elevation", "lab-layout"
-EIGHT_PLACES = [[10 * k, 22] for k in range(9)]
+NINE_PLACES = [[10 * k, 22] for k in range(9)]
 REFUSED = [
     (RESOLUTION, {"frequency_hz": 24.1}, ["frequency_hz: given 24.1", "0.4 of the frame rate"]),
     (CAMERAS, {"frame_rate_hz": 10}, ["frequency_hz", "0.4 of the frame rate"]),
@@ -55,7 +55,7 @@ REFUSED = [
     (LAYOUT, {"directions_deg": [[10, 20], [370, 20]]}, ["directions_deg", "370"]),
     (LAYOUT, {"directions_deg": [[10, 20], [350, 20], [-10, 20]]}, ["given [[10", "different"]),
     (LAYOUT, {"directions_deg": [[10, 20], [50, 0]]}, ["directions_deg[1][1]: given 0"]),
-    (LAYOUT, {"directions_deg": EIGHT_PLACES}, ["2 to 8"]),
+    (LAYOUT, {"directions_deg": NINE_PLACES}, ["2 to 8"]),
     (LAYOUT, {"directions_deg": [[10, 22], [90, 60]]}, ["see the whole beam", "subsets"]),
     (LAYOUT, {"elevation_deg": 60}, ["see the whole beam", "case aperture, 110°"]),
     ("lab-modes", {"frame_rates_hz": [79.1]}, ["frame_rates_hz: given 79.1", "mode 2", "Hz"]),

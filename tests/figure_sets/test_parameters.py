@@ -479,7 +479,6 @@ JUNK = st.recursive(
     ),
     max_leaves=12,
 )
-FIELDS = sorted({field for model in STUDIES.values() for field in model.model_fields})
 
 
 def outcome(name, values):

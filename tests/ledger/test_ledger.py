@@ -451,6 +451,13 @@ def filed(tmp_path):
     return request, path
 
 
+def without_digest(name):
+    """The cube as of before the library's digest was written to it."""
+    cube = cube_of(name).copy()
+    del cube.attrs["library_sha256"]
+    return cube
+
+
 def test_the_right_file_is_taken(filed):
     request, path = filed
     xr.testing.assert_identical(cube_file.read_usable(path, request), cube_of("beam-distance"))
@@ -473,9 +480,14 @@ def test_the_right_file_is_taken(filed):
          "is not readable"),
         (lambda path: storage.write_netcdf(cube_of("beam-distance").assign_attrs(
             library_sha256=""), path), "is outdated, the library has changed since"),
-        (lambda path: storage.write_netcdf(with_provenance(cube_of("beam-distance"),
-            request_of("beam-distance", seed=1), 0.0), path),
-         "was run with other parameters"),
+        (lambda path: storage.write_netcdf(without_digest("beam-distance"), path),
+         "is outdated, the library has changed since"),
+        *(
+            (lambda path, values=values: storage.write_netcdf(with_provenance(
+                cube_of("beam-distance"), request_of("beam-distance", **values), 0.0), path),
+             "was run with other parameters")
+            for values in ({"trials": TRIALS + 1}, {"seed": 1}, {"focal_length_mm": 25})
+        ),
     ],
 )  # fmt: skip
 def test_any_other_file_is_refused_in_one_line(filed, damage, words):
@@ -504,8 +516,8 @@ def test_the_report_counts_each_chapter_and_all_that_count(found):
     for chapter in ledger.THESIS_CHAPTERS:
         assert f"\nchapter {chapter}\n" in f"\n{text}"
     (last,) = re.findall("in all, .*: (.*)", text)
-    counted = ledger.count_verdicts(found, counted=True)
-    assert last == ", ".join(f"{n} {verdict}" for verdict, n in counted.items())
+    counted = [entry.verdict for entry in found if entry.counted]
+    assert last == ", ".join(f"{counted.count(verdict)} {verdict}" for verdict in VERDICTS)
     kinds = "|".join(f"{words[:-1]}s?" for words in ledger.KIND_WORDS.values())
     lines = re.findall(rf"^ +(\d+) ({kinds}) +(.*)$", text, re.M)
     assert sum(int(number) for number, _, _ in lines) == len(found)

@@ -24,8 +24,6 @@ from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
-LINE = {"kind": "flat", "markers": {"rows": 1, "columns": 1}}
-
 
 def rig(directions=((10, 22), (-10, 22), (190, 22), (170, 22)), **changes):
     """Values of a manifest without any warning: the thesis's four cameras."""

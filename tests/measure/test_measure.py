@@ -259,7 +259,8 @@ def many(values):
     ]
 
 
-REFUSED = {  # what is wrong: change of the manifest, words; more of these are in test_bad_input
+# What is wrong: change of the manifest, words; more are in test_bad_input and test_manifest.
+REFUSED = {
     "17 cameras": (many, ["cameras: given a list of 17", "2 to 16"]),
     "a long name": (camera(1, video="x" * 480), ["cameras[1].video", "no such file"]),
     "one column": (markers(columns=1), ["structure.markers.columns: given 1", "not on one line"]),

@@ -251,6 +251,7 @@ def test_bad_recordings_are_named():
         (np.clip(3 * good, -1, 1), "clipped", "at most 2 %"),
         (good[: RATE // 3], "0.333 s", "0.588 s"),
         (noise, "correlation of", "same sound"),
+        (np.where(good > 0, np.nan, good), "audio of shape"),
     ):
         refused([good, other], "recording 1: ", *words, frequency=FREQUENCY)
 
@@ -376,6 +377,10 @@ def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms
     assert not found.ambiguous
     conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
     conforms.closed_form(found.delays, truth, atol=0.002 / FPS)  # what we have
+
+
+def test_five_minutes_of_tone_alone_are_ambiguous():
+    assert synchronise_sounds(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY).ambiguous
 
 
 def test_an_onset_is_found_though_the_frequency_is_only_roughly_known(conforms):

@@ -22,7 +22,6 @@ RESULTS = {
     "measured.nc", "motion.csv", "motion.nc", "motion.uff", "report.html", "shape.gif", "shape.mp4",
     "shapes.csv", "shapes.uff", "tracked.mp4", "vtk",
 }  # fmt: skip
-SAMPLE_RATE = 48000
 
 
 class Running:

@@ -30,13 +30,12 @@ class HeldSound(AudioSource):
         return nullcontext(AudioTrack(self.rate, self.start, iter([block]), self.rate))
 
 
-def synchronise_sounds(signals, rate, frame_rate, frequency=None, names=None, starts=None):
+def synchronise_sounds(signals, rate, frame_rate, frequency=None, starts=None):
     """The starts of cameras from sounds in memory; a room's without a frequency."""
-    names = names or [f"recording {k}" for k in range(len(signals))]
     starts = np.zeros(len(signals)) if starts is None else starts
     sources = [
-        HeldSound(name, Path(name), None, signal, rate, start)
-        for name, signal, start in zip(names, signals, starts, strict=True)
+        HeldSound(f"recording {k}", Path(f"recording {k}"), None, signal, rate, start)
+        for k, (signal, start) in enumerate(zip(signals, starts, strict=True))
     ]
     heard = load_audio(sources, frequency, 0.0)
     return synchronise_cameras(sources, heard, frame_rate, frequency)

@@ -128,6 +128,24 @@ def test_order_of_cameras_their_scale_and_whole_pixels_do_not_matter(conforms, s
         conforms.invariance(other.evidence, here.evidence, atol=1e-7)
 
 
+def test_points_do_not_depend_on_each_other_or_on_how_they_are_laid_out(conforms):
+    P = rig(12).P
+    uv = rounded(P, box(9000), 0.05)
+    whole = posterior(P, uv, 0.05)
+    folded = posterior(P, uv.reshape(12, 2, 30, 300), 0.05)
+    conforms.invariance(folded.points.reshape(3, -1), whole.points, atol=0)
+    part = posterior(P, uv[..., 4321:4400], 0.05)
+    conforms.invariance(part.points, whole.points[:, 4321:4400], atol=1e-12)
+    holed = uv[..., :50].copy()
+    holed[3, 1, 7] = np.nan
+    found, others = posterior(P, holed, 0.05), np.arange(50) != 7
+    assert np.isnan(found.points[:, 7]).all()
+    assert not found.feasible[7]
+    conforms.invariance(found.points[:, others], whole.points[:, :50][:, others], atol=1e-12)
+    assert posterior(P, uv[..., :0]).points.shape == (3, 0)
+    assert posterior(P, uv[..., 0]).covariance.shape == (3, 3)
+
+
 def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
     P = rig(12).P
     uv = rounded(P, box(300), 0.2)

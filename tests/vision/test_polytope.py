@@ -12,7 +12,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision import simulation
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.pinhole import CameraArray, project
+from thesis_lib.vision.pinhole import CameraArray, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
 
 STUDIES = [
@@ -105,6 +105,54 @@ def test_polytope_without_an_inside_falls_back(conforms):
     conforms.invariance(centre.points[:, 0], triangulate(P, touching)[:, 0], atol=0)
 
 
+def test_images_that_are_missing_spoil_their_own_point_only(conforms):
+    P = rig(4).P
+    whole = rounded(P, box(50))
+    holed = whole.copy()
+    holed[2, 1, 7] = np.nan
+    found, others = analytic_centre(P, holed), np.arange(50) != 7
+    assert np.isnan(found.points[:, 7]).all()
+    assert found.feasible.tolist() == others.tolist()
+    conforms.invariance(
+        found.points[:, others], analytic_centre(P, whole).points[:, others], atol=1e-13
+    )
+    nothing = analytic_centre(P, np.full((4, 2, 3), np.nan))
+    assert np.isnan(nothing.points).all()
+    assert not nothing.feasible.any()
+
+
+@given(counts, seeds)
+def test_centre_moves_with_the_world(conforms, n, seed):
+    rng = np.random.default_rng(seed)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    t = rng.uniform(-1, 1, 3)
+    back = np.block([[R.T, -R.T @ t[:, None]], [np.zeros((1, 3)), 1]])
+    P = rig(n, seed).P
+    uv = rounded(P, box())
+    here, there = analytic_centre(P, uv), analytic_centre(P @ back, uv)
+    conforms.invariance(there.points, R @ here.points + t[:, None], atol=1e-9)
+
+
+@given(counts, seeds, st.floats(0.1, 10))
+def test_centre_scales_with_the_world(conforms, n, seed, factor):
+    P = rig(n, seed).P
+    uv = rounded(P, box())
+    grown = analytic_centre(P * np.array([1, 1, 1, factor]), uv)
+    expected = factor * analytic_centre(P, uv).points
+    conforms.invariance(grown.points, expected, atol=1e-9 * factor)
+
+
+@given(counts, seeds)
+def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, n, seed):
+    rng = np.random.default_rng(seed)
+    P, order = rig(n, seed).P, rng.permutation(n)
+    uv = rounded(P, box())
+    here = analytic_centre(P, uv)
+    close(conforms, analytic_centre(P[order], uv[order]), here, 1e-9)
+    close(conforms, analytic_centre(P * rng.uniform(0.1, 10, (n, 1, 1)), uv), here, 1e-9)
+
+
 def test_a_shifted_grid_is_a_shifted_principal_point(conforms):
     camera = rig(5)
     shift = np.random.default_rng(2).uniform(-0.5, 0.5, (5, 2))
@@ -133,6 +181,20 @@ def test_a_camera_listed_twice_leaves_the_polytope_alone(conforms):
     np.testing.assert_array_equal(one_twice.feasible, inside)
     conforms.closed_form(np.max(np.abs(project(P, one_twice.points) - uv)[:, :, inside]), below=0.5)
     assert np.max(np.abs(one_twice.points - once.points)[:, inside]) > 1e-6  # its centre is another
+
+
+def test_any_shape_of_points_is_kept_and_blocks_do_not_show(conforms):
+    P, points = rig(12).P, box(9000)
+    uv = rounded(P, points)
+    whole = analytic_centre(P, uv)
+    folded = analytic_centre(P, uv.reshape(12, 2, 30, 300))
+    conforms.invariance(folded.points.reshape(3, -1), whole.points, atol=1e-13)
+    assert folded.feasible.shape == (30, 300)
+    for part in (slice(0, 1), slice(2990, 3020), slice(8999, 9000)):
+        close(conforms, analytic_centre(P, uv[..., part]),
+              type(whole)(whole.points[:, part], whole.feasible[part]), 1e-12)  # fmt: skip
+    assert analytic_centre(P, uv[..., 0]).points.shape == (3,)
+    assert analytic_centre(P, uv[..., :0]).points.shape == (3, 0)
 
 
 def test_narrower_slabs_hold_what_is_rounded_finer(conforms):
@@ -266,3 +328,11 @@ def test_twelve_cameras_take_less_than_three_times_a_batched_svd():
     ratios = [own.time_call(centre) / own.time_call(by_svd) for _ in range(3)]
     assert np.median(ratios) < 3
     assert own.peak_memory(centre) < 64
+
+
+def test_rounded_points_are_always_in_their_own_slabs(conforms):
+    P, points = rig(3).P, box(200)
+    uv = pixelate(project(P, points))
+    conforms.closed_form(np.max(np.abs(project(P, points) - uv)), below=0.5 + 1e-9)
+    error = np.abs(analytic_centre(P, uv).points - points)
+    conforms.closed_form(np.max(error), below=0.05)

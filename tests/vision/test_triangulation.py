@@ -100,6 +100,54 @@ def test_intrinsics_may_be_skewed_and_stretched(conforms, skew, aspect):
     conforms.independent(triangulate(P, images), svd_triangulate(P, images), atol=1e-9)
 
 
+def test_any_shape_of_points_is_kept(conforms):
+    P, points = pair().P, box(24)
+    uv = noisy(P, points)
+    flat = triangulate(P, uv)
+    conforms.invariance(triangulate(P, uv.reshape(2, 2, 2, 3, 4)), flat.reshape(3, 2, 3, 4), atol=0)
+    # Alone a point may take another path through the matrix product: equal up to its last bits.
+    conforms.invariance(triangulate(P, uv[:, :, 5]), flat[:, 5], atol=1e-14)
+    assert triangulate(P, uv[:, :, :0]).shape == (3, 0)
+
+
+def test_blocks_do_not_show(conforms):
+    rig = ring(12)
+    points = box(20_001)
+    uv = noisy(rig.P, points)
+    whole = triangulate(rig.P, uv)
+    for start in range(0, 20_001, 667):  # pieces that are no divisor of any round block
+        part = slice(start, start + 667)
+        conforms.invariance(whole[:, part], triangulate(rig.P, uv[:, :, part]), atol=1e-13)
+
+
+@given(rigs(), st.integers(0, 2**32 - 1))
+def test_result_moves_with_the_world(conforms, rig, seed):
+    rng = np.random.default_rng(seed)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    t = rng.uniform(-1, 1, 3)
+    back = np.block([[R.T, -R.T @ t[:, None]], [np.zeros((1, 3)), 1]])
+    uv = noisy(rig.P, box())
+    moved = R @ triangulate(rig.P, uv, steps=8) + t[:, None]
+    conforms.invariance(triangulate(rig.P @ back, uv, steps=8), moved, atol=1e-10)
+
+
+@given(rigs(), st.floats(0.1, 10))
+def test_result_scales_with_the_world(conforms, rig, factor):
+    uv = noisy(rig.P, box())
+    shrunk = rig.P * np.array([1, 1, 1, factor])
+    expected = factor * triangulate(rig.P, uv)
+    conforms.invariance(triangulate(shrunk, uv), expected, atol=1e-10 * factor)
+
+
+@given(rigs(), st.randoms(use_true_random=False))
+def test_order_of_cameras_does_not_matter(conforms, rig, random):
+    order = random.sample(range(len(rig)), len(rig))
+    uv = noisy(rig.P, box())
+    one, other = triangulate(rig.P, uv), triangulate(rig.P[order], uv[order])
+    conforms.invariance(other, one, atol=1e-11)
+
+
 @given(rigs(), st.integers(0, 2**32 - 1))
 def test_scale_of_each_projection_matrix_does_not_matter(conforms, rig, seed):
     rng = np.random.default_rng(seed)
@@ -227,6 +275,16 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
     conforms.closed_form(C - np.diag(np.diag(C)), 0, atol=1e-12 * np.max(C))
 
 
+@pytest.mark.parametrize("copies", [2, 5])
+def test_copies_of_a_pair_divide_the_covariance(conforms, copies):
+    P = pair().P
+    conforms.invariance(
+        point_covariance(np.concatenate([P] * copies), box()),
+        point_covariance(P, box()) / copies,
+        rtol=1e-10,
+    )
+
+
 @pytest.mark.parametrize("rig", [pair(), ring(4), unequal_ring(12)])
 def test_covariance_is_that_of_sampled_noise(conforms, rig):
     point, sigma, draws = np.array([0.2, -0.01, 0.005]), 0.02, 100_000
@@ -237,6 +295,18 @@ def test_covariance_is_that_of_sampled_noise(conforms, rig):
     deviations = np.sqrt(np.diag(expected))
     relative = (sampled - expected) / np.outer(deviations, deviations)
     conforms.sampled(np.max(np.abs(relative)), below=0.05)
+
+
+def test_missing_image_spoils_its_own_point_only(conforms):
+    rig = ring(4)
+    whole = noisy(rig.P, box(50))
+    holed = whole.copy()
+    holed[2, 1, 7] = np.nan
+    found = triangulate(rig.P, holed)
+    assert np.isnan(found[:, 7]).all()
+    others = np.arange(50) != 7
+    conforms.invariance(found[:, others], triangulate(rig.P, whole)[:, others], atol=0)
+    assert np.isnan(triangulate(rig.P, np.full((4, 2, 3), np.nan))).all()
 
 
 @pytest.mark.parametrize(

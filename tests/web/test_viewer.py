@@ -283,7 +283,18 @@ def test_a_page_is_small() -> None:
 ASSETS = Path(widgets.__file__).parent / "assets"
 MODULES = {file.stem: file.read_text(encoding="utf-8") for file in ASSETS.glob("*.js")}
 IMPORT = re.compile(r'^import (?:\{([^}]*)\} from |\w+ from )?"\./(\w+)\.js";$', re.MULTILINE)
+WHOLE = re.compile(r'^import (\w+) from "\./(?:\w+)\.js";$', re.MULTILINE)
 TOP = re.compile(r"^(export )?(?:const|let|function|class) (\w+)", re.MULTILINE)
+
+
+def parts_of(front: str) -> set[str]:
+    """A front end and all that it imports; what a worker imports is in the worker's own text."""
+    found, waiting = set(), [front]
+    while waiting:
+        found.add(part := waiting.pop())
+        needed = {name for _, name in IMPORT.findall(MODULES[part])} - found
+        waiting += [name for name in needed if not name.endswith("_worker")]
+    return found
 
 
 FRONTS = [
@@ -294,9 +305,12 @@ FRONTS = [
 
 @pytest.mark.parametrize("front", FRONTS)
 def test_the_parts_join_without_clashes(front: str) -> None:
+    parts = parts_of(front)
+    names = [name for part in parts for _, name in TOP.findall(MODULES[part])]
+    names += {name for part in parts for name in WHOLE.findall(MODULES[part])}
+    assert len(names) == len(set(names)) > 25
     whole = widgets.join_modules(front, *widgets.VIEWER_KINDS)
-    names = [name for _, name in TOP.findall(whole)]
-    assert len(names) == len(set(names)) > 0
+    assert sorted(name for _, name in TOP.findall(whole)) == sorted(names)
     rest = re.findall(r"^(?:import|export).*", whole, re.M)
     assert [one[:16] for one in rest] == ([] if "worker" in front else ["export default {"])
 
