@@ -19,6 +19,7 @@ from small_book import BAD, GOOD, make
 
 from thesis_lib import files
 from thesis_lib.book import downloads, missing
+from thesis_lib.book.pieces.shown import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import sha256
@@ -62,7 +63,7 @@ def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
 
 
 @pytest.mark.book
-def test_research_object_reads_back_and_tells_every_run(whole):
+def test_research_object_reads_back_and_tells_every_run(whole, monkeypatch):
     found = ROCrate(whole)
     root = found.root_dataset
     assert root["conformsTo"].id == downloads.CRATE_PROFILE
@@ -94,6 +95,9 @@ def test_research_object_reads_back_and_tells_every_run(whole):
             for one in value if isinstance(value, list) else [value]:
                 if isinstance(one, dict) and not one["@id"].startswith("https://w3id.org/ro/crate"):
                     assert one["@id"] in described
+    monkeypatch.setitem(SETS_IN_CHAPTERS, GOOD, "intro")  # as a set without a page of its own
+    ran = whole / "_sources" / "executed" / f"{GOOD}.ipynb", whole / "data" / f"{GOOD}.nc"
+    assert "intro.html" in downloads._describe_run(whole, *ran)["results"]
 
 
 @pytest.mark.book

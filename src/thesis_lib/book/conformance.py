@@ -1,4 +1,4 @@
-"""The page on conformance: what the tests compared, with tolerances, as pytest recorded it."""
+"""The tables on conformance: what the tests compared, with tolerances, as pytest recorded it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def read_checks(path: Path) -> dict[str, Any]:
 
 
 def write_conformance(folder: Path, report_path: Path | None = None) -> None:
-    """Write the pieces of the page into a folder, from what the tests last recorded here."""
+    """Write the tables and their totals into a folder, from what the tests last recorded here."""
     report = read_checks(report_path or locate_report())
     files: dict[str, list[dict[str, Any]]] = {}
     for check in report["checks"]:

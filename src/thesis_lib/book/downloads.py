@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import __version__, templates
+from thesis_lib.book.pieces.shown import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import staging, whole_file, whole_text
@@ -89,10 +90,10 @@ CRATE_NAME = "ro-crate-metadata.json"
 CRATE_PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 LICENSE_ADDRESS = "https://spdx.org/licenses/MIT"
 CRATE_FILES = (  # address, format, meaning; the first is what was run
-    ("_sources/executed/{}.ipynb", "application/x-ipynb+json", "executed notebook"),
-    (f"{DATA_FOLDER}/{{}}.nc", "application/x-netcdf", "results, as netCDF"),
-    (f"{DATA_FOLDER}/{{}}.csv", "text/csv", "errors, as a table"),
-    ("executed/{}.html", "text/html", "page of the book"),
+    ("_sources/executed/{name}.ipynb", "application/x-ipynb+json", "executed notebook"),
+    (f"{DATA_FOLDER}/{{name}}.nc", "application/x-netcdf", "results, as netCDF"),
+    (f"{DATA_FOLDER}/{{name}}.csv", "text/csv", "errors, as a table"),
+    ("{page}.html", "text/html", "page of the book"),
 )
 
 
@@ -112,6 +113,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     about, digest = read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
     study = validate_request(name, json.loads(about["parameters"]))
+    page = SETS_IN_CHAPTERS.get(name, f"executed/{name}")
     files = [
         {
             "place": place,
@@ -121,7 +123,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
             "sha256": digest if path.suffix == ".nc" else "",
         }
         for pattern, form, words in CRATE_FILES
-        if (path := book / (place := pattern.format(name))).is_file()
+        if (path := book / (place := pattern.format(name=name, page=page))).is_file()
     ]
     commit, versions = str(about["commit"]).strip(), json.loads(about["versions"])
     packages = ", ".join(f"{package} {version}" for package, version in versions.items())

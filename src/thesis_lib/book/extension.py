@@ -38,6 +38,8 @@ def setup(app: Any) -> dict[str, bool]:
     app.add_directive("computed-by", ComputedBy)
     app.add_transform(LinkShownFigures)
     app.connect("builder-inited", _load_mathjax)
+    app.connect("env-get-outdated", _find_outdated_notebooks)
+    app.connect("env-before-read-docs", _clear_pages)
     app.connect("html-page-context", _describe_page)
     app.connect("html-page-context", _add_binder_button, priority=600)  # after the theme's buttons
     app.connect("build-finished", _remove_old_pages)
@@ -76,9 +78,8 @@ class LinkShownFigures(SphinxTransform):
         """Keep each figure's anchor, without its label, which the chapter has."""
         if not self.env.docname.startswith("executed/"):
             return
-        shown = find_figure_names(Path(self.env.srcdir).glob("*.md"))
         for figure in [*self.document.findall(nodes.figure)]:
-            for name in {*figure["names"]} & {*shown}:
+            for name in {*figure["names"]} & self.env.tl_shown:  # type: ignore[attr-defined]
                 anchor = self.document.nameids.pop(name)
                 del self.document.nametypes[name]
                 caption = next(figure.findall(nodes.caption)).astext()
@@ -91,6 +92,21 @@ class LinkShownFigures(SphinxTransform):
                 text["ids"] = [anchor]
                 self.document.ids[anchor] = text
                 figure.replace_self(text)
+
+
+def _find_outdated_notebooks(_app: Any, env: Any, *_pages: set[str]) -> list[str]:
+    """Find the figures that chapters show, and return the notebooks' pages if others were shown."""
+    before = getattr(env, "tl_shown", None)  # by the last build
+    env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
+    if before in (None, env.tl_shown):
+        return []
+    return [name for name in env.found_docs if name.startswith("executed/")]
+
+
+def _clear_pages(_app: Any, env: Any, pages: list[str]) -> None:
+    """Forget all pages that are read again: a figure's label may move from one to another."""
+    for name in pages:
+        env.clear_doc(name)
 
 
 def read_source(function: Callable[..., Any]) -> str:

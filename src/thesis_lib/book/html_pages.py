@@ -1,6 +1,7 @@
 """Finishing of the rendered pages: names for screen readers, images, shared viewers, search index.
 
-Sphinx, its theme and its extensions wrote the pages; here a parser reads each of them once.
+Cells of five numbers are drawn as intervals, and drawings get colours for the dark. Sphinx, its
+theme and its extensions wrote the pages; here a parser reads each of them once.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ def strip_notebook(path: Path) -> None:
 
 
 MAX_LINEAR_DECADES = 1.7  # a scale that spans more is logarithmic
-WIDTH_PX = 90
+INTERVAL_CELL_WIDTH_PX = 90
 _INTERVAL_PATTERN = re.compile(r"([\d.]+) · ([\d.]+) \(([\d.]+)–([\d.]+)\) · ([\d.]+)")
 _KEY_PATTERN = re.compile(
     r"Each cell: (.*?) · median \(5–95 %\) of the (.*?) · (.*?), in % of (.*)", re.DOTALL
@@ -220,11 +221,11 @@ def _draw_table(table: Any, words: tuple[str, str, str]) -> str:
         share = float(text) / high if high else 0.0
         if logarithmic:
             share = 1 - math.log(max(share, low / high)) / math.log(low / high)
-        return round(5 + (WIDTH_PX - 10) * share, 1)
+        return round(5 + (INTERVAL_CELL_WIDTH_PX - 10) * share, 1)
 
     names = ("nominal", "median", "lower", "upper", "predicted")
     for cell, texts in cells:
-        values = {"words": words, "width": WIDTH_PX, "place": place_mark}
+        values = {"words": words, "width": INTERVAL_CELL_WIDTH_PX, "place": place_mark}
         values |= dict(zip(names, texts, strict=True))
         drawing = render_html("book/templates/interval_cell.html.j2", **values)
         cell[:], cell.text = [fragment_fromstring(drawing)], None

@@ -8,15 +8,15 @@ how often somebody with one run, such as the thesis, would see it.
 A trend that says that an error falls or rises has *effects*, too: by what factor the expected
 error changes from the first to the last setting, of all the errors that it names the one that
 changes least in the stated direction, and the one that changes most. If no expected error changes
-by more than the smallest effect that counts, ``MATERIAL``, it is no material change, however sure
-its sign. If an expected error goes the other way by more than that between two neighbouring
-settings, the trend is not monotonic, which is said next to the verdict.
+by more than the smallest effect that counts, ``MIN_MATERIAL_FALL``, it is no material change,
+however sure its sign. If an expected error goes the other way by more than that between two
+neighbouring settings, the trend is not monotonic, which is said next to the verdict.
 
 A test gets the :class:`~thesis_lib.ledger.series.Evidence` and an argument, and returns for each
 draw of the errors whether the statement is true of it.
 
-What the words mean, for all trends alike. One effect is the smallest that counts, ``MATERIAL``, so
-no errors both fall and rise, and none that fall or rise are flat:
+What the words mean, for all trends alike. One effect is the smallest that counts,
+``MIN_MATERIAL_FALL``, so no errors both fall and rise, and none that fall or rise are flat:
 
 falls (rises)
     The last expected error is below the first (the first below the last) by more than that effect,
@@ -28,9 +28,10 @@ flat
 no trend
     It neither falls nor rises, or is flat.
 within, flat within
-    Every expected error lies in the interval that is printed, its ends give or take ``MATERIAL``.
+    Every expected error lies in the interval that is printed, its ends give or take
+    ``MIN_MATERIAL_FALL``.
 alike
-    The means (geometric, over the settings) are at most ``ALIKE`` times each other.
+    The means (geometric, over the settings) are at most ``MAX_ALIKE_RATIO`` times each other.
 """
 
 from __future__ import annotations

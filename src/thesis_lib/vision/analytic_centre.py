@@ -198,9 +198,8 @@ class _Slabs:
             x += length * step
             tau *= 1 - length
             done = inside & (decrement < _MAX_CENTRED_DECREMENT)
-            done &= _all_slacks(
-                wanted > 0, frames
-            )  # slacks of an empty polytope can drown in rounding
+            # Slacks of an empty polytope can drown in rounding.
+            done &= _all_slacks(wanted > 0, frames)
             last = number == _MAX_STEPS - 1
             if last or np.count_nonzero(done) > _MIN_FINISHED_SHARE * len(done):
                 points[:, :, active[done]] = x[:, :, done]

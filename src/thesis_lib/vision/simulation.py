@@ -61,7 +61,10 @@ def random_hemisphere(
 
 
 def move_markers(rng: np.random.Generator, markers: int) -> Array:
-    """Return the markers at rest and moved along Z by up to ±MOTION, shape (3, 2, markers), m."""
+    """Return markers at rest and moved along Z by up to ±:data:`CHECK_MOTION_M`.
+
+    The shape is (3, 2, markers), in m.
+    """
     points = np.zeros((3, 2, markers))
     points[:2] = rng.uniform(-1, 1, (2, 1, markers)) * np.array(CHECK_EXTENT_M)[:, None, None]
     points[2, 1] = rng.uniform(-CHECK_MOTION_M, CHECK_MOTION_M, markers)

@@ -1,4 +1,4 @@
-"""The book's reference of manifests and warnings, from the models and messages themselves."""
+"""The reference of manifests and warnings, and the numbers that help to film."""
 
 from __future__ import annotations
 

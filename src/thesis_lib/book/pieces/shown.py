@@ -17,8 +17,12 @@ from thesis_lib import files
 from thesis_lib.book.missing import write_placeholder
 from thesis_lib.templates import render
 
-SETS_IN_CHAPTERS = ("design-law", "lab-radiation", "planner")
-"""Figure sets that have no page of their own: a chapter shows all their figures."""
+SETS_IN_CHAPTERS = {
+    "design-law": "design-law",
+    "lab-radiation": "video-to-sound",
+    "planner": "planner",
+}
+"""Figure sets that have no page of their own, and the chapter that shows all their figures."""
 _INCLUDE_PATTERN = re.compile(r"executed/(fig-[\w-]+)\.md")
 _DOWNLOADS_MARK = '<a class="tl-download"'
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +50,18 @@ def _link_document(page: str) -> str:
     return f"[{title}]({anchor if label else page.replace('#', '.md#')})"
 
 
-def _is_documented(name: str) -> bool:
-    """Return whether a name in the library stands on a page of the reference."""
-    pages = (project_root() / "book" / "api").glob("*.rst")
+@cache
+def _read_directives(root: Path) -> list[tuple[str, str]]:
+    """Return names and options of the modules and classes on the pages of the reference."""
+    pages = (root / "book" / "api").glob("*.rst")
     api = "".join(page.read_text(encoding="utf-8") for page in pages)
     directive = r"^\.\. auto(?:module|class):: ([\w.]+).*\n((?:   :.*\n)*)"
-    for target, options in re.findall(directive, api, re.MULTILINE):
+    return re.findall(directive, api, re.MULTILINE)
+
+
+def _is_documented(name: str) -> bool:
+    """Return whether a name in the library stands on a page of the reference."""
+    for target, options in _read_directives(project_root()):
         member = name.removeprefix(f"{target}.").split(".")[0]
         members = re.search(rf":members:( *$|.*\b{member}\b)", options, re.MULTILINE)
         if name == target or (name.startswith(f"{target}.") and members):

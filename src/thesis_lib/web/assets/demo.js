@@ -3,11 +3,10 @@ import { asked, keep } from "./address.js";
 import { MARGIN, frame } from "./chart.js";
 import { linkButton } from "./copy.js";
 import {
-  button, figure, fill, fixed, followDrag, followWidth, html, path, svg, text, ticks,
+  button, clamp, figure, fill, fixed, followDrag, followWidth, html, path, svg, text, ticks,
 } from "./parts.js";
 import { randomNumber } from "./physics.js";
 
-export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
 
 export function dice() { // numbers in [0, 1) that are the same on every visit

@@ -6,12 +6,12 @@ import { copyButton, linkButton } from "./copy.js";
 import { createShapes } from "./explorer_shapes.js";
 import {
   STATE_KEYS, TRIALS, apart, compute, fromAddress, isLayout, limits, refused, setupOf,
-  sixteenToNine, toAddress, toCommand, within,
+  sixteenToNine, toAddress, toCommand,
 } from "./explorer_state.js";
 import { createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  button, field, fill, followWidth, html, isNumber, options, radios, select, show,
+  button, clamp, field, fill, followWidth, html, isNumber, options, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf } from "./physics.js";
 
@@ -113,7 +113,7 @@ function render({ model: traits, el }) {
       const [low, high] = range();
       const hopeless = value > high || value < Math.min(low, 0) || (value === 0 && low > 0);
       if (value === read()) refuse("");
-      else if (value === within(value, [low, high])) write(value);
+      else if (value === clamp(value, [low, high])) write(value);
       else if (last || hopeless)
         refuse(refused(what, box.value || "nothing", [low, high], unit, read()));
       if (last) box.value = read();
@@ -254,7 +254,7 @@ function render({ model: traits, el }) {
     const next = { ...app.state, ...changes };
     if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
     const [low, high] = limits(next, structures[next.s]).d, given = next.d;
-    next.d = within(given, [low, high]);
+    next.d = clamp(given, [low, high]);
     refuse(next.d === given ? "" : `Distance: ${given} mm is out of range, ${low} to ${high} mm; ` +
       `it is now ${next.d} mm.`);
     Object.assign(app, { state: next, result: null });

@@ -1,6 +1,7 @@
 // What the explorer shows, as a state: s structure, m mode, w [width, height] in px, f focal
 // length, d distance and a amplitude in mm, r rest position, c [azimuth, elevation] of each camera in
 // degrees, t the thesis's setup last chosen.
+import { clamp } from "./parts.js";
 import { rint } from "./pinhole.js";
 import { MOST_CAMERAS, simulateSetting, towards } from "./physics.js";
 
@@ -9,7 +10,6 @@ export const STATE_KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
 const FIRST_SETUP = "4a-4";
 export const apart = (one, two) =>
   Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
-export const within = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
 
 // What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of
@@ -49,11 +49,11 @@ export function fromAddress(query, structures, otherwise = "") {
   state.r = asked("r", ["rebuilt", "known"]) ?? state.r;
   for (const key of ["a", "f", "d"]) {
     const value = number(given.get(key)), range = limits(state, structures[s])[key];
-    state[key] = value === within(value, range) ? value : within(state[key], range);
+    state[key] = value === clamp(value, range) ? value : clamp(state[key], range);
   }
   const size = (given.get("w") ?? "").split("x").map(number);
   const range = limits(state, structures[s]).w;
-  if (size.length < 3 && size.every((n) => Number.isInteger(n) && n === within(n, range)))
+  if (size.length < 3 && size.every((n) => Number.isInteger(n) && n === clamp(n, range)))
     state.w = size.length === 2 ? size : sixteenToNine(size[0]);
   const cameras = (given.get("c") ?? "").split(";").map((pair) => pair.split(",").map(number));
   const pairs = cameras.every((pair) => pair.length === 2 && pair.every(Number.isFinite));

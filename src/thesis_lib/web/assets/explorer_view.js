@@ -1,9 +1,8 @@
 // The explorer's view: the structure, bent, and cameras around it to be dragged along their
 // hemisphere. World coordinates are in units of the cameras' distance and looked at from far away.
 // `app` is what explorer.js offers.
-import { within } from "./explorer_state.js";
 import { bent } from "./motion.js";
-import { fill, followDrag, lines, path, svg, text } from "./parts.js";
+import { clamp, fill, followDrag, lines, path, svg, text } from "./parts.js";
 import { modeShape, towards } from "./physics.js";
 import {
   RAD, SQUARE, baseOf, dot, drawAxes, drawClamp, drawHemisphere, edgesOf, orbit, plus, times, trace,
@@ -80,12 +79,12 @@ export function createView(app) {
   // --- by pointer: a camera follows it on its side of the hemisphere, and changes sides at the rim
   function turn(i, azimuth, elevation) {
     const turned = azimuth > 180 ? azimuth - 360 : azimuth < -180 ? azimuth + 360 : azimuth;
-    const pair = [turned, within(elevation, [STEP, 90])];
+    const pair = [turned, clamp(elevation, [STEP, 90])];
     app.update({ c: app.state.c.with(i, pair) });
   }
   function look(azimuth, elevation) {
     sight.azimuth += azimuth;
-    sight.elevation = within(sight.elevation + elevation, [0, 90]);
+    sight.elevation = clamp(sight.elevation + elevation, [0, 90]);
     app.request();
   }
   function place(held, x, y) {
@@ -96,7 +95,7 @@ export function createView(app) {
     const depth = held.side * Math.sqrt(Math.max(0, 1 - off * off)), most = Math.max(1, off);
     const v = plus(plus(times(right, a / most), times(up, b / most)), times(viewer, depth));
     const degrees = (angle) => Math.round(angle / RAD / STEP) * STEP;
-    turn(held.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(within(v[2], [0, 1]))));
+    turn(held.camera, degrees(Math.atan2(v[0], v[1])), degrees(Math.asin(clamp(v[2], [0, 1]))));
   }
   function nearest(x, y) { // of cameras whose drawings may lie on each other
     const away = (group) => {

@@ -48,6 +48,7 @@ export const field = (label, node, attributes = {}) =>
 
 // Numbers
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
 const digitsOf = (value) => (Math.abs(value) >= 99.5 ? 0 : Math.abs(value) >= 0.995 ? 1 : Math.abs(value) >= 0.095 || !value ? 2 : 3);
 export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");

@@ -47,7 +47,7 @@ function describeResults(set, plan, found, values, facts) {
 function compareResults({ all }) {
   const every = all.flatMap((one) => one.modes), done = every.every((one) => isNumber(one.median));
   const of = (one) => (done ? one.median : one.mean), rise = (a, b) => a - b;
-  const which = done ? `median error over ${DRAWS} pixel grids` : "literal error";
+  const which = done ? `median error over ${DRAWS} pixel grids` : "error of the nominal run";
   const errors = every.map(of).sort(rise);
   const ratios = every.filter(({ published }) => published && of(published) > 0)
     .map((one) => of(one) / of(one.published)).sort(rise);

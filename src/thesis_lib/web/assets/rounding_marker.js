@@ -1,7 +1,7 @@
 // One marker on one pixel grid: what rounding makes of its motion, and the law of rounding from draws.
-import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
+import { action, axes, dice, drag, headline, experiment, rms, slider } from "./demo.js";
 import { pixelate } from "./pinhole.js";
-import { fixed, lines, path, resize, svg, text } from "./parts.js";
+import { clamp, fixed, lines, path, resize, svg, text } from "./parts.js";
 
 const REST = 0.2, MOST = 3, DRAWS = 200;
 const law = (motion) => { const f = motion % 1; return Math.sqrt(f * (1 - f)); };

@@ -1,7 +1,7 @@
 // Two cameras and a point, in the plane of both: pixels are strips, and two strips measure a height.
-import { action, axes, clamp, dice, drag, headline, experiment, rms, slider } from "./demo.js";
+import { action, axes, dice, drag, headline, experiment, rms, slider } from "./demo.js";
 import { pixelate } from "./pinhole.js";
-import { fixed, lines, path, resize, svg, text } from "./parts.js";
+import { clamp, fixed, lines, path, resize, svg, text } from "./parts.js";
 
 const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL, DRAWS = 400, MOST = 6; // mm, px, mm/px, draws, mm
 const angleOf = (degrees) => (degrees * Math.PI) / 180;
