@@ -71,7 +71,7 @@ def test_rows_that_are_read_at_once_are_the_usual_picture():
     assert not np.array_equal(RollingView(*given, 0.01).frame(when), usual)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
     """By the whole chain: the thesis's markers, whose rows lie 5 px apart, move 2 px a frame."""
     rates, readout = (60.0, 50.0, 29.97), 0.008

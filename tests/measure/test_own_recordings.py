@@ -45,6 +45,7 @@ def compare(conforms, data, rig, allowed):
     return error / np.sqrt(np.mean(data["standard_error"].values ** 2))
 
 
+@pytest.mark.nightly
 def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     markers = Markers(PLATE.extent, scattered(40, 0.045, np.random.default_rng(2)), 0.012, None,
                       bright=True)  # fmt: skip
@@ -60,6 +61,7 @@ def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     assert data.sizes["marker"] == 40
 
 
+@pytest.mark.nightly
 def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
     rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
                         steady=1.7)  # fmt: skip

@@ -56,6 +56,7 @@ def measured(tmp_path_factory):
 # draws of the noise on phones 92 % do: errors are 1.05 times the stated ones. What is over is at
 # the four markers whose images move least, by 0.35 px: compression takes up to a tenth of that in
 # both cameras alike. Motion in the plane does not show it, nor does a marker that stands still.
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("take", "largest", "share"), [("fine", 0.007, 0.9), ("phone", 0.014, 0.75)]
 )
@@ -73,6 +74,7 @@ def test_the_plates_shape_is_the_true_one_within_its_errors(
     conforms.independent(data["delay"] + data["lag"], np.subtract(starts, starts[0]), atol=2e-4)
 
 
+@pytest.mark.nightly
 def test_the_cameras_are_where_povray_has_them(conforms, measured):
     centres = measured["phone"]["camera_centre"].values
     conforms.independent(centres, [phone.centre for phone in povray.PHONES], atol=1e-3)

@@ -98,6 +98,14 @@ def states(checkout: Checkout) -> dict[str, list[object]]:
     return json.loads(done.stdout)
 
 
+@pytest.fixture(scope="module")
+def before(book):
+    """States of the book as it was made."""
+    found = states(book)
+    assert {name for name in EVERY if found[name][1]} == EVERY
+    return found
+
+
 @pytest.fixture
 def restored(book):
     """Put back what a test changes, with its times."""
@@ -183,19 +191,17 @@ EDITS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("edit", EDITS)
-@pytest.mark.usefixtures("restored")
+@pytest.mark.usefixtures("before", "restored")
 def test_an_edit_makes_stale_what_depends_on_it(book, edit):
     change, stale = EDITS[edit]
-    assert {name for name in EVERY if states(book)[name][1]} == EVERY
     change(book)
     assert {name for name in EVERY if not states(book)[name][1]} == stale
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("restored")
-def test_an_edited_recording_makes_its_figure_set_and_the_ledger_stale(book):
+def test_an_edited_recording_makes_its_figure_set_and_the_ledger_stale(book, before):
     (recording,) = (book.root / "data" / "recordings").glob("lab-plate*.nc")
-    before = states(book)
     append(recording, "x")
     after = states(book)
     changed = {name for name, (key, _) in after.items() if key != before[name][0]}
