@@ -48,7 +48,7 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.parallel import map_in_pairs
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import lens
@@ -56,10 +56,7 @@ from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import project
 
 MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
-TRACK_VARIABLES = parse_variables("""
-    tracks(camera, frame, axis, marker) [px] marker centres, lens distortion included
-    quiet(camera, frame, axis, marker) [px] centres in frames without noise
-""")
+TRACK_VARIABLES = read_variables(__file__, "tracks")
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ from thesis_lib.measure.steps import (
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
-from thesis_lib.studies.schema import label_values, parse_variables, with_origin
+from thesis_lib.studies.schema import label_values, read_variables, with_origin
 
 STEPS_FOLDER = ".steps"  # folder of what is kept between runs
 #: All that a measurement may write, as patterns
@@ -55,7 +55,7 @@ OUTPUT_FILES = (
 )  # fmt: skip
 _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
-SHOT_VARIABLES = parse_variables("shots_used(camera) [1] board images that were used")
+SHOT_VARIABLES = read_variables(__file__, "shots")
 UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
     "frequency", "of_sound", "of_sound_deviation",

@@ -23,34 +23,11 @@ from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.outputs import mark_cache
 from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.studies.parallel import map_in_pairs
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.lens import Camera
 
-CALIBRATION_VARIABLES = parse_variables("""
-    reprojection_rms() [px] rms residual of a coordinate of the board's corners
-    single_rms(camera) [px] rms residual of a coordinate of the board's corners, of each camera
-        calibrated alone
-    single_focal(camera, side) [px] focal lengths of each camera calibrated alone
-    focal_deviation(camera) [px] standard deviation of the focal length
-    centre_deviation(camera) [m] standard deviation of the centre of projection
-    K(camera, i, j) [px] intrinsic matrix
-    distortion(camera, coefficient) [1] k1, k2, p1, p2, k3
-    size(camera, side) [px] width and height of the images
-    residuals(camera, shot, side, corner) [px] corners seen minus computed
-    corners(camera, shot, side, corner) [px] corners of the board as found in the images
-    R_camera_world(camera, i, j) [1] rotation from the first board to the camera
-    centre(camera, i) [m] centre of projection in the first board's frame
-""")
-SOUND_VARIABLES = parse_variables("""
-    delay(camera) [s] start after the first camera's
-    steady(end) [s] steady part on the first camera's clock
-    ambiguous() [1] whether the delays are in doubt by whole periods
-    signal_to_noise() [1] signal over noise of the sound, power
-    force(part) [1] amplitude of the force's signal over full scale, real and imaginary part
-    frequency() [Hz] frequency of the force
-    of_sound() [Hz] frequency of the force's signal
-    of_sound_deviation() [Hz] standard error of the frequency of the force's signal
-""")
+CALIBRATION_VARIABLES = read_variables(__file__, "calibration")
+SOUND_VARIABLES = read_variables(__file__, "synchronisation")
 
 
 _Result = TypeVar("_Result")

@@ -13,7 +13,7 @@ import xarray as xr
 from thesis_lib.planning.errors import predict_errors
 from thesis_lib.planning.planner import Option, Plan
 from thesis_lib.planning.positions import camera_centres
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 CAMERA_COLUMNS = (
     "camera",
@@ -48,41 +48,10 @@ def camera_table(cube: xr.Dataset, option: int) -> str:
     return text.getvalue()
 
 
-OF_SOUND = parse_variables("""
-    shape_plan_error(option, mode) [percent] error of the sound by the law of the layout for the
-        shape
-""")
+OF_SOUND = read_variables(__file__, "sound")
 AXIS_NAMES = ("x", "y", "z")
 
-VARIABLES = parse_variables("""
-    n_cameras(option) [1] number of cameras
-    width_px(option) [1] width of the pictures in pixels
-    height_px(option) [1] height of the pictures in pixels
-    frame_rate(option) [Hz] frame rate
-    pixel_rate(option) [s-1] pixels per second of all cameras
-    cost(option) [1] price of all cameras, or pixels per second of all cameras
-    expected_error(option) [percent] error of the worst mode if every coordinate had an independent
-        error of 1/6 px2
-    bound(option) [percent] what the averaged error of no layout on the grid of the search can be
-        below
-    predicted_error(option, mode) [percent] error by the law of rounding
-    simulated_error(option, mode) [percent] rms error over the trials
-    simulated_low(option, mode) [percent] 5 % quantile of the error of the trials
-    simulated_high(option, mode) [percent] 95 % quantile of the error of the trials
-    on_front(option) [1] 1 if no other is cheaper or more accurate, else 0
-    chosen() [1] the option that is proposed
-    camera_azimuth(option, camera) [degree] azimuth of a camera
-    camera_elevation(option, camera) [degree] elevation of a camera
-    camera_distance(option, camera) [m] distance of a camera from the centre
-    camera_position(option, camera, axis) [m] position of a camera
-    focal_length(option, camera) [m] focal length of a camera
-    point_error(mode, point) [percent] error of each marker by the law, of the proposed option
-    marker(point, axis) [m] marker at rest
-    normal(point, axis) [1] unit vector along which a marker moves
-    reference_deflection(mode, point) [m] deflection of the markers
-    outline(corner, axis) [m] corner of the structure, or of the box around a structure
-    frequency(mode) [Hz] natural frequency
-""")
+VARIABLES = read_variables(__file__, "plan")
 
 
 def as_cube(plan: Plan) -> xr.Dataset:

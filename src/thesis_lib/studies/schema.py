@@ -1,10 +1,6 @@
-"""The schema of cubes: variables declared in lines, shared coordinates, attributes.
+"""The schema of cubes: declared variables, shared coordinates, attributes.
 
-A variable is declared as ``name(dimensions) [unit] what it is``::
-
-    rate(camera) [Hz] frames per second
-    tracks(camera, frame, axis) [px] centres of the markers, where they
-        were found
+Each folder whose modules write results declares their variables in ``variables.toml``.
 """
 
 from __future__ import annotations
@@ -13,11 +9,12 @@ import datetime
 import importlib.metadata
 import json
 import platform
-import re
 import subprocess
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import dedent
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,7 +32,7 @@ from thesis_lib.studies.request import Study
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
 
-_LINE_PATTERN = re.compile(r"(?P<name>\w+)\((?P<dims>[\w, ]*)\) \[(?P<units>[^]]+)\] (?P<words>.+)")
+VARIABLES_FILE = "variables.toml"
 
 
 @dataclass(frozen=True)
@@ -57,27 +54,26 @@ class Variable:
         return (*over, *self.dims), np.asarray(values), self.attributes
 
 
-def parse_variables(lines: str) -> dict[str, Variable]:
-    """Return the variables that some lines declare; what is indented further goes on with a line.
+@cache
+def _variable_tables(path: Path) -> dict[str, dict[str, list[str]]]:
+    tables: dict[str, dict[str, list[str]]] = tomllib.loads(path.read_text(encoding="utf-8"))
+    return tables
+
+
+def read_variables(module_file: str, table: str) -> dict[str, Variable]:
+    """Return the variables that ``variables.toml`` in a module's folder declares in one table.
 
     Examples
     --------
-    >>> parse_variables("rate(camera) [Hz] frames per second")
-    {'rate': Variable(dims=('camera',), units='Hz', long_name='frames per second')}
-
-    Raises
-    ------
-    ValueError
-        Naming a line that declares nothing, or a name again.
+    >>> read_variables(__file__, "cameras")["camera_distance"]
+    Variable(dims=('setting', 'camera'), units='m', long_name='camera distance')
     """
-    found: dict[str, Variable] = {}
-    for line in re.sub(r"\n\s+", " ", dedent(lines).strip()).splitlines():
-        said = _LINE_PATTERN.fullmatch(line)
-        if said is None or said["name"] in found:
-            raise ValueError(f"given {line!r}, allowed: name(dimensions) [unit] words, once each")
-        dims = tuple(filter(None, said["dims"].split(", ")))
-        found[said["name"]] = Variable(dims, said["units"], said["words"])
-    return found
+    return {
+        name: Variable(tuple(filter(None, dims.split(", "))), units, words)
+        for name, (dims, units, words) in _variable_tables(
+            Path(module_file).with_name(VARIABLES_FILE)
+        )[table].items()
+    }
 
 
 def label_values(
@@ -156,34 +152,13 @@ def fill_cells(values: Array, place: IntArray, count: int) -> Array:
 
 # Variables and coordinates that many cubes have.
 
-VARIABLES = parse_variables("""
-    measured_deflection(mode, trial, point) [m] measured deflection of the markers
-    mean_error(mode, trial) [percent] rms error over the markers
-    max_point_error(mode, trial) [percent] largest error of a marker
-    point_error(mode, point) [percent] error of each marker in trial 0
-    predicted_error(mode) [percent] rms error over the trials by the law of rounding
-    mac(mode, trial) [1] modal assurance criterion with the reference
-    in_view() [1] share of camera x marker x mode images on the sensor
-    ground_sample_distance() [m/px] length of a pixel at the origin
-""")
+VARIABLES = read_variables(__file__, "camera_study")
 """What every setting of a camera study has; beside these dimensions each is over ``setting``."""
-FIELD_COORDINATES = parse_variables("""
-    case_name(case) [1] cases in the order of `case`
-    plane(plane) [1] plane
-    extreme(extreme) [1] setting of a case
-    u(u) [m] X on plane XZ, Y on plane YZ
-    z(z) [m] height above the plate
-""")
+FIELD_COORDINATES = read_variables(__file__, "fields")
 SHORT_TYPES = {"measured_deflection": "float32"}
 """Type on disk where it is not float64, in which rounding would not matter."""
-CAMERA_VARIABLES = parse_variables("""
-    camera_distance(setting, camera) [m] camera distance
-    camera_azimuth(setting, camera) [degree] camera azimuth
-    camera_elevation(setting, camera) [degree] camera elevation
-""")
-REFERENCE_VARIABLE = parse_variables(
-    "reference_deflection(mode, point) [m] reference deflection of the markers"
-)
+CAMERA_VARIABLES = read_variables(__file__, "cameras")
+REFERENCE_VARIABLE = read_variables(__file__, "reference")
 
 
 def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]:

@@ -28,18 +28,13 @@ from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.verdicts import claim_from_errors, meets_claim
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 SIMULATED_CHAPTERS = (3, 4, 6)  # simulated
 FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 THESIS_DRAWS = 50  # trials that stand for the thesis
 
-VARIABLES = parse_variables("""
-    power_claims(chapter) [1] stated values
-    power_expected(chapter) [1] stated values met if the thesis were a draw of the model
-    power_scaled(chapter, factor) [1] stated values met by errors times a factor
-    factor(factor) [1] factor of all errors of the model
-""")
+VARIABLES = read_variables(__file__, "power")
 
 
 def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:

@@ -25,7 +25,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.ledger.series import Series, series_of
 from thesis_lib.studies.request import Study, study_command
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.simulation import measure_deflections, percent_errors
@@ -36,14 +36,7 @@ LOW_DEG, HIGH_DEG, FAR_RATIO = 10, 60, 2
 ASKEW_PLATE = "plate-askew"
 ASKEW_MODES = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
 
-VARIABLES = parse_variables("""
-    errors(series, setting, trial) [percent] error of the random trials
-    values(series, setting) [1] value of what is varied
-    source(series) [1] own run
-    quantity(series) [1] kind of error
-    case(series) [1] case
-    mode(series) [1] mode number
-""")
+VARIABLES = read_variables(__file__, "own_runs")
 
 
 @dataclass(frozen=True)

@@ -28,26 +28,14 @@ from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
 from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.studies.request import study_command
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
 CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
 VALUE_OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values
 
-VARIABLES = parse_variables("""
-    reading_claims(reading, chapter, outcome) [1] number of claims by verdict under a reading
-    reading_inside(reading, chapter) [1] number of claims that the band of the trials meets
-    reading_meets(reading, value) [1] 1 if the band of the trials meets a stated value under a
-        reading
-    gained(reading) [1] claims that the adopted interpretation misses and another meets
-    lost(reading) [1] claims that the adopted interpretation meets and another misses
-    log_residual(reading, chapter) [1] rms logarithm of median over stated value
-    reading(reading) [1] reading of what the thesis leaves open
-    chapter(chapter) [1] chapter of the thesis
-    outcome(outcome) [1] verdict
-    value(value) [1] name of a stated value
-""")
+VARIABLES = read_variables(__file__, "readings")
 
 
 def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from thesis_lib.figure_sets.design_law.sweeps import (
     thesis_study,
 )
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import MOTION_PX, cone_cameras
@@ -46,131 +46,8 @@ DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
 # What differs by less is equal on some processors and not on others
 MAX_PROCESSOR_DIFFERENCE = 1e-13
 
-VARIABLES = parse_variables(f"""
-    motion_error(motion) [px] rms rounding error of a motion by the law
-    drawn_motion_error(motion) [px] rms rounding error of a motion, drawn
-    drawn_motion_error_std(motion) [px] standard error of the drawn rounding error of a motion
-    law_error(setting, shape) [percent] rms error of a setting of the thesis by the law
-    simulated_error(setting, shape) [percent] rms error of a setting of the thesis over the trials
-    naive_error(setting, shape) [percent] rms error if roundings were independent, 1/12 px2 each
-    cone_error(angle, axis) [m] standard deviation at the centre of a cone, closed form
-    cone_jacobian_error(angle, axis) [m] standard deviation at the centre of a cone, by the Jacobian
-    cone_drawn_error(angle, axis) [m] rms error of random motions with whole pixels, drawn
-    cone_drawn_error_std(angle, axis) [m] standard error of the drawn error of a cone
-    cone_difference() [1] largest relative difference of closed form and Jacobian,
-        {MAX_PROCESSOR_DIFFERENCE:g} if less
-    swept(finding, structure, step) [1] value of the varied parameter
-    expected_error(finding, structure, step) [percent] rms error of markers by the law, amplitudes
-        averaged
-    exact_error(finding, structure, step) [percent] rms error of markers in modes 1 to 3
-    centre_error(finding, structure, step) [percent] error at the centre, closed form
-    noisy_error(finding, structure, step) [percent] rms error of markers by independent noise
-    noisy_centre_error(finding, structure, step) [percent] error at the centre by independent noise,
-        closed form
-    expected_exponent(finding, structure) [1] exponent of the error of the markers
-    centre_exponent(finding, structure) [1] exponent of the error at the centre
-    small_exponent(finding, structure) [1] exponent of the error of motions far below a pixel
-    best_aperture(amplitudes, structure) [degree] aperture of the least error, low elevation
-    wide_gain(amplitudes, structure) [1] error at an aperture of 60 degrees over the least
-    pair_error(tilt, opening) [m] error at the centre of a pair, rounded, closed form
-    drawn_pair_error(tilt, opening) [m] error at the centre of a pair, rounded, drawn
-    drawn_pair_error_std(tilt, opening) [m] standard error of the drawn error of a pair, rounded
-    pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise, closed
-        form
-    drawn_pair_noise_error(tilt, opening) [m] error at the centre of a pair, independent noise,
-        drawn
-    drawn_pair_noise_error_std(tilt, opening) [m] standard error of the drawn error of a pair,
-        independent noise
-    array_exponent(array, structure) [1] exponent of the error in the number of cameras
-    width_px(count, rate) [1] width of the sensor in px
-    height_px(count, rate) [1] height of the sensor in px
-    frame_rate(count, rate) [Hz] frames per second of each camera
-    pixel_size(count, rate) [m] length of a pixel at the centre
-    marker_spacing(count, rate) [px] distance of the images of neighbouring markers, at most
-    marker_height(count, rate) [px] height of the image of a marker as large as in chapter 5
-    motion_px(count, rate) [px] motion of an image at the vibration's peak
-    in_view(count, rate) [1] share of camera x marker x mode images on the sensor
-    average_error(count, rate) [percent] error of one frame at the centre, amplitudes averaged
-    frame_error(count, rate) [percent] rms error of one frame by the law
-    drawn_frame_error(estimator, count, rate) [percent] rms error of one frame over the trials
-    drawn_frame_error_std(estimator, count, rate) [percent] standard error of the drawn error of one
-        frame
-    fit_error(count, rate) [percent] error of the fitted amplitude by the law
-    independent_fit_error(count, rate) [percent] error of the fitted amplitude if frames were
-        independent
-    useful_frames(count, rate) [1] number of frames beyond which more frames add no information
-    drawn_fit_error(estimator, count, rate) [percent] rms error of the fitted amplitude, drawn
-    drawn_fit_error_std(estimator, count, rate) [percent] standard error of the drawn error of the
-        fitted amplitude
-    equidistant_rig_error(equidistant_rig, rule) [m] rms error of a deflection, cameras
-        at equal distances
-    equidistant_rig_error_std(equidistant_rig, rule) [m] standard error of the rms error,
-        cameras at equal distances
-    tolerated_noise(equidistant_rig) [px] noise before rounding that halves the gain of the
-        analytic centre
-    noise_error(noise, rule) [m] rms error of a deflection, pixels with noise before rounding
-    noise_error_std(noise, rule) [m] standard error of the drawn error with noise before rounding
-    unequal_distance_error(unequal_distance, rule) [m] error of a deflection, cameras at
-        unequal distances, median
-    noisy_share_error(count, image_noise, approach) [m] rms error of a deflection at equal
-        pixels, noise before rounding
-    noisy_share_error_std(count, image_noise, approach) [m] standard error of the drawn error at
-        equal pixels, noise before rounding
-    least_share_error(count, image_noise) [m] least rms error of any estimator; 0 without noise
-    equal_pixels_tolerated_noise(count, approach) [px] noise before rounding that halves the
-        gain over least squares
-    mistaken_error(count, mistake, approach) [m] rms error of a deflection at equal pixels where
-        the interval estimator is told wrong noise or images have outliers
-    mistaken_error_std(count, mistake, approach) [m] standard error of the drawn error with wrong
-        noise or outliers
-    feasible_fraction(count, mistake) [1] fraction of points whose pixels agree within five times
-        the noise that the interval estimator is told
-    fitted_amplitude_error(fitted_amplitude) [px] error of an amplitude fitted to endless frames
-    drawn_fitted_amplitude_error(fitted_amplitude) [px] rms error of an amplitude fitted to
-        frames, drawn
-    drawn_fitted_amplitude_error_std(fitted_amplitude) [px] standard error of the drawn error of
-        a fitted amplitude
-    shake_error(shake) [px] error of the mean of some frames with shake
-    endless_shake_error(shake) [px] error of the mean of endless frames with shake
-    drawn_shake_error(shake) [px] rms error of the mean of some frames, drawn
-    drawn_shake_error_std(shake) [px] standard error of the drawn error of the mean of some frames
-    disc_error(disc) [px] error of the centroid of a disc of black pixels
-    drawn_disc_error(disc) [px] rms error of the centroid of a disc, drawn
-    drawn_disc_error_std(disc) [px] standard error of the drawn error of the centroid of a disc
-    quantity(quantity) [1] what a value is
-    value(quantity) [1] value to compare, in the unit that the variable unit names
-    unit(quantity) [1] unit of the value
-""")
-COORDINATES = parse_variables("""
-    motion(motion) [px] motion of an image
-    of_structure(setting) [1] what is measured
-    of_part(setting) [1] what the study varies
-    of_layout(setting) [1] case of the thesis
-    label(setting) [1] value of the swept parameter with unit
-    shape(shape) [1] mode number
-    angle(angle) [degree] angle of the cone
-    axis(axis) [1] coordinate
-    finding(finding) [1] what is varied
-    structure(structure) [1] what is measured
-    array(array) [1] growing array of the thesis
-    amplitudes(amplitudes) [1] what the law is taken for
-    tilt(tilt) [degree] elevation of a pair
-    opening(opening) [degree] aperture of a pair
-    count(count) [1] number of cameras
-    rate(rate) [Hz] frames per second, about
-    estimator(estimator) [1] how points are estimated
-    rule(rule) [1] how points are estimated
-    equidistant_rig(equidistant_rig) [1] number of cameras
-    noise(noise) [px] noise of an image before rounding
-    image_noise(image_noise) [px] noise of an image before rounding
-    approach(approach) [1] how points are estimated
-    mistake(mistake) [1] noise of an image before rounding, and the difference from what the
-        interval estimator assumes
-    unequal_distance(unequal_distance) [m] distances of four cameras
-    fitted_amplitude(fitted_amplitude) [px] amplitude of an image
-    shake(shake) [px] standard deviation of camera shake
-    disc(disc) [px] diameter of a marker's image
-""")
+VARIABLES = read_variables(__file__, "cube")
+COORDINATES = read_variables(__file__, "coordinates")
 
 
 def run(study: DesignLaw) -> xr.Dataset:

@@ -37,33 +37,13 @@ from thesis_lib.measure.recordings.validation import check_files, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.listen import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
 
 MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATION_METHODS = ("literal", "full")
-RECORDING_VARIABLES = parse_variables("""
-    tracks(camera, width, frame, axis, marker) [px] marker centres, lens distortion included
-    matches(camera, width, frame, axis, marker) [px] marker centres by the template match
-        alone, lens distortion included
-    exposure(camera) [s] exposure time
-    rest() [s] time at rest at the start
-    full_scale() [N] force at full scale of the audio tracks
-    frame_rate(camera) [Hz] frame rate
-    delay(camera) [s] start after the reference camera's
-    delay_frames(camera) [1] start after the reference camera's, in whole frames
-    frequency() [Hz] frequency of the force
-    force(part) [1] amplitude of the force over full scale, real and imaginary part
-    steady(end) [s] steady part on the reference camera's clock
-    K(calibration, camera, i, j) [px] intrinsic matrix
-    distortion(calibration, camera, coefficient) [1] k1, k2, p1, p2, k3
-    R_camera_world(calibration, camera, i, j) [1] rotation from the first board to the camera
-    centre(calibration, camera, i) [m] centre of projection in the first board's frame
-    size(camera, axis) [px] size of the frames
-    reprojection_rms(calibration) [px] rms residual of a coordinate
-    single_rms(camera) [px] rms residual of a coordinate, camera by camera
-""")
+RECORDING_VARIABLES = read_variables(__file__, "recording")
 
 
 @single_threaded_opencv()

@@ -47,7 +47,7 @@ from thesis_lib.measure.radiation.radiated import (
 )
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.validation import ChainError
-from thesis_lib.studies.schema import parse_variables
+from thesis_lib.studies.schema import read_variables
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vision import lens
@@ -173,19 +173,7 @@ TAP_PLACE, TAP_IMPULSE_NS, TAP_SECONDS = 0.3, 0.05, 3.0  # place over the length
 TAP_BAND_HZ = (2.0, 130.0)  # Hz, in which they are looked for
 LISTENER_M = np.array([[0.0], [0.0], [1.0]])  # where it is heard, m
 HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one that is kept
-TAP_VARIABLES = parse_variables("""
-    tap_frequency(ringing) [Hz] natural frequency of a mode that rings
-    tap_power(ringing) [W] sound power of a mode when the decay begins, as measured
-    tap_power_error(ringing) [W] standard error of the sound power of a mode when the decay begins
-    tap_true_power(ringing) [W] sound power of a mode when the decay begins, of the true motion
-    tap_energy(ringing) [J] sound energy of a mode over the whole decay, as measured
-    tap_energy_error(ringing) [J] standard error of the sound energy of a mode over the whole decay
-    tap_true_energy(ringing) [J] sound energy of a mode over the whole decay, of the true motion
-    tap_all() [W] sound power of all modes together, as measured
-    tap_all_error() [W] standard error of the sound power of all modes together
-    tap_pressure(ringing, tap_time) [Pa] pressure of each mode 1 m above the middle
-    tap_time(tap_time) [s] time since the decay began
-""")
+TAP_VARIABLES = read_variables(__file__, "tap")
 
 
 def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:

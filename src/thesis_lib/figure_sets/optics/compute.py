@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.optics.parameters import MAX_DISTANCE_RATIO, Cameras
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
@@ -25,69 +25,8 @@ ROUNDED_PX = np.sqrt(1 / 6)  # of the difference of two coordinates, each rounde
 ASPECT_RATIOS = {"4:3": (4, 3), "3:2": (3, 2)}
 SENSOR_SIDES = ("width", "height", "diagonal")
 
-VARIABLES = parse_variables("""
-    sensor_size(sensor, side) [m] length on the sensor
-    angle_of_view(sensor, side, focal_length) [degree] angle of view
-    crop_factor(sensor) [1] diagonal of 36 mm x 24 mm over that of the sensor
-    format_height(ratio, format_width) [1] whole rows of pixels
-    projection_error(distance) [px] largest distance between the images of a marker by a pinhole and
-        with one depth
-    relative_projection_error(distance) [percent] largest distance between the images of a marker by
-        a pinhole and by one depth for all markers, over the length of the image of the row of
-        markers
-    nearest_depth(distance) [m] least depth of a marker
-    farthest_depth(distance) [m] largest depth of a marker
-    depth_range(distance) [percent] largest difference of a marker's depth from the mean one, over
-        the mean one
-    image(shown_distance, projection, axis, point) [px] images of the markers
-    vanishing_point(shown_distance, axis) [px] where the images of the beam's long edges meet
-    edge_angle(shown_distance) [degree] angle between the images of the beam's long edges
-    pixelated(width, row, column) [1] grey value from 0 to 255 of the part of the picture with the
-        beam
-    pixel_size(width) [m] length of a pixel at the beam's centre, across the optical axis
-    marker_contrast(width) [percent] contrast between a marker's centre and the gap between two
-        markers, over that of large markers
-    variance_kept(width) [percent] variance of the grey values over that of a picture 1280 pixels
-        wide
-    colour_picture(stage, crop_row, crop_column, colour) [1] the largest marker in colours, from 0
-        to 1
-    colour_error() [percent] rms difference of interpolated from true colours on the beam
-    largest_colour_error() [percent] largest difference of interpolated from true colours on the
-        beam
-    centre_shift() [px] rms shift of the markers' centres by colour interpolation
-    near_limit(f_number, distance) [m] nearest sharp depth at a focused distance
-    far_limit(f_number, distance) [m] farthest sharp depth at a focused distance
-    hyperfocal_distance(f_number) [m] focused distance from which on infinity is sharp
-    circle() [px] circle of confusion
-    magnification(distance) [1] size of the image over that of the object; focusing travel over
-        focal length
-    disparity(baseline, distance) [px] difference of the two images of a point
-    depth_error(baseline, distance) [m] depth error of first order for the given error of the
-        disparity
-    rounding_depth_error(baseline, distance) [m] rms depth error of first order with whole pixels
-    rounded_depth_error(baseline, distance) [m] rms depth error of the trials with whole pixels,
-        where the disparity is above 1 px
-    quantity(quantity) [1] what a value is
-    value(quantity) [1] value to compare, in the unit that the variable unit names
-    unit(quantity) [1] unit of the value
-""")
-COORDINATES = parse_variables("""
-    sensor(sensor) [1] sensor
-    side(side) [1] side of the sensor
-    focal_length(focal_length) [m] focal length
-    ratio(ratio) [1] width to height
-    format_width(format_width) [1] width in pixels
-    distance(distance) [m] distance, of the object or the focused one
-    shown_distance(shown_distance) [m] distance of the camera
-    projection(projection) [1] projection
-    axis(axis) [1] image coordinate
-    x(point) [m] marker position along the beam
-    width(width) [1] width of the picture in pixels
-    colour(colour) [1] colour
-    stage(stage) [1] stage of a colour picture
-    f_number(f_number) [1] focal length over diameter of the lens
-    baseline(baseline) [m] distance of parallel cameras
-""")
+VARIABLES = read_variables(__file__, "cube")
+COORDINATES = read_variables(__file__, "coordinates")
 
 
 def run(study: Cameras) -> xr.Dataset:

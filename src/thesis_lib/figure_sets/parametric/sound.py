@@ -33,56 +33,17 @@ from thesis_lib.studies.schema import (
     extreme_settings,
     field_coordinates,
     label_values,
-    parse_variables,
+    read_variables,
 )
 from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency, world_points
 from thesis_lib.vision import rounding
 
-VARIABLES = parse_variables("""
-    plane_error(setting, mode, trial, plane) [percent] rms pressure error over a plane (eq. 6.8), of
-        the plane's largest reference pressure
-    plane_error_of_larger(setting, mode, trial, plane) [percent] rms pressure error over a plane, of
-        the largest reference pressure of both planes
-    predicted_error(setting, mode, plane) [percent] rms error over the trials by a law
-    independent_ratio(mode, plane) [1] plane error over mean deflection error for errors of equal
-        size, marker by marker
-    largest_pressure(mode, plane) [Pa] largest reference pressure
-    deflection_error(setting, mode, trial) [percent] rms deflection error over the markers, run by
-        run (eq. 4.9)
-    coherence(setting, mode, plane) [1] predicted field error over that of errors as large on
-        average that no two markers share
-    radiated_share(setting, mode, plane, radiation_mode) [1] share of a radiation mode of the plane
-        in the square of the predicted field error
-    independent_share(mode, plane, radiation_mode) [1] share of a radiation mode of the plane in the
-        square of the field error that independent errors of equal size would make
-    sum_error(mode, plane) [percent] rms difference between the reference pressure, a sum over
-        pistons, and Rayleigh's integral of the whole plate, of the largest
-    sum_error_largest(mode, plane) [percent] largest difference between the reference pressure, a
-        sum over pistons, and Rayleigh's integral of the whole plate, of the largest pressure
-    best_and_worst(case, mode, extreme) [1] index of the setting with the lowest and highest
-        deflection error, by the median over the trials
-    piston_size(mode) [1] wavenumber times the longer side of a piston; a piston is a point source
-        well below 1
-    radiation_efficiency(mode) [1] radiated power over that of a plane wave of equal mean square
-        velocity
-    pressure_reference_real(mode, plane, u, z) [Pa] reference pressure, real part
-    pressure_reference_imag(mode, plane, u, z) [Pa] reference pressure, imaginary part
-    pressure_measured_real(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
-        deflections in trial 0, real part
-    pressure_measured_imag(case, mode, extreme, plane, u, z) [Pa] pressure of the measured
-        deflections in trial 0, imaginary part
-""")
-COORDINATES = parse_variables("""
-    radiation_mode(radiation_mode) [1] ways of moving that radiate by themselves, the loudest first
-""")
+VARIABLES = read_variables(__file__, "sound")
+COORDINATES = read_variables(__file__, "sound_coordinates")
 LISTED_RADIATION_MODES = 5  # radiation modes that are told
-LEVEL_VARIABLES = parse_variables("""
-    sound_power(mode) [W] sound power of the reference deflection
-    sound_power_level(mode) [dB] sound power level re 1 pW
-    largest_pressure_level(mode, plane) [dB] largest sound pressure level re 20 uPa
-""")
+LEVEL_VARIABLES = read_variables(__file__, "sound_levels")
 
 
 def deflection_checksum(plate_cube: xr.Dataset) -> str:

@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import resonance_frequency, world_points
 from thesis_lib.vision import rounding
@@ -29,20 +29,7 @@ TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
 LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
 BEST_DEG = (2.0, 3.0)  # turns that the text recommends: steep cameras err more from 4° on
 MAX_TRIALS = 1000  # trials, which know an rms to some percent
-VARIABLES = parse_variables("""
-    turn(turn) [degree] azimuth that two opposed cameras are turned by
-    elevation(elevation) [degree] elevation of the cameras that are turned
-    law_turn(law_turn) [degree] azimuth that two opposed cameras are turned by, in small steps
-    turned_law_error(law_turn, elevation, mode, plane) [percent] field error of the turned pair by
-        the law of rounding, in small steps of the turn
-    turned_error(turn, elevation, mode, plane) [percent] field error of the turned pair by the law
-    turned_simulated(turn, elevation, mode, plane) [percent] rms field error over the trials
-    turned_deflection(turn, elevation, mode) [percent] rms deflection error over the trials
-    turned_coherence(turn, elevation, mode, plane) [1] predicted field error over that of errors as
-        large on average that no two markers share
-    turned_share(turn, elevation, mode, plane) [1] share of the loudest radiation mode in the square
-        of the predicted field error
-""")
+VARIABLES = read_variables(__file__, "sound_turn")
 
 
 def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:

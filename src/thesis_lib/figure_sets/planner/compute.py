@@ -16,50 +16,12 @@ from thesis_lib.planning.errors import layout_cost
 from thesis_lib.planning.planner import Plan, for_sound, plan
 from thesis_lib.planning.positions import first_most, visible_markers
 from thesis_lib.planning.results import as_cube
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
-VARIABLES = parse_variables("""
-    question(question) [1] what was asked
-    count(count) [1] number of cameras
-    structure(structure) [1] structure
-    thesis_case(thesis_case) [1] case of the thesis
-    averaged_law_ratio(question, option) [1] error of the worst mode by the law of rounding,
-        averaged over half to one and a half of the amplitudes asked for, over the error with 1/6
-        px2 in every coordinate
-    quantity(quantity) [1] what a value is
-    value(quantity) [1] value to compare, in the unit that the variable unit names
-    unit(quantity) [1] unit of the value
-""")
-OF_THESIS = parse_variables("""
-    thesis_expected(structure, thesis_case, count) [percent] the averaged error of the thesis's
-        layout
-    thesis_predicted(structure, thesis_case, count) [percent] error of the worst mode of the
-        thesis's layout by the law
-    thesis_simulated(structure, thesis_case, count) [percent] rms error of the worst mode of the
-        thesis's layout over the trials
-    thesis_averaged_law_ratio(structure, thesis_case, count) [1] error of the worst mode of the
-        thesis's layout by the law of rounding, averaged over half to one and a half of the
-        amplitudes asked for, over the error with 1/6 px2 in every coordinate
-    thesis_read_fraction(structure, thesis_case, count) [1] fraction of the markers that a camera
-        of the thesis's layout reads, where a marker is read up to tilt_deg from the normal, mean
-        over the cameras
-""")
-FOR_SOUND = parse_variables("""
-    sound_error(count, plan, mode) [percent] field error of the plate by the law, of layouts planned
-        for shape and for sound
-    sound_simulated(count, plan, mode) [percent] rms field error of the plans for sound and for
-        shape over the trials
-    sound_shape_error(count, plan) [percent] error of the worst mode's shape by the law, of the
-        plans for sound and for shape
-    sound_azimuth(count, plan, camera) [degree] azimuth of the cameras of the plans for sound and
-        for shape
-    sound_elevation(count, plan, camera) [degree] elevation of the cameras of the plans for sound
-        and for shape
-    sound_distance(count, plan, camera) [m] distance of the cameras of the plans for sound and for
-        shape
-    plan(plan) [1] what was planned for
-""")
+VARIABLES = read_variables(__file__, "cube")
+OF_THESIS = read_variables(__file__, "thesis")
+FOR_SOUND = read_variables(__file__, "sound")
 
 
 def run(study: Planner) -> xr.Dataset:

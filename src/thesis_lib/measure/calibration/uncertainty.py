@@ -46,7 +46,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.cache import key_of, load_or_compute
-from thesis_lib.studies.schema import label_values, parse_variables, with_origin
+from thesis_lib.studies.schema import label_values, read_variables, with_origin
 from thesis_lib.vision.lens import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
@@ -212,13 +212,7 @@ def _variance_factor(parts: Array, right: Array, gauge: Array, sigma: float) -> 
     return float(max(found / (sigma**2 * expected), 1.0))
 
 
-VARIABLES = parse_variables("""
-    board_poses() [1] poses of the board that were used; 0 of a calibration that is reused
-    focal_deviation(camera) [px] standard deviation of the focal length
-    centre_deviation(camera) [m] standard deviation of the centre of projection
-    covariance(unknown, other) [1] covariance of all cameras' poses (rotation in rad, centre in m),
-        then of all lenses (f_x, f_y, c_x, c_y in px, k1, k2, p1, p2), up to where the world lies
-""")
+VARIABLES = read_variables(__file__, "uncertainty")
 
 
 def jackknife_calibration(

@@ -20,7 +20,7 @@ from thesis_lib.measure.fitting.harmonics import mean_of
 from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.lens import distort_pixels, projection_matrices
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulation_gain
@@ -33,18 +33,7 @@ STEADY_FLAG, UNSTEADY_FLAG, LOST_FLAG, FAST_FLAG = range(4)
 FLAG_MEANINGS = (
     "steady_part outside_the_steady_part fewer_than_two_cameras too_fast_to_be_interpolated"
 )
-VARIABLES = parse_variables("""
-    displacement(axis, time, marker) [mm] displacement from the place at rest
-    standard_error(axis, time, marker) [mm] standard error of the displacement by the scatter of the
-        centres
-    flag(time, marker) [1] what a value rests on
-    cameras_seen(time, marker) [1] cameras that see the marker
-    residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
-        on
-    x(marker) [mm] place along the structure, from the first corner
-    y(marker) [mm] place across the structure, from the first corner
-    rest(axis, marker) [mm] place at rest, from the structure's centre
-""")
+VARIABLES = read_variables(__file__, "history")
 
 
 def time_histories(

@@ -24,17 +24,12 @@ from thesis_lib.measure.fitting.harmonics import (
     deflection_amplitude,
 )
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 
 MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
-SHARED_VARIABLES = parse_variables("""
-    shared_real(marker) [m] what independent errors of the calibration, of one standard deviation
-        each, add to the complex amplitudes, real part
-    shared_imag(marker) [m] what independent errors of the calibration, of one standard deviation
-        each, add to the complex amplitudes, imaginary part
-""")
+SHARED_VARIABLES = read_variables(__file__, "shared_errors")
 
 
 def common_errors(

@@ -45,7 +45,7 @@ from thesis_lib.measure.fitting.residuals import (
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 HARMONIC_ORDER = 2  # harmonics of the images that are fitted
 MAX_ALIAS_RATIO = 4.0  # frame rates up to which aliases are considered
@@ -53,70 +53,7 @@ ALIAS_FRAMES = 1000  # frames that tell them
 MAX_SCALE_ERROR = 0.002  # by which the grid's size may be off before it counts as wrong
 # Of the frame rate; from there on the second harmonic's alias nears the first's
 MIN_FOLDED_RATIO = 0.2
-VARIABLES = parse_variables("""
-    x(marker) [m] place along the structure
-    y(marker) [m] place across the structure
-    deflection(marker) [m] deflection at the maximum of the vibration
-    standard_error(marker) [m] standard error of the deflection
-    error_of_scatter(marker) [m] standard error of the deflection by the scatter of the centres
-        alone
-    in_plane(marker) [m] amplitude along the structure's plane that bending does not explain
-    in_plane_excess() [1] rms motion in the structure's plane, over what the centres' scatter
-        explains
-    quadrature(marker) [m] deflection a quarter of a period after the maximum of the vibration
-    amplitude_real(marker) [m] complex amplitude, exp(+jωt), on the first camera's clock, real part
-    amplitude_imag(marker) [m] complex amplitude, exp(+jωt), on the first camera's clock, imaginary
-        part
-    phase(marker) [degree] phase to the force; NaN if that is unknown
-    rest_position(axis, marker) [m] place at rest, from the structure's centre
-    cameras_seen(marker) [1] cameras that a marker's deflection rests on
-    missing(camera, marker) [1] share of the frames in which a marker is missing
-    centre_scatter(camera, marker) [px] rms scatter of a coordinate of the centres about the fitted
-        harmonics
-    without_camera(camera, marker) [m] deflection from all cameras but one; NaN with two cameras
-    without_deviation(camera, marker) [m] standard deviation of the deflection from all cameras but
-        one, less the deflection from all
-    frozen(camera, marker) [1] whether the video's compression keeps the marker still
-    held_back(camera) [px] image amplitude up to which the video's compression keeps markers still
-    frequency() [Hz] frequency of the fit
-    frequency_given() [Hz] frequency of the manifest; NaN if none is given
-    frequency_of_tracks() [Hz] frequency that the tracks show
-    frequency_deviation() [Hz] standard error of the frequency that the tracks show
-    growth() [1] change of the amplitude over the steady part
-    explained() [1] share of the image coordinates' variance that the frequency explains
-    other_frequency() [Hz] strongest tone in the rest; NaN if there is none
-    other_amplitude() [1] amplitude of the strongest tone in the rest, over that of the vibration
-    alias(alias) [Hz] frequencies that the frames show alike
-    alias_lag(alias) [degree] largest phase by which cameras are apart at each frequency that the
-        frames show alike
-    pace(camera) [1] how much faster than the first camera's the clock runs
-    pace_deviation(camera) [1] standard error of the pace of the camera's clock
-    corrected(camera) [1] whether the camera's times were corrected by the pace of the camera's
-        clock
-    frame_rate_given(camera) [Hz] frames per second, by the manifest
-    uneven(camera) [s] rms by which the camera's frames come early or late
-    frame_rate(camera) [Hz] frames per second, by the camera's own clock
-    lag(camera) [s] by how much the images start later than the sound tells
-    lag_deviation(camera) [s] standard error of the lag of the images behind the sound
-    jump(camera) [px] by how much all that the camera sees jumped
-    jump_time(camera) [s] time at which all that the camera sees jumped
-    rest_misfit(camera) [px] rms distance of the markers at rest from the images of the points that
-        all cameras triangulate
-    harmonics() [1] harmonics of the images that were fitted
-    frames(camera) [1] frames that the fit used
-    grid_rms() [m] rms distance of the markers at rest from the manifest's places
-    grid_scale() [1] size of the measured grid over the nominal one
-    frame_rotation(axis, i) [1] from the calibration's axes to the structure's
-    frame_origin(i) [m] the structure's centre in the calibration's frame
-    camera_centre(camera, axis) [m] centre of projection from the structure's
-    mac(candidate) [1] modal assurance criterion with the model's mode
-    model_frequency(candidate) [Hz] frequency of the model's resonance in each candidate mode
-    reference_deflection(marker) [m] the most similar mode of the model in the size that fits best
-    point_error(marker) [percent] distance of the deflection from the most similar mode of the
-        model, over the mode's largest deflection
-    mean_error() [percent] root mean square over the markers of the distance from the most similar
-        mode of the model (eq. 3.22)
-""")
+VARIABLES = read_variables(__file__, "shape")
 
 
 def shape_result(

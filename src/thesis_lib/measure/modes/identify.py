@@ -47,7 +47,7 @@ from thesis_lib.measure.modes.shapes import (
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.lens import projection_matrices
 
 MAX_MODES = 8  # modes that are sought if their number is not given
@@ -341,55 +341,7 @@ def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: A
     )
 
 
-VARIABLES = parse_variables("""
-    x(marker) [m] place along the structure
-    y(marker) [m] place across the structure
-    rest_position(axis, marker) [m] place at rest, from the structure's centre
-    frequency(mode) [Hz] natural frequency
-    frequency_deviation(mode) [Hz] standard error of the natural frequency
-    damping(mode) [1] damping ratio; 0 for steady tones, which show none
-    damping_deviation(mode) [1] standard error of the damping ratio
-    amplitude_real(mode, marker) [m] complex deflection at `zero`, exp(λ(t − zero)), real part
-    amplitude_imag(mode, marker) [m] complex deflection at `zero`, exp(λ(t − zero)), imaginary part
-    error_of_scatter(mode, marker) [m] standard error of the real and of the imaginary part of the
-        complex deflection, by the scatter of the centres
-    deflection(mode, marker) [m] deflection at the maximum of the mode
-    quadrature(mode, marker) [m] deflection a quarter of a period after the maximum of the mode
-    standard_error(mode, marker) [m] standard error of the deflection and of the quadrature
-    scale_deviation(mode) [1] relative standard error of a whole shape, common to all markers
-    in_plane_excess(mode) [1] motion in the plane over what scatter explains
-    beside(mode) [1] power left near the mode over the noise
-    assurance(mode, other) [1] modal assurance criterion of the shapes among each other
-    out_of_step(mode) [degree] largest phase by which cameras are apart
-    rival(mode) [Hz] frequency that the frames show alike and that fits next best; NaN if there is
-        none
-    rival_out_of_step(mode) [degree] largest phase by which cameras are apart at the frequency that
-        fits next best
-    mac(mode, candidate) [1] modal assurance criterion with the model's modes
-    model_frequency(candidate) [Hz] frequency of the model's resonance in each candidate mode
-    reference_deflection(mode, marker) [m] the most similar mode of the model in the size that fits
-        best
-    zero() [s] time at which the complex amplitudes hold, on the first camera's clock
-    window(end) [s] the part that was fitted
-    noise() [px] usual scatter of a coordinate of the centres about the modes
-    lag(camera) [s] by how much the images start later than the sound tells
-    lag_deviation(camera) [s] standard error of the lag of the images behind the sound
-    pace(camera) [1] how much faster than the first camera's the clock runs
-    left_out(camera) [1] share of the centres left out, as unlike the neighbours' motion
-    frames(camera) [1] frames that the fit used
-    frame_rate(camera) [Hz] frames per second, by the camera's own clock
-    missing(camera, marker) [1] share of the frames in which a marker is missing
-    grid_rms() [m] rms distance of the markers at rest from the manifest's places
-    grid_scale() [1] size of the measured grid over the nominal one
-    frame_rotation(axis, i) [1] from the calibration's axes to the structure's
-    frame_origin(i) [m] the structure's centre in the calibration's frame
-    camera_centre(camera, axis) [m] centre of projection from the structure's
-    order_frequency(order, place) [Hz] frequencies of the fits with one mode, two modes, …
-    order_damping(order, place) [1] damping ratios of the fits with one mode, two modes, …
-    line(line) [Hz] frequencies of the spectra
-    before(line) [1] power of the tracks over noise
-    after(line) [1] power of what the modes leave
-""")
+VARIABLES = read_variables(__file__, "modes")
 
 
 def modes_result(

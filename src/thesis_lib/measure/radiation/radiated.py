@@ -26,7 +26,7 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.measure.radiation.between import Between
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 OCTAVE_RATIO = 10**0.3  # base ten, as the standard has it
 NOMINAL_CENTRES_HZ = (16, 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000)
@@ -55,55 +55,7 @@ SURFACE_NODES = 1600  # of the surface
 PER_WAVE = 8  # nodes to the length of a sound wave, at least
 LISTED_RADIATION_MODES = 6  # radiation modes that are told
 DECIBELS_PER_NEPER = 10 / np.log(10)
-VARIABLES = parse_variables("""
-    frequency(tone) [Hz] frequency
-    power(tone) [W] sound power of one side, in a rigid wall
-    power_error(tone) [W] standard error of the sound power of one side
-    power_level(tone) [dB] sound power level of one side re 1 pW, in a rigid wall
-    power_level_error(tone) [dB] standard error of the sound power level of one side
-    efficiency(tone) [1] power in a rigid wall over the power of a plane wave of equal area and mean
-        square velocity
-    efficiency_error(tone) [1] standard error of the radiation efficiency
-    mode_power(tone, mode) [W] power of a way of moving that radiates without interference, the
-        loudest first
-    mode_power_error(tone, mode) [W] standard error of the power of a way of moving that radiates
-        without interference
-    pressure_real(tone, point) [Pa] complex amplitude of the pressure in a rigid wall, exp(+jωt),
-        real part
-    pressure_imag(tone, point) [Pa] complex amplitude of the pressure in a rigid wall, exp(+jωt),
-        imaginary part
-    pressure_error(tone, point) [Pa] standard error of the absolute value of the pressure
-    level(tone, point) [dB] sound pressure level re 20 µPa, in a rigid wall
-    level_error(tone, point) [dB] standard error of the sound pressure level
-    field_real(tone, plane, u, z) [Pa] complex amplitude of the pressure on a plane, in a rigid
-        wall, real part
-    field_imag(tone, plane, u, z) [Pa] complex amplitude of the pressure on a plane, in a rigid
-        wall, imaginary part
-    field_error(tone, plane, u, z) [Pa] standard error of the absolute value of the pressure on a
-        plane
-    decay(tone) [s-1] rate α at which a mode dies away, e^(−αt); 0 of a steady tone
-    energy(tone) [J] sound energy from the moment on until the mode has died away
-    energy_error(tone) [J] standard error of the sound energy
-    band_power(band) [W] sound power of all tones together, and by octave, in a rigid wall
-    band_power_error(band) [W] standard error of the sound power of all tones together, and by
-        octave
-    band_power_level(band) [dB] sound power level of all tones together, and by octave, re 1 pW, in
-        a rigid wall
-    band_power_level_error(band) [dB] standard error of the sound power level of all tones together,
-        and by octave
-    band_level(band, point) [dB] sound pressure level of all tones together, and by octave, re 20
-        µPa, in a rigid wall
-    band_level_error(band, point) [dB] standard error of the sound pressure level of all tones
-        together, and by octave
-    left(tone) [1] rms residual of the markers' amplitudes after the fit of the surface, over the
-        amplitudes' rms
-    left_by_noise(tone) [1] rms residual of the markers' amplitudes by the markers' errors alone,
-        over the amplitudes' rms
-    place(point, axis) [m] where the pressure is, from the structure's centre
-    u(u) [m] X on plane XZ, Y on plane YZ
-    z(z) [m] height above the structure
-    area() [m2] area that radiates
-""")
+VARIABLES = read_variables(__file__, "sound")
 
 
 @dataclass(frozen=True)
@@ -307,14 +259,7 @@ def complex_of(data: xr.Dataset, name: str) -> ComplexArray:
 
 #: Cells of the screen, and of one whose answer differs by the error: 0.1 dB or less
 SCREEN_CELLS = (400, 200)
-NO_WALL_VARIABLES = parse_variables("""
-    no_wall_change(tone) [dB] estimated sound power level of one side without a wall, less that in a
-        rigid wall
-    no_wall_change_std(tone) [dB] standard uncertainty of the estimated change without a wall, by
-        markers, cells and thickness
-    no_wall_below(tone) [Hz] frequency below which the structure radiates less without a wall: where
-        sound is as long as the flexural waves, or as twice the narrower side
-""")
+NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 def estimate_change(

@@ -33,21 +33,11 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.lens import project_points
 
 MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
-VARIABLES = parse_variables("""
-    found(camera, side, marker) [px] centres in the camera's first frame
-    outline(camera, side, vertex) [px] the structure's corners in the camera's first frame, by the
-        calibration
-    track_side(camera) [1] along which side of the image the marker that moves most moves most
-    track_time(camera, frame) [s] times of frames, on the first camera's clock
-    track(camera, frame) [px] motion of the marker that moves most, along the side of the image
-        along which the motion is largest
-    residual(camera, time) [px] rms distance of the centres in a frame from what the cameras agree
-        on
-""")
+VARIABLES = read_variables(__file__, "first_frames")
 
 
 def collect_diagnostics(

@@ -45,7 +45,7 @@ from thesis_lib.measure.response.displacement import (
 )
 from thesis_lib.measure.response.force import RecordedForce, find_sweep, read_force
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies.schema import label_values, parse_variables
+from thesis_lib.studies.schema import label_values, read_variables
 
 ESTIMATORS = ("H1", "H2", "Hv")
 HANN_SHARE = 1 / 6  # of a line's power that a Hann window adds to each neighbour
@@ -184,41 +184,7 @@ MAX_FORCE_RATE_RATIO = 8  # times the frames' rate at which a force is sampled
 REPEATED_AFTER = 5  # frames after which gaps are made again: by then, most gaps have ended
 GAP_LINES = 25  # over which a power is averaged, which is then known to a fifth
 MIN_PERIODS = 8  # periods of the lowest frequency that a recording has
-VARIABLES = parse_variables("""
-    receptance_real(estimator, marker, frequency) [m/N] deflection over force, real part
-    receptance_imag(estimator, marker, frequency) [m/N] deflection over force, imaginary part
-    mobility_real(estimator, marker, frequency) [m/(N s)] velocity over force, real part
-    mobility_imag(estimator, marker, frequency) [m/(N s)] velocity over force, imaginary part
-    standard_error(estimator, marker, frequency) [m/N] standard error of the real and of the
-        imaginary part of the receptance: scatter about the estimator's limit, and the blur by
-        segments
-    blur(estimator, marker, frequency) [m/N] estimated error by the resolution of the segments
-    coherence(marker, frequency) [1] share of the motion that the force explains
-    averages(marker) [1] independent segments that were averaged
-    force_power(frequency) [N2/Hz] power of the force
-    phase_deviation(frequency) [rad] standard error of all phases by the force's clock
-    displacement(time, marker) [m] deflection along the normal
-    force(force_time) [N] the force
-    x(marker) [m] place along the structure, from the first corner
-    y(marker) [m] place across the structure, from the first corner
-    rest_position(axis, marker) [m] place at rest, from the structure's centre
-    force_place(xy) [m] where the force acts, from the structure's first corner
-    drive() [1] number of the marker that is nearest to the force
-    segment() [s] length of the segments
-    segments() [1] number of the segments
-    delay() [s] start of the force's file on the first camera's clock
-    delay_deviation() [s] standard error of the start of the force's file
-    pace() [1] how much faster than the first camera's the force's clock runs
-    unknown(marker) [1] share of the time in which the marker's deflection is not known
-    camera_lag(camera) [s] by how much the images start later than the sound tells
-    camera_pace(camera) [1] how much faster than the first camera's clock the camera's runs
-    beyond() [1] share of the force's power above half of the lowest frame rate
-    ringing() [1] rms of the last eighth of the motion over that of the largest
-    noise(marker) [m] rms of the noise in the deflection, as at rest
-    filmed(end) [s] from when to when all cameras recorded
-    sweep(end) [Hz] frequencies from which to which a sweep goes; NaN of another force
-    sweep_duration() [s] duration of the sweep
-""")
+VARIABLES = read_variables(__file__, "response")
 
 
 def estimate_response(
