@@ -173,6 +173,10 @@ EDITS = {
         lambda one: append(library(one, "figure_sets", "parametric", "compute.py"), "_n = 1\n"),
         EVERY,
     ),
+    "variables": (
+        lambda one: append(library(one, "figure_sets", "parametric", "variables.toml")),
+        EVERY,
+    ),
     "another figure set": (
         lambda one: append(library(one, "figure_sets", "planner", "compute.py"), "_n = 1\n"),
         set(),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from thesis_lib import files
+from thesis_lib import files, templates
 
 SAMPLE_PAGE = "sample-report.html"
 SHAPE_FIGURE = "guide-shape.svg"
@@ -42,14 +42,10 @@ def compare_smallest_deflection(data: xr.Dataset) -> str:
     from thesis_lib.measure.feasibility.assess import assess_manifest
     from thesis_lib.measure.fitting.models import known_rms
 
-    predicted = assess_manifest(record.manifest_of(data)).rig.smallest_mm
-    measured = 3 * known_rms(1000 * data["standard_error"].values)
-    return (
-        f"`--check` predicts {predicted:.2g} mm as the smallest deflection of the example, and its "
-        f"measurement distinguishes {measured:.2g} mm from rest. The first counts the noise of the "
-        "centres alone. The second also holds what the compressed videos, the calibration and the "
-        "clocks add, which nobody knows before. So take the first for a limit that only the best "
-        "recordings come near.\n"
+    predicted_mm = assess_manifest(record.manifest_of(data)).rig.smallest_mm
+    measured_mm = 3 * known_rms(1000 * data["standard_error"].values)
+    return templates.render(
+        __file__, "guide-counted", predicted_mm=predicted_mm, measured_mm=measured_mm
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, get_type_hints
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,7 @@ from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study, study_command
-from thesis_lib.studies.schema import Variable, label_values
+from thesis_lib.studies.schema import label_values, read_variables
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
@@ -58,39 +58,33 @@ class Entry:
     of its :class:`thesis_lib.ledger.trends.Finding`.
     """
 
-    id: Annotated[str, "name of a claim"]
-    kind: Annotated[str, "figure, trend or number"]
-    chapter: Annotated[int, "chapter of the claim"]
-    place: Annotated[str, "place of a claim in the thesis"]
-    case: Annotated[str, "case of the thesis that a claim speaks of"]
-    modes: Annotated[tuple[int, ...], "modes that a claim speaks of"]
-    what: Annotated[str, "subject of a claim"]
-    stated: Annotated[str, "claimed value or trend"]
-    got: Annotated[str, "value or trend that the book computes"]
-    verdict: Annotated[str, "verdict on a claim"]
-    counted: Annotated[bool, "1 if the totals count a claim"]  # not if bookkeeping or rendered
-    note: Annotated[str, "reason why a claim differs, or remark"] = ""
-    note_href: Annotated[str, "page that explains the reason"] = ""
-    href: Annotated[str, "page with the figure of a claim"] = ""
-    command: Annotated[str, "commands that build the result files by which a claim is judged"] = ""
-    ratio: Annotated[float, "median over the nearest claimed value"] = NAN
-    least: Annotated[float, "least claimed value"] = NAN
-    most: Annotated[float, "largest claimed value"] = NAN
-    literal: Annotated[float, "value of the nominal run, or computed number"] = NAN
-    median: Annotated[float, "median of the trials"] = NAN
-    low: Annotated[float, "5 % quantile of the trials"] = NAN
-    high: Annotated[float, "95 % quantile of the trials"] = NAN
-    confidence: Annotated[float, "share of resampled expectations in which a trend holds"] = NAN
-    single: Annotated[float, "share of single trials in which a trend holds"] = NAN
-    effect: Annotated[float, "expected error at the last setting over the first, least change"] = (
-        NAN
-    )
-    largest_effect: Annotated[
-        float, "expected error at the last setting over the first, largest change"
-    ] = NAN
-    step_back: Annotated[
-        str, "largest material step against a trend, which is then not monotonic"
-    ] = ""
+    id: str
+    kind: str
+    chapter: int
+    place: str
+    case: str
+    modes: tuple[int, ...]
+    what: str
+    stated: str
+    got: str
+    verdict: str
+    counted: bool  # not if bookkeeping or rendered
+    note: str = ""
+    note_href: str = ""
+    href: str = ""
+    command: str = ""
+    ratio: float = NAN
+    least: float = NAN
+    most: float = NAN
+    literal: float = NAN
+    median: float = NAN
+    low: float = NAN
+    high: float = NAN
+    confidence: float = NAN
+    single: float = NAN
+    effect: float = NAN
+    largest_effect: float = NAN
+    step_back: str = ""
 
     @property
     def record(self) -> dict[str, object]:
@@ -106,10 +100,7 @@ class Entry:
 
 
 _COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
-LEDGER_COLUMNS = {
-    field: Variable(("claim",), "1", hint.__metadata__[0])
-    for field, hint in get_type_hints(Entry, include_extras=True).items()
-}
+LEDGER_COLUMNS = read_variables(__file__, "entries")
 
 
 def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:

@@ -15,7 +15,6 @@ from typing import Any
 
 import cv2
 import yaml
-from markupsafe import Markup
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import staging
@@ -406,14 +405,6 @@ PAGE_NAME = "corners.html"
 JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
 CORNERS_TITLE = "Corners of the structure"
 NO_SCRIPT_TEXT = "This page needs JavaScript to read corners."
-CORNERS_INTRODUCTION = f"""<h1>{CORNERS_TITLE}</h1>
-<p>In each first frame, click the structure's corners in the order (0, 0), (length, 0), (length,
-width), (0, width), as the markers count, beginning with the same corner in every camera. Then put
-the lines below into the manifest, each in place of its camera's <code>corners_px</code>. A few
-pixels do not matter; the order does.</p>
-<p>Keys: Tab goes from corner to corner, arrows move one by 1 px, with Shift by 10 px, with Alt by
-0.1 px. Nothing leaves this page.</p>
-"""
 
 
 def corners_page(manifest: Manifest, folder: Path) -> str:
@@ -444,8 +435,7 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
             }
         )
     state = {"cameras": cameras}
-    fragment = static_html(
-        join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT
+    form = static_html(join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT)
+    return render_html(
+        "measure/recordings/templates/corners.html.j2", title=CORNERS_TITLE, form=form
     )
-    body = Markup(CORNERS_INTRODUCTION + fragment)
-    return render_html("web/templates/page.html.j2", title=CORNERS_TITLE, body=body)
