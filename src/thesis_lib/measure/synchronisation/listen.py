@@ -58,24 +58,10 @@ from thesis_lib.measure.synchronisation.tones import (
     settle_interval,
     tone_frequency,
 )
+from thesis_lib.web.html import render_lines
 
 MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
 MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
-BLIND_SPOTS = (
-    "Sound alone does not show an offset between a camera's image and its sound.",
-    "Nor does it show whether the clocks of image and sound drift apart.",
-)
-IN_A_ROOM = (
-    "Sound takes 2.9 ms per metre through air: a camera that is further from it seems to start "
-    "earlier.",
-    "A single knock that only one camera heard cannot be told from one like it that another "
-    "heard; several claps at irregular intervals can.",
-)
-UNHEARD_TEXT = (
-    "No sound was used: every recording counts from its own start.",
-    "The images tell by how much of a period the cameras are then apart, and are put in step by "
-    "it. What is not steady, as the start of the vibration, is not.",
-)
 
 
 @dataclass(frozen=True)
@@ -108,54 +94,17 @@ class Synchronisation:
 
     def describe(self, names: Sequence[str]) -> list[str]:
         """Describe what was found, its uncertainty, and what sound cannot show."""
-        if self.match is None:
-            return [*UNHEARD_TEXT]
-        lines = [
-            f"Camera {name} started {delay:+.6f} s after camera {names[0]}: "
-            f"{delay * self.frame_rate:+.3f} frames, {frames:+d} in whole frames."
-            for name, delay, frames in zip(names[1:], self.delays[1:], self.frames[1:], strict=True)
-        ]
-        lines += [
-            f"Camera {name}'s sound: {source}."
-            for name, source in zip(names, self.sources, strict=False)
-            if source
-        ]
-        lines += [
-            f"By windows of its sound camera {names[i]}'s clock is fast by "
-            f"{1e6 * one.fast:+.1f} ± {1e6 * one.drift_deviation:.1f} ppm; its start is given as "
-            "in the middle of the recording."
-            for i, one in self.drifts.items()
-        ]
-        if self.frequency is None:
-            lines.append("Delays come from the peak of the correlation of what microphones heard.")
-        else:
-            lines.append(
-                "Delays come from the phase of the tone; the signal is at least "
-                f"{10 * np.log10(self.snr):.0f} dB above the noise "
-                f"(below {CORRELATION_RATE // 2} Hz)."
-            )
-        ratio, threshold = self.match.ratio, self.match.threshold
-        if self.ambiguous and self.frequency is not None:
-            lines.append(
-                f"Ambiguous by whole periods of {1 / self.frequency:.4f} s: another peak of the "
-                f"correlation is {ratio:.5f} of the highest (from {threshold:.5f} on the two "
-                "cannot be told apart); the shortest delays were taken."
-            )
-        else:
-            lines.append(
-                f"Not ambiguous: the second peak of the correlation is {ratio:.5f} of the "
-                f"highest, below {threshold:.5f}."
-            )
-        lines += BLIND_SPOTS
-        if self.frequency is None:
-            return [*lines, *IN_A_ROOM]
-        shift = self.frame_rate * coupling_delay(self.frequency)
-        return [
-            *lines,
-            f"Audio inputs are AC-coupled: a tone of {self.frequency:.4g} Hz is shifted by "
-            f"{shift:.2g} frame of 1/{self.frame_rate:g} s between corners of 2 and 3 Hz, so "
-            "recordings of different inputs need something broadband, as a clap.",
-        ]
+        frequency = self.frequency
+        return render_lines(
+            "measure/synchronisation/templates/starts.txt.j2",
+            found=self,
+            names=names,
+            starts=[*zip(names, self.delays, self.frames, strict=True)][1:],
+            sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
+            snr_db=10 * np.log10(self.snr),
+            below_hz=CORRELATION_RATE // 2,
+            shift_frames=self.frame_rate * coupling_delay(frequency) if frequency else np.nan,
+        )
 
 
 def coupling_delay(frequency: float) -> float:
