@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
-from scenes.ledger import cube_of, sets
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import half_digit, read_claims, read_trends
 from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import reason_undefined
-from thesis_lib.studies import cubes
 
 CLAIMS = read_claims()
 TEXT = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8")
@@ -361,11 +359,3 @@ def test_intervals_are_ordered_and_single_unless_they_are_ranges():
         assert claim.low == claim.high or claim.relation == "range", claim.id
         assert claim.excepted in (0, 1), claim.id
         assert not claim.excepted or claim.quantity == "max_point_error", claim.id
-
-
-@pytest.mark.parametrize("name", [name for name in sets() if claims.claims_of(name)])
-def test_every_claim_can_be_held_against_its_cube(name):
-    cube, stated_of = cube_of(name), claims.claims_of(name)
-    assert [claim.id for claim in stated_of if reason_undefined(cube, claim)] == []
-    assert [check.claim for check in verdicts.check_claims(cube, stated_of)] == [*stated_of]
-    assert all(claim.quantity in cubes.cube_errors(cube) for claim in stated_of)

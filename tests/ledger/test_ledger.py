@@ -26,6 +26,7 @@ from thesis_lib.figure_sets.parametric.parameters import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger
+from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts as ledger_verdicts
 from thesis_lib.ledger.entries import explain_differences
 from thesis_lib.ledger.series import series_of
@@ -41,6 +42,49 @@ STRUCTURES = ("beam", "plate")
 @pytest.fixture(scope="module")
 def found():
     return entries()
+
+
+# -- What the thesis says can be judged --
+
+
+@pytest.mark.parametrize("one", claims.read_trends(), ids=lambda one: one.id)
+def test_every_trend_can_be_judged(one):
+    found = []
+    for name in one.source:
+        found += own()[name] if name in own() else series_of(cube_of(name))
+    assert set(one.cases) <= {s.case for s in found}
+    for quantity in one.quantities:
+        assert any(s.quantity == quantity and s.mode in one.modes for s in found)
+    finding = ledger_trends.judge_trend(one, found)
+    assert 0 <= finding.confidence <= 1
+    assert 0 <= finding.single <= 1
+
+
+def test_every_source_is_a_figure_set_or_an_own_run():
+    named = {name for one in claims.read_trends() for name in one.source}
+    assert set(own()) == {*ledger_runs.own_sources(), ledger_runs.ASKEW_PLATE}
+    assert named - set(STUDIES) <= set(own())
+
+
+@pytest.mark.parametrize("name", [name for name in sets() if claims.claims_of(name)])
+def test_every_claim_can_be_held_against_its_cube(name):
+    cube, stated_of = cube_of(name), claims.claims_of(name)
+    assert [claim.id for claim in stated_of if ledger_verdicts.reason_undefined(cube, claim)] == []
+    assert [check.claim for check in ledger_verdicts.check_claims(cube, stated_of)] == [*stated_of]
+    assert all(claim.quantity in cubes.cube_errors(cube) for claim in stated_of)
+
+
+def test_the_step_back_is_said_beside_the_verdict_in_the_ledger():
+    cube = cube_of("experiment-resolution")
+    made = cube.assign(mean_error=cube["mean_error"] * 0 + cube["value"] ** -0.2)
+    turned = made["mean_error"] * xr.where(cube["value"] == 1280, 0.8, 1)
+    (entry,) = [
+        one
+        for one in entries(experiment_resolution=made.assign(mean_error=turned))
+        if one.id == "ch5-concluding-t1"
+    ]
+    assert " at 1280 but " in entry.step_back
+    assert f"not monotonic ({entry.step_back})" in entry.got
 
 
 # -- Own runs: tilted arcs --

@@ -4,15 +4,11 @@ from math import sqrt
 
 import numpy as np
 import pytest
-import xarray as xr
-from scenes.ledger import cube_of, entries, own
 from scipy.stats import norm
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Trend
-from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.ledger.series import RESAMPLE_COUNT, Series, series_of
+from thesis_lib.ledger.series import RESAMPLE_COUNT, Series
 from thesis_lib.ledger.trends import (
     MAX_ALIKE_RATIO,
     MIN_CONFIDENCE,
@@ -418,19 +414,6 @@ def test_the_largest_step_against_a_trend_is_told(test, expected, step):
     assert judge_trend(trend(test), scene({"a": expected})).step_back == step
 
 
-def test_the_step_back_is_said_beside_the_verdict_in_the_ledger():
-    cube = cube_of("experiment-resolution")
-    made = cube.assign(mean_error=cube["mean_error"] * 0 + cube["value"] ** -0.2)
-    turned = made["mean_error"] * xr.where(cube["value"] == 1280, 0.8, 1)
-    (entry,) = [
-        one
-        for one in entries(experiment_resolution=made.assign(mean_error=turned))
-        if one.id == "ch5-concluding-t1"
-    ]
-    assert " at 1280 but " in entry.step_back
-    assert f"not monotonic ({entry.step_back})" in entry.got
-
-
 # -- Invariances --
 
 
@@ -558,28 +541,9 @@ def test_a_row_is_read(tmp_path, monkeypatch):
 # -- What the thesis says --
 
 
-@pytest.mark.parametrize("one", TRENDS, ids=lambda one: one.id)
-def test_every_trend_can_be_judged(one):
-    found = []
-    for name in one.source:
-        found += own()[name] if name in own() else series_of(cube_of(name))
-    assert set(one.cases) <= {s.case for s in found}
-    for quantity in one.quantities:
-        assert any(s.quantity == quantity and s.mode in one.modes for s in found)
-    finding = judge_trend(one, found)
-    assert 0 <= finding.confidence <= 1
-    assert 0 <= finding.single <= 1
-
-
 def test_chapters_are_those_of_the_sections():
     for one in TRENDS:
         assert one.chapter == (int(one.section[0]) if one.section[0].isdigit() else 5), one.id
-
-
-def test_every_source_is_a_figure_set_or_an_own_run():
-    named = {name for one in TRENDS for name in one.source}
-    assert set(own()) == {*ledger_runs.own_sources(), ledger_runs.ASKEW_PLATE}
-    assert named - set(STUDIES) <= set(own())
 
 
 def test_every_word_has_a_test_and_no_test_is_without_a_word():
