@@ -425,7 +425,7 @@ def test_own_layout_joins_the_cases():
 def written(path, name="beam-distance", seconds=0.25):
     study = validate_request(name, {"trials": 5})
     cube = with_provenance(studies.run(study), study, seconds)
-    cube.attrs["created"] = "2000-01-01T00:00:00+00:00"
+    cube.attrs |= {"created": "2000-01-01T00:00:00+00:00", "peak_memory_mb": np.float64(300)}
     storage.write_netcdf(cube, path)
     return cube
 
