@@ -157,7 +157,7 @@ def test_json_lists_sets_and_parameters():
 # The ledger.
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_claims_without_cubes_names_them_and_ends_well(checkout, tmp_path):
     done = checkout.thesis("claims", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
@@ -326,6 +326,7 @@ def test_tables_explain_their_short_names(ran):
     assert "XZ:" not in legend
 
 
+@pytest.mark.slow
 def test_another_run_takes_the_place_of_the_first_and_its_json_has_the_errors_of_the_cube(
     ran, checkout, tmp_path
 ):
@@ -384,7 +385,7 @@ def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["project"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
     chapter = ["run", "ch3", "-p", "trials=2", "-p", "focal_length_mm=35", "--out", "out"]
     done = checkout.thesis(*chapter, cwd=tmp_path, timeout=280)

@@ -1,6 +1,6 @@
-"""Of the cases of one test that prove alike, ``make test`` runs some, ``make test-all`` all.
+"""Of the cases of one test that prove alike, some are run by day, all at night.
 
-``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are marked as slow.
+``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are nightly.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections import defaultdict
 import pytest
 
 
-@pytest.hookimpl(tryfirst=True)  # before -m leaves out what is slow
+@pytest.hookimpl(tryfirst=True)  # before -m leaves out what is nightly
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
@@ -21,4 +21,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         spread = {round(i * (len(alike) - 1) / max(count - 1, 1)) for i in range(count)}
         for index, item in enumerate(alike):
             if index not in spread:
-                item.add_marker(pytest.mark.slow)
+                item.add_marker(pytest.mark.nightly)

@@ -164,7 +164,7 @@ def test_the_warning_of_small_motion_comes_where_a_phones_film_takes_a_tenth():
     assert left(1, "H.264, crf 18") < left(0.7, "H.264, crf 18") < left(0.5, "H.264, crf 18")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_compression_takes_more_of_a_smaller_motion(monkeypatch):
     monkeypatch.setattr(compression, "FILMS", {"lossless": None, "H.264, crf 23": 23})
     monkeypatch.setattr(compression, "TIPS", (0.0012, 0.0004))
@@ -180,7 +180,7 @@ def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
     assert set(said.values()) == {benchmark_tables.NOT_YET}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_trackers_find_the_amplitudes_of_the_same_film():
     found = list(tracking.compare(steady=15, rounds=1))
     assert {one.film for one in found} == set(tracking.FILMS)

@@ -252,6 +252,7 @@ def test_a_hundred_random_requests_are_what_the_library_makes_of_them(
 
 
 @pytest.mark.slow
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", COMPUTED_SETS)
 def test_the_published_run_comes_out_and_stands_behind(
     conforms: Any, chromium: Browser, form: Path, name: str

@@ -172,8 +172,8 @@ def again():
     return xr.concat([es.run(study, data) for data in every], "trial", data_vars="all")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", ["literal", "aligned", "harmonic"])
-@pytest.mark.slow
 def test_filming_again_scatters_as_is_predicted(conforms, again, case):
     part = of(again, case)
     measured = part["measured_deflection"].values.reshape(60, 25).astype(float)
@@ -195,6 +195,7 @@ def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
 # The methods.
 
 
+@pytest.mark.slow
 def test_exact_tracks_give_the_exact_shape(conforms, exact):
     cube = es.run(resolution(trials=0), exact)
     np.testing.assert_array_less(of(cube, "harmonic")["mean_error"], 1e-3)

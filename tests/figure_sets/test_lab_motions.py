@@ -159,6 +159,7 @@ def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
 
 
+@pytest.mark.slow
 def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     conforms.closed_form(beam_cube["found_frequency"], beam_cube["frequency"].values[:, None]
                                + np.zeros(4), atol=0.05)  # fmt: skip
@@ -282,6 +283,7 @@ def test_an_exact_recording_has_exact_deflections_and_sound(conforms):
     assert float(cube["missing"].max()) == 0
 
 
+@pytest.mark.slow
 def test_the_plate_s_trials_scatter_as_is_predicted(conforms, plate_cube):
     drawn = plate_cube.isel(trial=slice(1, None))
     for error, name in (("mean_error", "predicted_error"), ("power_error", "predicted_power_error"),
@@ -386,7 +388,7 @@ def test_without_trials_everything_is_still_shown(name, case, texts):
 # Rendered pictures.
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_too_few_rendered_frames_are_as_good_as_enough(conforms):
     """The beam in mode 3, small pictures, 60 and 480 frames a second, a long exposure."""
     study = modes_study(**QUICK, frame_rates_hz=[60.0, 480.0], exposure_ms=2.0, torsion_mm=0.05)
@@ -412,7 +414,7 @@ def test_too_few_rendered_frames_are_as_good_as_enough(conforms):
     assert order[1] > 5 * order[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
     study = modes_study(**{**QUICK, "frames": 8, "cases": ["known"]}, frame_rates_hz=[60.0])
     rig = lab_modes.rigs_of(study)[0]

@@ -189,7 +189,7 @@ def test_what_is_wrong_with_it_is_said_in_one_line_and_nothing_written(footprint
     assert not (footprint.parent / "out").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_in_the_library_it_passes_the_tests_of_all_figure_sets(own_checkout, tmp_path):
     name = "pixel-size"
     assert own_checkout.thesis("new-set", name, cwd=tmp_path).returncode == 0

@@ -326,7 +326,7 @@ def test_noise_is_simulated_and_predicted_for_least_squares(conforms, rest):
     assert (cube["predicted_error"] > clean["predicted_error"]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_interval_is_told_the_noise_and_better_than_both_others(conforms):
     values = {"cases": ("4c",), "trials": 100, "modes": (1, 2)}
     for noise_px, gain in ((0.05, 0.9), (0.3, 1.01)):

@@ -35,6 +35,7 @@ def frames(which, noise, count=120):
     return [scenes[which(k)] for k in range(count)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0, 1.5])
 @pytest.mark.parametrize(("which", "said"), KINDS.values(), ids=KINDS)
 def test_repeated_frames_are_named(tmp_path, which, said, noise):

@@ -51,6 +51,7 @@ def calibrated(kind, shots, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.few(5)
 @pytest.mark.parametrize("kind", ["plain", "tails", "bent", "bent, tails"])
 @pytest.mark.parametrize("shots", [2, 3, 4, 5, 12])
 def test_stated_deviations_are_the_scatter_of_independent_calibrations(conforms, kind, shots):

@@ -572,6 +572,7 @@ def test_tracks_that_are_not_whole_are_not_used(tmp_path, name, content):
     assert _state(note, path, "k", 9, frame) is None
 
 
+@pytest.mark.nightly
 def test_names_of_all_kinds(measured, tmp_path, monkeypatch):
     folder = copied(measured, tmp_path / "ä ö – [x] #%20 'q'")
     with_tracks_of(measured, monkeypatch)

@@ -169,6 +169,7 @@ class StopError(Exception):
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shares", [(), (0.5, 1)])
 def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch, shares):
     rig = default_rig(setups.thesis_beam(), [(10, 30), (-10, 30)], size=(960, 540))

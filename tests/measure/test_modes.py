@@ -382,7 +382,7 @@ def known(calibration):
     return calibration.assign(covariance=(("unknown", "other"), np.diag(sigma**2)))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
     """By cameras drawn about the true ones; without the covariance errors are told too small."""
     truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))

@@ -78,6 +78,7 @@ def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
     conforms.closed_form(data["delay"], np.subtract(starts, starts[0]), atol=0.1 / 60)
 
 
+@pytest.mark.nightly
 def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(conforms, tmp_path):
     part = Component("bending", 2, 39.6, 0.0008)
     rig = own.short_rig(BEAM, [(12, 30), (-12, 30), (170, 30)], part, steady=0.9,

@@ -254,7 +254,7 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven):
     assert int(data["drive"]) in (46, 21, 71)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_table_tells_the_same_as_a_sound_file(driven):
     times = np.arange(len(driven.truth.newtons)) / FINE
     rows = np.column_stack([times, driven.truth.newtons])[::4]
@@ -267,7 +267,7 @@ def test_a_table_tells_the_same_as_a_sound_file(driven):
     assert np.median(np.abs(apart)) < 2e-3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
     """Truth is between them; a fifth of the force's power is noise."""
     force = random_force(31, 0.05)
@@ -378,6 +378,7 @@ def test_noise_at_rest_has_its_power():
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("fast", [3e-4, -3e-4])
 def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fast):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
@@ -460,6 +461,7 @@ def clipped(newtons):
     return np.clip(newtons, -SCALE, SCALE * (1 - 2**-15))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "how", "told"),
     [
@@ -620,7 +622,7 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
     assert min(modal_assurance([a, b])[0, 1] for a, b in zip(model.A.T, shape, strict=True)) > 0.999
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_a_reader_should_know_is_told(driven):
     manifest = driven.asked(segment_s=5.0)
     data = driven.responded(manifest)

@@ -151,7 +151,7 @@ def test_the_frequency_is_looked_for_where_centres_are_missing(conforms, tmp_pat
     conforms.sampled(float(data["growth"]), 0, atol=0.003)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
     shapes, without = [], []
     for seed in range(40):

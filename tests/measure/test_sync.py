@@ -63,6 +63,7 @@ def test_starts_and_drifts_are_the_true_ones(conforms, videos):
         assert 0 < one.delay_deviation < 2e-5
 
 
+@pytest.mark.slow
 def test_standard_errors_of_drifts_are_their_scatter(conforms):
     off = []
     for seed in range(30):

@@ -227,6 +227,7 @@ def test_captions_come_from_the_data(name):
         assert one.alt or FIGURE_SETS[name].figure  # of which the panels tell
 
 
+@pytest.mark.slow
 def test_each_figure_gets_a_cell_with_its_words():
     request = validate_request("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
     shown = []
@@ -330,6 +331,7 @@ def short(tmp_path_factory, checkout):
     return checkout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "given", "message"),
     [
@@ -362,6 +364,7 @@ def test_an_object_given_to_papermill_has_no_key_twice():
         notebook.checked("beam-arrays", injected)
 
 
+@pytest.mark.slow
 def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(short, tmp_path):
     given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-p", "distances_mm", "[600]"]
     done = papermill(short, tmp_path, "beam-distance", *given)

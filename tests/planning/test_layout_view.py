@@ -133,6 +133,7 @@ def test_the_table_tells_the_cameras_and_is_the_plans_csv(chromium: Browser, pla
         assert opened.trouble == []
 
 
+@pytest.mark.slow
 def test_the_address_keeps_the_option_and_bears_rubbish(chromium: Browser, planned: Path) -> None:
     rubbish = [
         "option=0", "option=-1", "option=1e9", "option=NaN", "option=1.5", "plan=0&option=x",

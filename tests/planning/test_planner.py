@@ -179,9 +179,8 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
-@pytest.mark.slow
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
     found = errors.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
@@ -323,7 +322,7 @@ def test_every_limit_costs_something_or_nothing_but_never_helps():
             assert errors.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     grid = positions.candidate_positions(scene, np.radians(20))
@@ -410,6 +409,7 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
 
 
+@pytest.mark.slow
 def test_prices_decide_what_is_cheap():
     common = {**QUICK, "counts": [2, 4], "resolutions_px": [[640, 360], [1280, 720]],
               "target_percent": 7}  # fmt: skip
@@ -420,6 +420,7 @@ def test_prices_decide_what_is_cheap():
     assert many.options[many.chosen].cost == 400
 
 
+@pytest.mark.slow
 def test_the_same_request_gives_the_same_plan(made):
     again = plan(made.request)
     for one, other in zip(made.options, again.options, strict=True):
@@ -484,6 +485,7 @@ def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
     assert len(made.options) == 8
 
 
+@pytest.mark.slow
 def test_a_file_with_the_beam_gives_the_plan_of_the_beam(conforms, tmp_path):
     body = beam()
     x, y, z = body.points
@@ -736,6 +738,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
     assert page.count("<figure>") == 2
 
 
+@pytest.mark.slow
 def test_command_takes_a_structure_from_a_file(checkout, tmp_path):
     path = written(tmp_path, strip())
     words = ["-pcounts=[4]", "-ptarget_percent=null", "-pmodes=[1,2]", "-ptilt_deg=85",
@@ -785,6 +788,7 @@ def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_pa
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.slow
 def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     from thesis_lib.planning import report
 
@@ -803,6 +807,7 @@ def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.slow
 def test_a_default_plan_is_quick():
     start = time.process_time()
     plan(plan_request({}))

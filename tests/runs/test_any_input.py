@@ -170,6 +170,7 @@ def _beside_a_whole_one(tmp_path_factory, cube):
     return folder / "any.nc"
 
 
+@pytest.mark.nightly
 @many(30)
 @given(st.data())
 def test_other_cubes(tmp_path_factory, cube, data):

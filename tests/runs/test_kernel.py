@@ -113,6 +113,7 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "extra",
     [
@@ -140,6 +141,7 @@ def test_a_kernel_ends_with_its_notebook(tmp_path):
     assert set(psutil.Process().children(recursive=True)) <= before
 
 
+@pytest.mark.slow
 def test_a_plan_takes_no_module_from_elsewhere(checkout, tmp_path):
     plan = ["-m", "thesis_lib", "plan", "-p", "counts=[2]", "-p", "starts=0", "-p", "trials=5"]
     plan += ["-p", "target_percent=null", "--out"]

@@ -287,6 +287,7 @@ def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares
     assert found[3] < found[2]
 
 
+@pytest.mark.nightly
 @pytest.mark.few(3)
 @pytest.mark.parametrize(
     "name",

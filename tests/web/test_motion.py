@@ -98,6 +98,7 @@ def frames(opened: Opened) -> dict[str, Any]:
     return {"rate": count / seconds, "script_ms": 1000 * (spent() - before) / count}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KINDS, "explorer"])
 def test_it_moves_pauses_and_rests_for_readers_who_want_no_movement(show: Show, kind: str) -> None:
     with show(kind) as opened:
@@ -147,6 +148,7 @@ def test_it_rests_out_of_sight_and_in_print_at_its_largest(show: Show) -> None:
         assert not later(opened)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["holes", "explorer"])  # with most markers
 def test_it_is_fluid(show: Show, kind: str) -> None:
     with show(kind) as opened:
@@ -235,6 +237,7 @@ RUBBISH = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["beam", "explorer"])
 def test_rubbish_in_the_address_gives_the_default_view(show: Show, kind: str) -> None:
     said = "() => document.querySelector('.tl-viewer [role=status], .tl-summary').textContent"
