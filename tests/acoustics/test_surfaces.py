@@ -54,6 +54,7 @@ def efficiency(places, weights, shape, k):
     return k**2 / (2 * np.pi) * power / (v @ shape(*places))
 
 
+@pytest.mark.few(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OUTLINES)
 def test_the_stated_uncertainty_holds_what_sums_are_off_by(name, conforms):

@@ -206,7 +206,7 @@ def test_cameras_come_out_as_published():
             "design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]},
             ["law_error", "cone_error", "expected_error", "frame_error"],
             ["simulated_error", "cone_drawn_error", "drawn_frame_error", "drawn_fit_error"],
-            marks=pytest.mark.slow,
+            marks=pytest.mark.nightly,
         ),
     ],
 )  # fmt: skip

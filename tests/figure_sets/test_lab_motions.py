@@ -283,7 +283,7 @@ def test_an_exact_recording_has_exact_deflections_and_sound(conforms):
     assert float(cube["missing"].max()) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_plate_s_trials_scatter_as_is_predicted(conforms, plate_cube):
     drawn = plate_cube.isel(trial=slice(1, None))
     for error, name in (("mean_error", "predicted_error"), ("power_error", "predicted_power_error"),

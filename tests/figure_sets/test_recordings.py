@@ -138,7 +138,7 @@ def test_numbers_of_the_walk_through_are_numbers(data, name):
     assert "nan" not in text
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_pictures_are_drawn_alike_each_time(data, tmp_path):
     first, second = (walk.write_pictures(data, tmp_path / name) for name in ("one", "two"))
     names = [walk.file_name(name) for name in walk.WALK_FIGURES]

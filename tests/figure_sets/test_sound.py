@@ -376,7 +376,7 @@ def plane_factors(request):
 
 
 @pytest.mark.parametrize(
-    "study", [STUDIES[0], *(pytest.param(s, marks=pytest.mark.slow) for s in STUDIES[1:])]
+    "study", [STUDIES[0], *(pytest.param(s, marks=pytest.mark.nightly) for s in STUDIES[1:])]
 )
 def test_predicted_errors_are_the_rms_over_trials(conforms, study):
     """Plate within 3 %, sound within 5 %, at every setting and mode, for both rests.

@@ -35,6 +35,7 @@ def frames(which, noise, count=120):
     return [scenes[which(k)] for k in range(count)]
 
 
+@pytest.mark.few(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0, 1.5])
 @pytest.mark.parametrize(("which", "said"), KINDS.values(), ids=KINDS)

@@ -380,6 +380,7 @@ def small_tiles(values):
     values["board"]["tile_mm"] = 40.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("change", [swapped, small_tiles])
 def test_shots_of_another_camera_or_board_do_not_fit_the_markers(
     measured, tmp_path, monkeypatch, change
@@ -417,6 +418,7 @@ def test_markers_on_one_line_that_alone_are_seen_tell_nothing(measured, tmp_path
     assert names(folder / "measured") == [".steps"]
 
 
+@pytest.mark.nightly
 def test_a_camera_that_loses_everything_is_told_in_the_report_alone(measured, data, tmp_path):
     folder = copied(measured, tmp_path / "recording", results=True)
 
@@ -520,6 +522,7 @@ def test_only_what_depends_on_a_change_is_done_again(measured, data, tmp_path, m
     assert results_of(folder / "measured")["steady"].values.tolist() == [1.95, 2.8]
 
 
+@pytest.mark.nightly
 def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     folder = copied(measured, tmp_path / "recording", results=True)
     steps = folder / "measured" / ".steps"

@@ -354,7 +354,7 @@ def test_one_tone_is_the_default_and_has_its_frequency():
     assert Excitation(kind="free_decay").frequency_hz is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_calibrations_err_for_all_modes_alike(decay, conforms):
     """Rows of all modes together hold each one's own covariance, and what they have in common."""
     _, found = decay

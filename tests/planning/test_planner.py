@@ -807,7 +807,7 @@ def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_default_plan_is_quick():
     start = time.process_time()
     plan(plan_request({}))

@@ -98,6 +98,7 @@ def frames(opened: Opened) -> dict[str, Any]:
     return {"rate": count / seconds, "script_ms": 1000 * (spent() - before) / count}
 
 
+@pytest.mark.few(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KINDS, "explorer"])
 def test_it_moves_pauses_and_rests_for_readers_who_want_no_movement(show: Show, kind: str) -> None:
