@@ -434,6 +434,7 @@ def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout
         assert cube["width_px"].values.tolist() == [320]
 
 
+@pytest.mark.slow
 def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp_path):
     def breaks(document):
         viewer = next(cell for cell in document.cells if cell.id == "beam-distance-04")

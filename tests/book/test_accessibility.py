@@ -44,6 +44,7 @@ def opened(page: Page, path: Path) -> Page:
     return page
 
 
+@pytest.mark.slow
 def test_nothing_serious_on_a_page_of_a_run(
     page: Page,
     notebook: Path,  # noqa: F811
@@ -55,6 +56,7 @@ def test_nothing_serious_on_a_page_of_a_run(
     assert axe.light_and_dark(opened(page, html)) == []
 
 
+@pytest.mark.slow
 def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
     """Filled, refused, and with every kind of control."""
     html = tmp_path / "form.html"

@@ -46,6 +46,7 @@ for work in (
 """
 
 
+@pytest.mark.slow
 def test_flops_are_those_of_the_compiled_way():
     pytest.importorskip("numba", reason="numba is not installed")
     run = subprocess.run(
@@ -58,6 +59,7 @@ def test_flops_are_those_of_the_compiled_way():
     assert limits.flops(3, 3) == linear + solution + 3 * (reprojection + solution)
 
 
+@pytest.mark.slow
 def test_limits_are_those_of_a_machine():
     found = limits.measure(repetitions=2, matrix=64, stream=2**16, passes=10_000)
     assert found.peak > 0.1

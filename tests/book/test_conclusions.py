@@ -75,6 +75,7 @@ def matched():
     return request, experiment.run(request, replicates(request.recordings, 4, sigma=0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "held"), [(0.5, "yes"), (0.97, "no material change"), (2.0, "the opposite")]
 )

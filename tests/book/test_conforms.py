@@ -92,6 +92,7 @@ def test_a_check_without_tolerance_or_with_other_shapes_is_refused(allowed, erro
         compare([1, 2, 3], **allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_page_shows_one_row_for_each_check_and_names_what_failed(tmp_path, workers):
     report = tmp_path / "report.xml"

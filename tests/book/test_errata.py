@@ -4,6 +4,8 @@ import doctest
 import re
 from pathlib import Path
 
+import pytest
+
 BOOK = Path(__file__).parents[2] / "book"
 PAGE = BOOK / "errata.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -23,6 +25,7 @@ def code_only(text: str) -> str:
     return "\n".join(kept) + "\n"
 
 
+@pytest.mark.slow
 def test_code_prints_what_the_page_says():
     code = code_only(TEXT)
     assert TEXT.count("\n>>> ") == code.count("\n>>> ")  # none is left out

@@ -385,6 +385,7 @@ def test_dragging_stays_fluid(chromium: Browser, path: Path, query: str) -> None
         assert opened.trouble == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_the_nearest_camera_follows_the_pointer_and_the_curve_is_in_sight(
     chromium: Browser, path: Path, width: int, height: int
@@ -550,6 +551,7 @@ SILLY: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 def test_a_link_shows_what_it_says_and_a_silly_one_is_ignored(
     chromium: Browser, path: Path
 ) -> None:

@@ -72,6 +72,7 @@ export default { render({ model, el }) { el.textContent = told(model); } };
 """
 
 
+@pytest.mark.slow
 def test_pages_share_the_programs_and_styles_of_viewers(chromium: Any, tmp_path: Path) -> None:
     """Two with other data on one page, and one on a page in a folder below."""
     css = ".tl-fragment { color: rgb(1, 2, 3); }"

@@ -209,6 +209,7 @@ def typed(request: CameraStudy) -> dict[str, Any]:
     return {key: one for key, one in request.request.items() if key not in left}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beam-distance", "plate-arrays"])
 def test_a_request_is_what_the_library_makes_of_it(
     conforms: Any, chromium: Browser, form: Path, name: str

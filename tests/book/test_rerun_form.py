@@ -240,6 +240,7 @@ def fill(opened: Opened, *all_: tuple[str, dict[str, Any]]) -> list[dict[str, An
     return found
 
 
+@pytest.mark.slow
 def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         found = fill(opened, *((name, {field: text}) for name, field, text, _ in SILLY))
@@ -324,6 +325,7 @@ def outcome(name: str, values: dict[str, Any]) -> Any:
         return str(error)
 
 
+@pytest.mark.slow
 def test_commands_say_what_the_form_holds(
     chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

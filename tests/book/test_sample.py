@@ -46,6 +46,7 @@ def test_it_is_small_and_its_files_are_those_that_the_step_names(page: Path) -> 
     assert {file.name for file in page.parent.iterdir()} == {*sample.SAMPLE_FILES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_it_opens_offline_without_an_error(
@@ -63,6 +64,7 @@ def test_it_opens_offline_without_an_error(
         assert opened.page.locator(".tl-dot").count() == 75
 
 
+@pytest.mark.slow
 def test_nothing_is_amiss_for_those_who_cannot_see_well(chromium: Browser, page: Path) -> None:
     if axe.absent():
         pytest.skip(axe.absent())

@@ -153,6 +153,7 @@ def cube_of(subject):
     return studies.run(request)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cube", sorted({cube for entry in ENTRIES for cube in entry.cube}))
 def test_cubes_have_the_variables(cube):
     name, variables = cube.split(": ")

@@ -92,6 +92,7 @@ def test_part_of_a_cube_is_a_cube(cube, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_every_variable_and_coordinate_is_compared(cube):
     for name in sorted(map(str, cube.variables)):
         values = cube[name].values

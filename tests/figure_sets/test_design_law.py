@@ -259,6 +259,7 @@ def test_swing_error_for_large_and_small_amplitudes(conforms):
     conforms.closed_form(cone_law.useful_frames(large), 13.5 * 20.5, rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [2.0, 5.0, 12.0])
 def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
     random = np.random.default_rng(0)
@@ -534,6 +535,7 @@ def test_the_mean_of_the_polytope_is_no_worse_than_its_centre_in_frames_and_film
         conforms.sampled((interval / centre).isel(count=-1), below=0.97)
 
 
+@pytest.mark.slow
 def test_numbers_of_cameras_differ_for_least_squares_below_half_a_pixel(conforms):
     """As the page says: alike above half a pixel, to the tenth; below it many are better."""
     request = validate_request("design-law", {})

@@ -34,6 +34,7 @@ def drawn(cube) -> str:
     return as_svg(cube, "1", 1)
 
 
+@pytest.mark.slow
 def test_threads_that_draw_at_once_draw_as_one_does(cube):
     alone, found = drawn(cube), []
     before = dict(matplotlib.rcParams)

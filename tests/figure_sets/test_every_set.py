@@ -73,6 +73,7 @@ def test_what_misleads_is_found():
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
 def test_no_figure_misleads(name):
     made = drawings(small_cube(name))
@@ -169,6 +170,7 @@ def test_texts_of_plans_do_not_hang_on_last_digits(text):
 # Cubes of single quantities are compared by them.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REQUESTS)
 def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monkeypatch):
     cube, path = small_cube(name), tmp_path / "cube.nc"

@@ -136,6 +136,7 @@ def test_the_verdict_follows_the_bands():
 # Recordings.
 
 
+@pytest.mark.slow
 def test_a_recording_is_measured_as_well_as_its_scatter_says():
     request = study(trials=0, counts=[2], width_px=480, cases=["pixels"], diameters_mm=[30.0])
     data = compute.measure(request, 0).isel(rig=0)

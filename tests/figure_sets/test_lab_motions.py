@@ -135,6 +135,7 @@ def test_torsion_has_nothing_of_bending_over_the_rows(conforms):
         )
 
 
+@pytest.mark.slow
 def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exact):
     study = modes_study(cases=["known"])
     cube = lab_modes.run(study, exact)
@@ -186,6 +187,7 @@ def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wron
         conforms.sampled(ratio, 1, atol=0.12)
 
 
+@pytest.mark.slow
 def test_cameras_that_start_together_agree_at_every_alias_and_see_the_shape_at_each(conforms):
     study = modes_study(starts="together", exposure_ms=1e-3, cases=["read", "known"],
                         frame_rates_hz=[60.0, 120.0])  # fmt: skip
@@ -348,6 +350,7 @@ def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_c
 # Cubes, figures, tables.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
 def test_every_figure_table_and_viewer_is_made(name, request):
     cube = request.getfixturevalue(name)
@@ -368,6 +371,7 @@ def test_every_figure_table_and_viewer_is_made(name, request):
     assert not any("nan" in text for text in texts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case", "texts"),
     [
@@ -445,6 +449,7 @@ def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms)
     conforms.closed_form(float(cube["mean_error"].max()), below=0.3)
 
 
+@pytest.mark.slow
 def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
     conforms, monkeypatch
 ):

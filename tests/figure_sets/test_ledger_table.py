@@ -132,6 +132,7 @@ def claim(opened: Opened, i: int) -> Locator:
     return opened.page.locator(f"[id='claim-{ROWS[i]['id']}']")
 
 
+@pytest.mark.slow
 def test_filters_combine_and_are_counted(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         everything = list(range(COUNT))
@@ -384,6 +385,7 @@ def test_a_row_says_why_it_differs_and_that_a_trend_is_not_monotonic(
         assert "not monotonic" not in claim(opened, 6).locator(".tl-ledger-verdict").inner_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("allowed", [True, False])
 def test_copying_the_command(chromium: Browser, path: Path, allowed: bool) -> None:
     with open_offline(chromium, path) as opened:

@@ -398,6 +398,7 @@ def test_values_of_the_cube_are_those_of_the_formulas(conforms, cube):
     conforms.closed_form(tan(radians(angle) / 2), 0.236, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.few(3)
 @pytest.mark.parametrize(
     "values",

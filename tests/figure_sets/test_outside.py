@@ -42,6 +42,7 @@ def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
     assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 5, ".toml"]
 
 
+@pytest.mark.slow
 def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
     out = tmp_path / "out"
     listed = thesis("list", footprint)
@@ -95,6 +96,7 @@ def test_compare_executes_nothing_that_lies_beside_a_cube(tmp_path, monkeypatch)
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.slow
 def test_a_failing_cell_is_counted_as_in_the_notebook(footprint, tmp_path):
     file = footprint / "footprint.ipynb"
     document = nbformat.read(file, as_version=4)

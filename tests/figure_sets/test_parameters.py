@@ -389,6 +389,7 @@ def test_digest_tells_the_order_of_layouts_which_is_that_of_the_settings():
     assert one.digest != other.digest
 
 
+@pytest.mark.slow
 def test_digest_is_stable_across_processes():
     values = {"pair_order": {"4b": "reversed", "4a": "printed"}, "layouts": {"b": [PAIR]}}
     code = (
@@ -489,6 +490,7 @@ def outcome(name, values):
         return None, str(error)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, derandomize=True)
 @given(st.data())
 def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):

@@ -108,6 +108,7 @@ def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, na
     assert not any(np.isnan(cube[v]).any() for v in ("measured_deflection", "predicted_error"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_law_of_rounding_needs_no_symmetry(conforms, name):
     cube = made(name, cases=["4a", "4c"], trials=400)

@@ -161,6 +161,7 @@ def test_mode_2_2_is_silent_on_both_planes(conforms):
         assert np.all(np.isfinite(heard[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [{}, {"speed_of_sound_m_s": 200.0}, {"grid": (30, 20)}])
 def test_cube_tells_how_large_a_piston_is_for_the_wave(conforms, values):
     with warnings.catch_warnings():
@@ -375,6 +376,7 @@ def plane_factors(request):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "study", [STUDIES[0], *(pytest.param(s, marks=pytest.mark.nightly) for s in STUDIES[1:])]
 )

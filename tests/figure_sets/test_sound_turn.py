@@ -16,6 +16,7 @@ def cube():
     return cube_of(validate_request("sound-aperture", FEW))
 
 
+@pytest.mark.slow
 def test_pairs_that_are_not_turned_are_case_2d(conforms, cube):
     own = cube["predicted_error"].transpose("setting", ...).values
     found = cube["turned_error"].values[0]
@@ -50,6 +51,7 @@ def test_law_over_turns_is_that_of_the_turned_pairs_where_both_are(conforms, cub
     assert cube.sizes["law_turn"] >= 50  # a line between fewer is not the law
 
 
+@pytest.mark.slow
 def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
     """At 60°, the whole grid: 1.01 % at 3°, 2.45 % at 4.25°, 1.90 % at 4.75°, 2.79 % at 5°."""
     asked = validate_request(

@@ -308,6 +308,7 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
 # The board.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", [0, 9])
 def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     R, t = (part[pose] for part in default_poses())

@@ -424,6 +424,7 @@ def users(name):
     return figures, {trend.id for trend in claims.read_trends() if name in trend.source}
 
 
+@pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["beam-arrays", "sound-aperture", "experiment-resolution"])
 def test_a_doctored_cube_changes_its_own_entries_and_no_others(found, name):

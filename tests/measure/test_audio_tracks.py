@@ -40,6 +40,7 @@ def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
         assert f"{rate:.2f} samples a second by its time stamps, 8000 stated" in audio.source
 
 
+@pytest.mark.slow
 def test_time_stamps_that_scatter_have_no_pace_of_their_own(conforms, tmp_path):
     rng = np.random.default_rng(0)
     for pace, error in ((0.0, 0.0), (5e-4, 3e-5)):
@@ -175,6 +176,7 @@ UNLIKE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", UNLIKE)
 def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
     paths = [

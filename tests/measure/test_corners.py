@@ -134,6 +134,7 @@ def marked():
     return picture(camera, R[3], t[3], MARKED), exact
 
 
+@pytest.mark.slow
 def test_corners_between_marks_are_as_exact_as_without_them(conforms, marked):
     clean, exact = marked
     off = find_corners(photograph(clean), MARKED) - exact
@@ -180,6 +181,7 @@ def test_small_marks_seen_from_aside_leave_corners_exact(conforms):
     conforms.sampled(rms((found - exact)[:, seen]), below=0.015)
 
 
+@pytest.mark.slow
 def test_boards_that_begin_with_a_light_tile_are_read_too(conforms, marked):
     camera, (R, t) = resize_camera(rig()[1], HALF_SIZE), default_poses()
     found = find_corners(photograph(picture(camera, R[3], t[3], MARKED, legacy=True)), MARKED)
@@ -273,6 +275,7 @@ def test_a_mirrored_board_with_marks_is_named(marked):
         find_corners(image, MARKED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tiles", [(8, 9), (9, 7), (6, 6)])
 def test_a_larger_board_than_expected_is_refused(scenes, tiles):
     for clean, _ in scenes[:3]:
@@ -292,6 +295,7 @@ def test_a_moving_or_a_blurred_board_is_refused(scenes, blurred, words):
         find_corners(blurred(photograph(scenes[0][0], 0)), BOARD)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covering", [30, 115, 200])
 def test_a_corner_with_something_before_it_is_refused_or_right(scenes, covering):
     clean, exact = scenes[0]

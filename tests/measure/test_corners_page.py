@@ -55,6 +55,7 @@ def lines(opened: Opened) -> list[str]:
     return opened.page.get_by_test_id("lines").inner_text().splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "corners"), [(1280, CORNERS), (390, CORNERS), (390, NARROW)])
 def test_what_is_clicked_is_accepted_by_the_manifest(
     chromium: Browser, manifest: Path, width: int, corners: np.ndarray

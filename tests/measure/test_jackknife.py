@@ -146,6 +146,7 @@ def test_exact_corners_leave_nothing(conforms):
 # What errors of the calibration do to all markers alike.
 
 
+@pytest.mark.slow
 def test_fewer_rows_keep_what_sizes_and_phases_do_together():
     """An error of all sizes alike stays one of sizes, with no share that turns phases.
 

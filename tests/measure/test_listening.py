@@ -76,6 +76,7 @@ def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
     conforms.sampled(error, below=0.04 * 10 ** (-noise_db / 20) + 1e-3)
 
 
+@pytest.mark.slow
 def test_long_recordings_take_little_memory_and_time(tmp_path):
     t = np.arange(60 * RATE) / RATE
     manifest = folder_of(tmp_path, [force(t + start) for start in (0, 0.1, 0.2, 0.05)])

@@ -54,6 +54,7 @@ def decay():
     return truth, identify_modes(tracks(RIG, truth, lost=0.01), REST, Asked(BAND, 3))
 
 
+@pytest.mark.slow
 def test_modes_of_unlike_rates_and_rolling_shutters(decay):
     """The third has nearly four times the slowest camera's rate."""
     truth, found = decay
@@ -63,6 +64,7 @@ def test_modes_of_unlike_rates_and_rolling_shutters(decay):
     np.testing.assert_allclose(found.noise, 0.02, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     """The outer half of two rows change places in a tenth of one camera's frames."""
     truth = beam_modes()
@@ -138,6 +140,7 @@ def rms(values):
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "fastest"), [(0.1, False), (0.1, True)])
 def test_standard_errors_hold_where_centres_are_missing(share, fastest):
     """With dampings that no start has; a gap that is filled pulls both rates by 5 and more."""
@@ -237,6 +240,7 @@ def test_starts_that_are_off_are_found_beyond_a_period():
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
 
 
+@pytest.mark.slow
 def test_cameras_out_of_step_tell_an_alias():
     """110.8 Hz shows at 9.2 Hz in all of them."""
     truth = beam_modes()
@@ -248,6 +252,7 @@ def test_cameras_out_of_step_tell_an_alias():
     assert turned[1:].min() > 5 * turned[0]
 
 
+@pytest.mark.slow
 def test_steady_tones_at_unlike_clocks():
     """Two tones, each with a shape of two modes; a clock that runs 40 ppm fast is found."""
     points = RIG.markers.centres
@@ -408,6 +413,7 @@ def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
     assert np.sqrt(np.mean(np.square(without))) > 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [False, True], ids=["unknown", "known"])
 @pytest.mark.few(1)
 def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):

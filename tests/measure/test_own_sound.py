@@ -233,6 +233,7 @@ def test_what_a_plate_without_a_wall_radiates_is_estimated_from_its_markers(made
     conforms.closed_form(float(made["no_wall_below"][0]), below, rtol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("between", [None, "spline"])
 def test_more_half_waves_need_a_wall_up_to_higher_frequencies(between, conforms):
     """The same frequency and plate, in four modes."""
@@ -353,6 +354,7 @@ def steady():
     return sound_of(modes(damped=False), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
 
 
+@pytest.mark.slow
 def test_each_of_several_tones_sounds_as_it_would_alone(steady, decaying, conforms):
     for k, shape in enumerate((TRUE, OTHER)):
         one = sound_of(alone(shape, OMEGAS[k]), manifest({"points_mm": [[300, 200, 500]]})).isel(
@@ -379,6 +381,7 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
     conforms.invariance(steady["band_level"].values[0], level, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
     monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))

@@ -35,6 +35,7 @@ def noise(shape, sigma=0.02, seed=0):
 # Who sees what.
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_a_point_is_made_from_the_cameras_that_see_it(conforms, seed):
     rng = np.random.default_rng(seed)

@@ -312,6 +312,7 @@ def with_gaps(own, folder, share):
     return replace(own, recordings=recordings)
 
 
+@pytest.mark.slow
 def test_gaps_that_are_made_again_err_as_the_gaps_do(swept, tmp_path):
     """In the first resonance, where motion is far above noise."""
     rest, _ = rest_of(swept.asked("sweep"), swept.recordings)
@@ -335,6 +336,7 @@ def test_standard_errors_of_a_whole_sweep_hold_where_centres_are_missing(swept, 
     assert np.mean(np.abs([np.real(z), np.imag(z)]) < 2) > 0.92
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(swept):
     manifest = swept.asked("sweep", segment_s=2.0)
     data = swept.responded(manifest)
@@ -347,6 +349,7 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
     assert "more slowly, or use force.segment_s: whole" in told[0].text
 
 
+@pytest.mark.slow
 def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
     manifest = swept.asked("sweep")
     early = manifest.excitation.model_copy(update={"steady_interval_s": (0.5, 5.0)})
@@ -409,6 +412,7 @@ def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fa
     )
 
 
+@pytest.mark.slow
 def test_the_clock_of_a_sound_card_is_found_by_a_microphone_beside_the_force(tmp_path):
     """Started 1.234 s later, 60 ppm fast, at another sample rate, with a force of its own."""
     rng = np.random.default_rng(0)
@@ -480,6 +484,7 @@ def test_a_force_that_cannot_be_used_is_refused_in_one_line(driven, tmp_path, ma
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_a_force_sampled_too_rarely_is_refused(driven):
     rows = np.column_stack([np.arange(0, 30, 0.02), random_force(30)[::40]])
     np.savetxt(driven.folder / "slow.csv", rows, delimiter=",")
@@ -488,6 +493,7 @@ def test_a_force_sampled_too_rarely_is_refused(driven):
         driven.responded(manifest)
 
 
+@pytest.mark.slow
 def test_a_film_too_slow_for_a_sweep_is_refused(driven):
     manifest = driven.asked("sweep")
     sweep = Sweep(from_hz=60.0, to_hz=90.0)

@@ -114,6 +114,7 @@ def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "how"),
     [
@@ -173,6 +174,7 @@ def summed(data):
     return data.assign(ambiguous=0)
 
 
+@pytest.mark.slow
 def test_a_rolling_shutter_is_made_good_by_its_readout_time(conforms, tmp_path):
     rolling = recordings(tmp_path, readout=0.012)
     data = shape_result(manifest(), heard(), rolling)

@@ -261,6 +261,7 @@ def test_errors_go_with_their_cameras(tmp_path):
 # How exact lenses that were calibrated before leave the cameras' places.
 
 
+@pytest.mark.slow
 def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
     """Lenses that are off as their covariance says, and then few images for the places."""
     points, n = BOARD.corners, 4

@@ -51,6 +51,7 @@ def videos(tmp_path_factory):
     return [folder / f"{name}.mkv" for name in clocks]
 
 
+@pytest.mark.slow
 def test_starts_and_drifts_are_the_true_ones(conforms, videos):
     (b, c), names = synchronise_videos(videos)
     assert names == ["A", "B", "C"]
@@ -76,6 +77,7 @@ def test_standard_errors_of_drifts_are_their_scatter(conforms):
     conforms.sampled(np.sqrt(np.mean(np.square(off))), 1.0, atol=0.35)
 
 
+@pytest.mark.slow
 def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, videos):
     cameras = [
         {"name": v.stem, "video": v.name, "width_px": 16, "height_px": 16, "frame_rate_hz": 30,

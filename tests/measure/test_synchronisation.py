@@ -176,6 +176,7 @@ def test_the_frequency_of_a_tone_is_found(conforms, guess):
     conforms.closed_form(tone_frequency(signal, RATE, guess), FREQUENCY, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
     periods = int(1.95 * FREQUENCY - 1)  # the first is left out
@@ -369,6 +370,7 @@ def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
     return signals, starts - starts[0]
 
 
+@pytest.mark.slow
 @pytest.mark.few(2)
 @pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
 def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
@@ -379,6 +381,7 @@ def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms
     conforms.closed_form(found.delays, truth, atol=0.002 / FPS)  # what we have
 
 
+@pytest.mark.slow
 def test_five_minutes_of_tone_alone_are_ambiguous():
     assert synchronise_sounds(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY).ambiguous
 
@@ -504,6 +507,7 @@ def test_a_clap_is_found_through_a_louder_hum(conforms):
     conforms.closed_form(delays, truth, atol=0.005 / FPS)
 
 
+@pytest.mark.slow
 def test_what_repeats_or_is_not_shared_is_refused_in_a_room():
     rng = np.random.default_rng(0)
     n = 8 * RATE

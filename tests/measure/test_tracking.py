@@ -99,6 +99,7 @@ def rest():
 # Centres.
 
 
+@pytest.mark.slow
 @pytest.mark.few(2)
 @pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
 def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1):
@@ -116,6 +117,7 @@ def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1
     conforms.closed_form(np.abs(error.mean(axis=(0, 2))).max(), below=0.003)
 
 
+@pytest.mark.slow
 def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(
     conforms, tracked, request
 ):
@@ -131,6 +133,7 @@ def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(
     assert np.mean(np.isnan(error)) < 0.05
 
 
+@pytest.mark.slow
 def test_noise_moves_centres_little_more_than_it_must(conforms, tracked, rest):
     # Cramér and Rao: 1 / variance ≤ Σ (∂I/∂u)² / (0.05 I + 1), the slopes by differences.
     at, clean, view, exact = rest
@@ -152,6 +155,7 @@ def test_noise_moves_centres_little_more_than_it_must(conforms, tracked, rest):
         conforms.sampled(np.sqrt(np.mean(np.square(ratios))), above=0.9, below=1.5)
 
 
+@pytest.mark.slow
 def test_reduced_frames_are_tracked_as_well(conforms, tracked):
     at, times = camera(size=HALF), np.arange(-1, 20) / 60
     frames = filmed(at, times)
@@ -162,6 +166,7 @@ def test_reduced_frames_are_tracked_as_well(conforms, tracked):
     conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.few(2)
 @pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
 def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(
@@ -230,6 +235,7 @@ def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
     conforms.invariance(np.nanmax(off(after, before)[others]), below=0.02)
 
 
+@pytest.mark.slow
 def test_several_hidden_markers_are_all_missing_in_motion(conforms, tracked):
     at, times = camera(), np.arange(4, 12) / 60
     exact = truth(at, times)
@@ -264,6 +270,7 @@ def test_what_was_hidden_is_followed_again(conforms):
     conforms.closed_form(np.nanmax(after), below=0.08)
 
 
+@pytest.mark.slow
 def test_tables_and_searching_agree_at_a_low_camera(conforms):
     # From 12° some markers hold in no frame, and the edges are near all of them.
     at, times = camera(elevation=12.0, size=(1280, 720)), np.arange(-1, 12) / 60
@@ -410,6 +417,7 @@ def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     conforms.closed_form(corner_error(view, small), below=2)
 
 
+@pytest.mark.slow
 def test_a_turned_picture_gives_turned_centres(conforms, rest):
     at, image, view, _ = rest
     K = at.K.copy()

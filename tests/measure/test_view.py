@@ -69,6 +69,7 @@ def put(opened: Opened, name: str, value: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_markers_stand_and_move_as_they_were_measured(show: Show, plate: xr.Dataset) -> None:
     known = np.flatnonzero(np.isfinite(plate["deflection"]))
     turned = (plate["deflection"] + 1j * plate["quadrature"]).values[known]

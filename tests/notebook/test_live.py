@@ -237,6 +237,7 @@ def front_end():
     manager.shutdown_kernel(now=True)
 
 
+@pytest.mark.slow
 def test_controls_in_a_kernel_rerun_by_the_library(front_end):
     codes = [cell.source for cell in committed("beam-distance").cells if cell.cell_type == "code"]
     front_end.run(f"{codes[0]}\ntrials = 3\n{codes[1]}")

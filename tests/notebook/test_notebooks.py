@@ -178,6 +178,7 @@ def of_the_steps(asked: Study) -> xr.Dataset:
     return cube_of(asked)
 
 
+@pytest.mark.slow
 @pytest.mark.few(10)
 @pytest.mark.parametrize(
     ("name", "values"),

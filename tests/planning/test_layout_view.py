@@ -37,6 +37,7 @@ def tips(opened: Opened) -> np.ndarray[Any, Any]:
     return np.array(opened.page.locator("[data-testid=layouts]").evaluate(TIPS))
 
 
+@pytest.mark.slow
 def test_every_option_shows_its_cameras_where_they_are(chromium: Browser, planned: Path) -> None:
     """Seen from above, distances in the image are those on the ground, in one scale for all."""
     with (

@@ -101,6 +101,7 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms.sampled(law / noise, above=low, below=high)
 
 
+@pytest.mark.slow
 def test_a_plan_below_the_bound_of_its_grid_says_why(made):
     def summary(ratio):
         options = [replace(one, bound=ratio * one.expected) for one in made.options]
@@ -376,6 +377,7 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
             assert max(one.error, its.simulated.max()) > target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
 @pytest.mark.parametrize("body", ["beam", "plate"])
 def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
@@ -597,6 +599,7 @@ def test_what_else_a_file_holds_is_left_alone(tmp_path):
     assert structure_file.read_body(path, [1]).points.shape == (3, 9)
 
 
+@pytest.mark.slow
 def test_a_plate_of_another_size_is_planned_as_its_likeness():
     """Twice as large, twice as far and moving twice as far, everything looks the same."""
     thesis_s = setups.thesis_plate()

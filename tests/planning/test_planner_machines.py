@@ -122,6 +122,7 @@ def steps_off(values, per_unit, limits):
     return np.minimum(whole, limit)
 
 
+@pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "objective"),

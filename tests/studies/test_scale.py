@@ -83,6 +83,7 @@ def test_settings_of_the_thesis_are_one_block_each():
 # The same cube whoever computes it.
 
 
+@pytest.mark.slow
 def test_a_cluster_with_tls_gives_the_same_cube_bit_for_bit(tmp_path, small_blocks, monkeypatch):
     """Of deflections and of sound; a worker with another library is named."""
     key, certificate = (str(tmp_path / name) for name in ("key.pem", "certificate.pem"))

@@ -107,6 +107,7 @@ def test_small_triangles_cost_no_digits(conforms):
     conforms.invariance(two / one, 1, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_panel_that_is_the_plate_has_its_frequencies_shapes_and_signs(conforms):
     one = panel(element_size=0.01)
     modes = [1, 2, 3, 4, 5, 6]
@@ -235,6 +236,7 @@ def test_points_are_found_in_the_triangles_they_are_in(conforms):
     conforms.independent(back, points, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_small_hole_changes_nothing(conforms):
     plain = panel(element_size=0.015).angular_frequencies(4)
     off = [
@@ -350,6 +352,7 @@ def test_peak_of_the_deflection_is_the_given_one():
         assert np.max(np.abs(deflection)) == pytest.approx(0.01, rel=0.03)
 
 
+@pytest.mark.slow
 def test_static_response_obeys_reciprocity(conforms):
     here, there = (0.1, 0.1), (0.5, 0.1)
     one, other = panel(ELL, force_position=here), panel(ELL, force_position=there)

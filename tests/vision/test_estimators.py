@@ -32,6 +32,7 @@ def test_directions_are_even_over_the_hemisphere_at_the_distances_asked_for(conf
 
 # Micrometres of an independent prototype: linear, refined; nothing at equal distances. It did not
 # state its pixels; those of 1920×1080 px give its figures, as medians over the layouts.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distances", "linear", "refined"),
     [([0.5, 1.5, 1.5, 3], 320, 203), ([0.3, 0.3, 3, 3], 369, 89.5)],

@@ -332,6 +332,7 @@ def test_least_covariance_is_that_of_least_squares_for_much_noise(conforms):
     conforms.closed_form(least_covariance(P, points, 2.0), expected, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.few(2)
 @pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
 def test_noise_is_found_again(conforms, n, sigma):

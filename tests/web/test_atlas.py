@@ -45,6 +45,7 @@ def running() -> Iterator:
         yield one
 
 
+@pytest.mark.slow
 def test_one_mode_of_each_case_is_seen_and_the_keyboard_changes_it(running, page):
     with open_offline(running, page, fresh=True) as opened:
         seen = opened.page

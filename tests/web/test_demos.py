@@ -59,6 +59,7 @@ def put(opened: Opened, label: str, value: float) -> None:
     opened.page.get_by_role("slider", name=label).fill(str(value))
 
 
+@pytest.mark.slow
 def test_a_marker_is_drawn_as_the_library_draws_it(show: Show) -> None:
     motions = [0.0, 0.05, 0.5, 1.0, 1.3, 2.75]
     with show("rounding_marker") as opened:

@@ -384,6 +384,7 @@ TOUCHING = """() => {
       a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + 9 && b.y < a.y + 9)).length]; }"""
 
 
+@pytest.mark.slow
 def test_numbers_of_bars_do_not_touch(chromium: Browser, tmp_path: Path) -> None:
     """Twelve bars of one height, with three digits behind the point, on a phone."""
     data = study()
@@ -654,6 +655,7 @@ COLOURS = """e => { const copy = document.createElement('canvas').getContext('2d
   return [...copy.getImageData(0, 0, 75, 50).data]; }"""  # a canvas read twice would be told of
 
 
+@pytest.mark.slow
 def test_the_sound_of_a_plate(chromium: Browser, sounds: Path) -> None:
     with open_offline(chromium, sounds, width=1100) as opened:
         viewer, other = two(opened)
