@@ -101,6 +101,7 @@ def test_ordered_settings_have_as_many_colours_from_dark_to_light():
 # Figures and texts are made from the cube alone, and hold its numbers.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REQUESTS)
 def test_figures_are_drawn_from_the_cube_alone(name):
     cube = small_cube(name)

@@ -61,6 +61,7 @@ def of(cube, case, label=None):
 # What the cubes are.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["experiment-resolution", "experiment-cameras"])
 def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
     cube = cubes[name]
@@ -208,6 +209,7 @@ def test_exact_tracks_give_the_exact_shape(conforms, exact):
     conforms.closed_form(float(fitted["predicted_error"].max()), below=1e-3)
 
 
+@pytest.mark.slow
 def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
     cube = es.run(resolution(), exact)
     matched = of(cube, "matched")

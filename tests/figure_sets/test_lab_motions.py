@@ -148,6 +148,7 @@ def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exa
     conforms.closed_form(cube["mac"], 1, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exposure", [0.5, 2.0])
 def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"])
@@ -171,6 +172,7 @@ def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     assert np.nanmin(second) > 5
 
 
+@pytest.mark.slow
 def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wrong(
     conforms, beam_cube
 ):
@@ -340,6 +342,7 @@ def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conform
     conforms.closed_form(lab_plate.neighbour_correlation(checks, (15, 10)), -1, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
     for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
         ratio = np.divide(*compare_errors(plate_cube, mode, plane)["trials"][::-1])

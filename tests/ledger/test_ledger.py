@@ -36,6 +36,7 @@ from thesis_lib.studies import request as studies_commands
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision.pinhole import hemisphere_directions
 
+pytestmark = pytest.mark.slow  # by cubes of all figure sets
 STRUCTURES = ("beam", "plate")
 
 
@@ -424,7 +425,6 @@ def users(name):
     return figures, {trend.id for trend in claims.read_trends() if name in trend.source}
 
 
-@pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["beam-arrays", "sound-aperture", "experiment-resolution"])
 def test_a_doctored_cube_changes_its_own_entries_and_no_others(found, name):

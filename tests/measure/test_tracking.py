@@ -738,6 +738,7 @@ def shaded(image, *_):
     return (image * np.geomspace(1, 0.25, image.shape[1])).astype(np.uint8)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("light", ["0.2 by rows", "0.25 by rows", "0.25 by columns", "shaded"])
 def test_the_beam_is_found_in_uneven_light(conforms, rest, light):
     at, image, _, exact = rest
