@@ -20,6 +20,8 @@ from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vibration.motion import Component
 
+pytestmark = pytest.mark.slow  # by replicates of the recordings
+
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 SIGMA = 0.02  # px
@@ -61,7 +63,6 @@ def of(cube, case, label=None):
 # What the cubes are.
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["experiment-resolution", "experiment-cameras"])
 def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
     cube = cubes[name]
@@ -185,7 +186,6 @@ def test_filming_again_scatters_as_is_predicted(conforms, again, case):
     conforms.sampled(scatter, predicted, rtol=0.15 if case == "aligned" else 0.08)
 
 
-@pytest.mark.slow
 def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
     part = of(again, "harmonic")
     scatter = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)
@@ -196,7 +196,6 @@ def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
 # The methods.
 
 
-@pytest.mark.slow
 def test_exact_tracks_give_the_exact_shape(conforms, exact):
     cube = es.run(resolution(trials=0), exact)
     np.testing.assert_array_less(of(cube, "harmonic")["mean_error"], 1e-3)
@@ -209,7 +208,6 @@ def test_exact_tracks_give_the_exact_shape(conforms, exact):
     conforms.closed_form(float(fitted["predicted_error"].max()), below=1e-3)
 
 
-@pytest.mark.slow
 def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
     cube = es.run(resolution(), exact)
     matched = of(cube, "matched")

@@ -30,6 +30,8 @@ from thesis_lib.vibration import beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
+pytestmark = pytest.mark.slow  # by recordings of many frames
+
 BEAM, PLATE = setups.thesis_beam(), setups.thesis_plate()
 SIGMA = 0.02  # px
 QUICK = {"width_px": 960, "frames": 12, "modes": [3], "trials": 0}
@@ -135,7 +137,6 @@ def test_torsion_has_nothing_of_bending_over_the_rows(conforms):
         )
 
 
-@pytest.mark.slow
 def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exact):
     study = modes_study(cases=["known"])
     cube = lab_modes.run(study, exact)
@@ -148,7 +149,6 @@ def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exa
     conforms.closed_form(cube["mac"], 1, atol=1e-6)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("exposure", [0.5, 2.0])
 def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"])
@@ -161,7 +161,6 @@ def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
 
 
-@pytest.mark.slow
 def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     conforms.closed_form(beam_cube["found_frequency"], beam_cube["frequency"].values[:, None]
                                + np.zeros(4), atol=0.05)  # fmt: skip
@@ -172,7 +171,6 @@ def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     assert np.nanmin(second) > 5
 
 
-@pytest.mark.slow
 def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wrong(
     conforms, beam_cube
 ):
@@ -189,7 +187,6 @@ def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wron
         conforms.sampled(ratio, 1, atol=0.12)
 
 
-@pytest.mark.slow
 def test_cameras_that_start_together_agree_at_every_alias_and_see_the_shape_at_each(conforms):
     study = modes_study(starts="together", exposure_ms=1e-3, cases=["read", "known"],
                         frame_rates_hz=[60.0, 120.0])  # fmt: skip
@@ -342,7 +339,6 @@ def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conform
     conforms.closed_form(lab_plate.neighbour_correlation(checks, (15, 10)), -1, rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
     for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
         ratio = np.divide(*compare_errors(plate_cube, mode, plane)["trials"][::-1])
@@ -353,7 +349,6 @@ def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_c
 # Cubes, figures, tables.
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
 def test_every_figure_table_and_viewer_is_made(name, request):
     cube = request.getfixturevalue(name)
@@ -374,7 +369,6 @@ def test_every_figure_table_and_viewer_is_made(name, request):
     assert not any("nan" in text for text in texts)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "case", "texts"),
     [
@@ -439,7 +433,6 @@ def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
     )
 
 
-@pytest.mark.slow
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
     study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
                         read_noise=0, frames=8)  # fmt: skip
@@ -452,7 +445,6 @@ def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms)
     conforms.closed_form(float(cube["mean_error"].max()), below=0.3)
 
 
-@pytest.mark.slow
 def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
     conforms, monkeypatch
 ):
