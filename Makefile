@@ -28,16 +28,16 @@ pdf: book $(ALL)  ## the book as one PDF, in build; needs Chromium
 test: check  ## what a contributor needs, in minutes and without a book
 	$(PYTEST) -m "not (slow or book or nightly)"
 
-test-all: check book  ## all tests, those of the rendered book included
+test-all: check book  ## all tests but those of the night, those of the rendered book included
 	$(PYTEST) -m "not nightly" --hypothesis-seed 0 --junitxml build/conformance.xml
 
 quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
 	$(BIN)/python tests/quick.py
 
-test-nightly: book $(ALL)  ## what takes an hour: thousands of inputs, kills at every step, all notebooks
+test-nightly: book $(ALL)  ## what takes an hour or two: long recordings, scatter, thousands of inputs, all notebooks
 	$(PYTEST) -m nightly
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --nbval notebooks
-	$(BIN)/python -m pytest --hypothesis-profile night tests/runs/test_any_input.py
+	$(BIN)/python -m pytest -m "" --hypothesis-profile night tests/runs/test_any_input.py
 
 test-cpus: $(ALL)  ## all cubes as on other processors; takes an hour
 	$(BIN)/python tests/cpus.py

@@ -48,8 +48,9 @@ PAGES = [
 ]
 NOTEBOOKS = [result_files(name)[0] for name in STUDIES]
 PUBLISHED = sorted((PROJECT_ROOT / "data" / "published").glob("*.*"))
+WORD_CODE = ("templates.py", "text.py")  # that all pieces are written with
 TEXT_CODE = list_code(
-    "book", "facts", "figure_sets", "ledger", "planning", "plotting", "templates.py", "web"
+    "book", "facts", "figure_sets", "ledger", "planning", "plotting", "web", *WORD_CODE
 )
 
 
@@ -117,7 +118,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield make_task(
         "figures of notebooks",
         lambda: shown.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
-        [*NOTEBOOKS, *PAGES, *list_code("book/pieces", "templates.py")],
+        [*NOTEBOOKS, *PAGES, *list_code("book/pieces", *WORD_CODE)],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
     for name in shown.SETS_IN_CHAPTERS:
@@ -140,7 +141,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
         "reference of own recordings", lambda: reference.write_reference(EXECUTED_FOLDER),
         [
             *PUBLISHED,
-            *list_code("book/pieces", "laboratory", "measure", "planning", "templates.py"),
+            *list_code("book/pieces", "laboratory", "measure", "planning", *WORD_CODE),
         ],
         included(*reference.PIECES),
     )  # fmt: skip
@@ -148,7 +149,8 @@ def task_piece() -> Iterator[dict[str, Any]]:
         "sample report", lambda: sample.write_sample(EXECUTED_FOLDER),
         [
             measured_sample.sample_path(),
-            *list_code("book/sample.py", "laboratory", "measure", "plotting", "web"),
+            *list_code("book/sample.py", "book/templates", "laboratory", "measure", "plotting"),
+            *list_code("web", *WORD_CODE),
         ],
         [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
     )  # fmt: skip
@@ -162,7 +164,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     yield make_task(
         "conformance",
         lambda: conformance.write_conformance(EXECUTED_FOLDER),
-        [*folder_files([conformance.locate_report()]), *list_code("book", "templates.py")],
+        [*folder_files([conformance.locate_report()]), *list_code("book", *WORD_CODE)],
         included(*conformance.PIECES),
     )  # fmt: skip
     yield make_task(

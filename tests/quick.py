@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.files import project_root
+from thesis_lib.studies.schema import VARIABLES_FILE
 
 FILES = 12  # no more are imported
 FAR = 3  # what a test does not reach
@@ -69,7 +70,7 @@ def edited(root: Path) -> set[Path]:
 def names_of(file: Path) -> list[str]:
     """Return the names by which tests may call an edited file: its own, and its figure set's."""
     parts = file.relative_to(project_root()).parts
-    own = [file.stem]
+    own = [] if file.name == VARIABLES_FILE else [file.stem]
     if parts[:3] == ("src", "thesis_lib", "figure_sets") and len(parts) > 4:
         own += [parts[3], parts[3].replace("_", "-")]
     return own

@@ -1,4 +1,4 @@
-"""Of the cases of one test that prove alike, some are run by day, all at night.
+"""Of the cases of one test that prove alike, some are run by day, the others at night.
 
 ``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are nightly.
 """

@@ -93,7 +93,7 @@ def test_a_check_without_tolerance_or_with_other_shapes_is_refused(allowed, erro
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", [0, 2])
 def test_the_page_shows_one_row_for_each_check_and_names_what_failed(tmp_path, workers):
     report = tmp_path / "report.xml"
     conformance.write_conformance(tmp_path, report)

@@ -380,7 +380,6 @@ def small_tiles(values):
     values["board"]["tile_mm"] = 40.0
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("change", [swapped, small_tiles])
 def test_shots_of_another_camera_or_board_do_not_fit_the_markers(
     measured, tmp_path, monkeypatch, change

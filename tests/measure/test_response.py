@@ -465,7 +465,6 @@ def clipped(newtons):
     return np.clip(newtons, -SCALE, SCALE * (1 - 2**-15))
 
 
-@pytest.mark.few(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "how", "told"),

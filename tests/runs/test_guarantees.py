@@ -111,6 +111,7 @@ def restored(book):
         if not path.exists() or path.read_bytes() != content:
             path.write_bytes(content)
             os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert all(believed for _, believed in states(book, *EVERY).values())
 
 
 # Killed.

@@ -113,15 +113,11 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "extra",
     [
         {"HOME": "/dev/null", "IPYTHONDIR": "/dev/null/x", "XDG_CACHE_HOME": "/dev/null/y"},
-        pytest.param(
-            {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"},
-            marks=pytest.mark.slow,
-        ),
+        {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"},
     ],
     ids=["home is no folder", "nothing is there"],
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 
 import numpy as np
 import pytest
 
 from thesis_lib.figure_sets.run import PACKAGE_FOLDER
+from thesis_lib.ledger.entries import LEDGER_COLUMNS, Entry
 from thesis_lib.studies.schema import VARIABLES_FILE, label_values, read_variables
 
 FILES = sorted(PACKAGE_FOLDER.rglob(VARIABLES_FILE))
@@ -32,6 +34,10 @@ def test_rows_declare_dimensions_units_and_words(module):
     assert found["tracks"].dims == ("camera", "frame")
     assert found["size"].dims == ()
     assert found["size"].attributes == {"units": "m s-1 N-1", "long_name": "one number"}
+
+
+def test_every_field_of_the_ledger_is_declared():
+    assert list(LEDGER_COLUMNS) == [field.name for field in dataclasses.fields(Entry)]
 
 
 def test_values_come_in_their_order_over_what_they_have_beside(module):

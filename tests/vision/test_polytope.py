@@ -289,11 +289,7 @@ def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares
 
 
 @pytest.mark.nightly
-@pytest.mark.few(3)
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name == "plate-arrays")) for name in STUDIES],
-)
+@pytest.mark.parametrize("name", STUDIES)
 def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_thesis(
     conforms, name
 ):

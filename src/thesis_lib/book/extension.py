@@ -98,7 +98,7 @@ def _find_outdated_notebooks(_app: Any, env: Any, *_pages: set[str]) -> list[str
     """Find the figures that chapters show, and return the notebooks' pages if others were shown."""
     before = getattr(env, "tl_shown", None)  # by the last build
     env.tl_shown = {*find_figure_names(Path(env.srcdir).glob("*.md"))}
-    if before in (None, env.tl_shown):
+    if before == env.tl_shown:
         return []
     return [name for name in env.found_docs if name.startswith("executed/")]
 

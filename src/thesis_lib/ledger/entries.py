@@ -52,7 +52,7 @@ QUANTITY_WORDS = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the ledger; its fields are the variables of the cube, with their meanings.
+    """One line of the ledger; ``variables.toml`` has the meanings of its fields.
 
     The numbers are NaN where a claim has none, or at the open end of a bound; those of a trend are
     of its :class:`thesis_lib.ledger.trends.Finding`.

@@ -43,7 +43,7 @@ CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 
 MOTIONS_PX = np.unique(np.round([*np.geomspace(0.01, 1, 41), *np.linspace(0.5, 5, 91)], 9))  # px
 CONE_ANGLES_DEG = np.arange(5.0, 86.0)  # degrees, of the cone
 DRAWS_PER_TRIAL = 20  # for each trial, where one costs little
-# What differs by less is equal on some processors and not on others
+# What differs by less is equal on some processors and not on others; `variables.toml` says so
 MAX_PROCESSOR_DIFFERENCE = 1e-13
 
 VARIABLES = read_variables(__file__, "cube")
