@@ -51,7 +51,13 @@
     made.append(said, close);
     const fill = () => Object.values(FORMS).forEach((form, i) => { shown[i].textContent = form(all[chosen.value], window.thesisEdition); });
     chosen.addEventListener("change", fill);
-    return () => { said.textContent = ""; fill(); made.showModal(); };
+    return () => { // of a figure that the address names, that figure
+      const named = all.findIndex((one) => one.at.includes("#") && one.at.endsWith(location.hash));
+      if (location.hash && named > 0) chosen.value = named;
+      said.textContent = "";
+      fill();
+      made.showModal();
+    };
   };
   const open = () => load("_static/edition.js").then(() => (box ??= make())());
   const cite = button("btn btn-sm pst-navbar-icon tl-cite", "", open);

@@ -82,11 +82,11 @@
 
   for (const image of document.querySelectorAll(".bd-article :is(figure, .cell_output) img")) {
     const shown = image.closest("a") ?? image, words = image.closest("figure")
-      ?.querySelector(".caption-text")?.textContent.split(/ of the thesis|\. /)[0];
+      ?.querySelector(".caption-text")?.textContent.split(/ of the thesis|\. | \(/)[0];
     image.classList.add("tl-grows");
     shown.addEventListener("click", (event) => { event.preventDefault(); show(image); });
     const grow = button("tl-grow", "⤢", () => show(image));
-    grow.ariaLabel = `Enlarge: ${words ?? image.alt.split(":")[0].slice(0, 60)}`;
+    grow.ariaLabel = `Enlarge: ${words ?? image.alt.split(/[:(]/)[0].slice(0, 60).trim()}`;
     const frame = element("span", "tl-frame");
     shown.before(frame);
     frame.append(shown, grow);

@@ -227,6 +227,9 @@ def test_pages_figures_and_cubes_are_cited_with_their_edition(running: Browser) 
             assert axe.findings(page) == []
         page.keyboard.press("Escape")
         assert not page.locator(".tl-cites").is_visible()
+        page.evaluate("location.hash = 'fig-3-8'")
+        page.locator("button.tl-cite").click()
+        assert "Figure 3.8 (The beam: aperture)" in said.first.inner_text()
         assert opened.trouble == []
 
 

@@ -282,6 +282,22 @@ def test_the_published_run_comes_out_and_stands_behind(
     assert ("out of view" in words) == any(share < 1 for share in seen)
 
 
+def test_an_own_layout_among_the_thesis_s_has_its_error_in_the_sentence(
+    chromium: Browser, form: Path
+) -> None:
+    with open_offline(chromium, form) as opened:
+        asked(opened, "beam-arrays", {"layouts": {"mine": [FAR]}})
+        until(opened, "drawn")
+        (own,) = [one for one in shown(opened)["all"] if "published" not in one["modes"][0]]
+        errors = sorted(mode["median"] for mode in own["modes"])
+        found = re.search(r"only this run has, the .* is ([\d.]+) to ([\d.]+) %\. In all others",
+                          said(opened, SENTENCE))  # fmt: skip
+        assert [float(one) for one in found.groups()] == pytest.approx(
+            [errors[0], errors[-1]], rel=0.05
+        )
+        assert opened.trouble == []
+
+
 # --- refused, and left to the command
 
 PAIR, FAR = [[0, 20], [90, 20]], [[0, 20], [90, 20], [180, 20]]

@@ -380,8 +380,9 @@ def test_a_row_says_why_it_differs_and_that_a_trend_is_not_monotonic(
         assert ROWS[3]["note"] in second.inner_text()
         more = second.get_by_role("link", name="More on this")
         assert more.get_attribute("href") == ROWS[3]["note_href"]
-        verdict = claim(opened, 7).locator(".tl-ledger-verdict").inner_text()
-        assert verdict.strip() == f"{ROWS[7]['verdict']}, not monotonic"
+        verdict = claim(opened, 7).locator(".tl-ledger-verdict")
+        assert verdict.inner_text().strip() == f"{ROWS[7]['verdict']}, not monotonic"
+        assert verdict.evaluate("cell => cell.scrollWidth <= cell.clientWidth")
         assert "not monotonic" not in claim(opened, 6).locator(".tl-ledger-verdict").inner_text()
 
 

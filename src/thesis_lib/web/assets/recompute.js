@@ -59,10 +59,13 @@ function compareResults({ all }) {
   if (!ratios.length)
     return `the ${which} is ${range(errors, " %")}; ` +
       `the published run has no such setting.${warning}`;
+  const own = all.filter(({ modes }) => modes.every(({ published }) => !published));
+  const alone = own.length ? `in the settings that only this run has, the ${which} is ` +
+    `${range(own.flatMap(({ modes }) => modes.map(of)).sort(rise), " %")}. In all others ` : "";
   const middle = (ratios[(ratios.length - 1) >> 1] + ratios[ratios.length >> 1]) / 2;
   const places = ratios.length === 1 ? ""
     : ` (${range(ratios, "")} in the ${ratios.length} settings and modes that both have)`;
-  return `the ${which} is ${show(middle)} times the published one${places}.${warning}`;
+  return `${alone}the ${which} is ${show(middle)} times the published one${places}.${warning}`;
 }
 
 // `put` is given the viewer's data, and again when there is more; `looked` tells the name of the
