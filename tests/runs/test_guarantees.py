@@ -30,7 +30,7 @@ from thesis_lib.book import build
 print(json.dumps({name: [build.results_key(name), build.is_made(name)] for name in sys.argv[1:]}))
 """
 EVERY = {GOOD, BAD}
-KILLS = 2
+KILLS = 3
 WAITS = """
 import time
 from pathlib import Path

@@ -27,6 +27,15 @@ def box(n=30, seed=0):
     return np.random.default_rng(seed).uniform(-limits, limits, (3, n))
 
 
+def moved_world(seed):
+    """A random rotation and shift of the world, and the (4, 4) matrix that takes both back."""
+    rng = np.random.default_rng(seed)
+    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    R *= np.linalg.det(R)
+    t = rng.uniform(-1, 1, 3)
+    return R, t, np.block([[R.T, -R.T @ t[:, None]], [np.zeros((1, 3)), 1]])
+
+
 def rounded(P, points, noise=0.0, seed=1):
     uv = pinhole.project(P, points)
     return np.rint(uv + np.random.default_rng(seed).normal(0, noise or 1e-300, uv.shape))

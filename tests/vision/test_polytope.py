@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes.slabs import SIZE, box, faces, rig, rounded
+from scenes.slabs import SIZE, box, faces, moved_world, rig, rounded
 from scipy.optimize import linprog, minimize
 
 from benchmarks import own
@@ -123,11 +123,7 @@ def test_images_that_are_missing_spoil_their_own_point_only(conforms):
 
 @given(counts, seeds)
 def test_centre_moves_with_the_world(conforms, n, seed):
-    rng = np.random.default_rng(seed)
-    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    R *= np.linalg.det(R)
-    t = rng.uniform(-1, 1, 3)
-    back = np.block([[R.T, -R.T @ t[:, None]], [np.zeros((1, 3)), 1]])
+    R, t, back = moved_world(seed)
     P = rig(n, seed).P
     uv = rounded(P, box())
     here, there = analytic_centre(P, uv), analytic_centre(P @ back, uv)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scenes.slabs import moved_world
 
 from benchmarks.reference import hartley_sturm, svd_triangulate
 from thesis_lib.vision.pinhole import (
@@ -122,11 +123,7 @@ def test_blocks_do_not_show(conforms):
 
 @given(rigs(), st.integers(0, 2**32 - 1))
 def test_result_moves_with_the_world(conforms, rig, seed):
-    rng = np.random.default_rng(seed)
-    R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    R *= np.linalg.det(R)
-    t = rng.uniform(-1, 1, 3)
-    back = np.block([[R.T, -R.T @ t[:, None]], [np.zeros((1, 3)), 1]])
+    R, t, back = moved_world(seed)
     uv = noisy(rig.P, box())
     moved = R @ triangulate(rig.P, uv, steps=8) + t[:, None]
     conforms.invariance(triangulate(rig.P @ back, uv, steps=8), moved, atol=1e-10)
