@@ -52,8 +52,8 @@
     const fill = () => Object.values(FORMS).forEach((form, i) => { shown[i].textContent = form(all[chosen.value], window.thesisEdition); });
     chosen.addEventListener("change", fill);
     return () => { // of a figure that the address names, that figure
-      const named = all.findIndex((one) => one.at.includes("#") && one.at.endsWith(location.hash));
-      if (location.hash && named > 0) chosen.value = named;
+      const named = all.findIndex((one) => location.hash && one.at.endsWith(location.hash));
+      if (named > 0) chosen.value = named;
       said.textContent = "";
       fill();
       made.showModal();

@@ -55,7 +55,7 @@ class Variable:
 
 
 @cache
-def _variable_tables(path: Path) -> dict[str, dict[str, list[str]]]:
+def _read_tables(path: Path) -> dict[str, dict[str, list[str]]]:
     tables: dict[str, dict[str, list[str]]] = tomllib.loads(path.read_text(encoding="utf-8"))
     return tables
 
@@ -68,11 +68,10 @@ def read_variables(module_file: str, table: str) -> dict[str, Variable]:
     >>> read_variables(__file__, "cameras")["camera_distance"]
     Variable(dims=('setting', 'camera'), units='m', long_name='camera distance')
     """
+    rows = _read_tables(Path(module_file).with_name(VARIABLES_FILE))[table]
     return {
         name: Variable(tuple(filter(None, dims.split(", "))), units, words)
-        for name, (dims, units, words) in _variable_tables(
-            Path(module_file).with_name(VARIABLES_FILE)
-        )[table].items()
+        for name, (dims, units, words) in rows.items()
     }
 
 
