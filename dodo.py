@@ -29,7 +29,7 @@ from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as texts
 from thesis_lib.figure_sets import record as measured_sample
 from thesis_lib.figure_sets.experiment import walk
-from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import folder_files, library_files
 from thesis_lib.web.page import NPM_PACKAGES

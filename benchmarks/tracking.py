@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.limits import processor_seconds
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.laboratory.render import BeamView
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.recordings import media

@@ -22,7 +22,7 @@ from thesis_lib.book.pieces import summary_figure as conclusions_figure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
-from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.files import project_root
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.style import figure_svg

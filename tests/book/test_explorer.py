@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.studies import published
 from thesis_lib.vibration.structure import deflection_shape, world_points

@@ -32,7 +32,7 @@ from thesis_lib.figure_sets.lab_radiation import compute as lab_radiation_study
 from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.planner import compute as planner_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.figure_sets.run import cube_of

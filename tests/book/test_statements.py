@@ -11,8 +11,8 @@ import pytest
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.lab_equal_pixels import figures as equal_pixels
-from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.tables import coarse_options
+from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
+from thesis_lib.figure_sets.planner.figures import coarse_options
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.plotting.selection import select_settings
 from thesis_lib.vision import cone_law

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.files import project_root
 from thesis_lib.studies import comparison, published

@@ -15,11 +15,11 @@ from scipy.stats import qmc
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import compute as design_study
-from thesis_lib.figure_sets.design_law import dither
+from thesis_lib.figure_sets.design_law import shares
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law import tables as design_tables
-from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.display import draw_picture, fill_text
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -750,7 +750,7 @@ def test_the_tracker_follows_markers_from_that_height_on():
 
 @pytest.mark.parametrize("n", [16, 64])
 def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
-    noise = dither.noise_tolerance(n, 6, 0)
+    noise = shares.noise_tolerance(n, 6, 0)
     rules = ("least-squares", "analytic-centre")
     gains = []
     for one in (0.0, noise):
@@ -773,7 +773,7 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
 @pytest.mark.slow
 def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     study = DesignLaw.model_validate({"trials": 12})
-    made = dither.simulate_estimators(study) | dither.simulate_dither(study)
+    made = shares.simulate_estimators(study) | shares.simulate_dither(study)
     equidistant_rig = np.asarray(made["equidistant_rig_error"])
     linear, least, centre, joint = equidistant_rig.T
     assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
@@ -792,8 +792,8 @@ def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
 
 
 def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
-    made = dither.simulate_dither(DesignLaw.model_validate({"trials": 2}))
-    shake = dither.SHAKES_PX
+    made = shares.simulate_dither(DesignLaw.model_validate({"trials": 2}))
+    shake = shares.SHAKES_PX
     left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
     late = (shake > 0.3) & (shake < 0.8)
     assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)

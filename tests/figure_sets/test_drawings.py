@@ -16,7 +16,7 @@ import pytest
 
 from conftest import PROJECT
 from thesis_lib.figure_sets.display import as_svg
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting import style
 
@@ -107,7 +107,7 @@ def test_foreign_configuration_changes_no_byte(cube, places, tmp_path, kind):
     code = (
         "import hashlib; from thesis_lib.figure_sets.display import as_svg;"
         "from thesis_lib.figure_sets.run import cube_of;"
-        "from thesis_lib.figure_sets.parametric.parameters import camera_study;"
+        "from thesis_lib.figure_sets.parametric.figure_set import camera_study;"
         "cube = cube_of(camera_study('beam-distance', {'trials': 2, 'modes': [1]}));"
         "print(hashlib.sha256(as_svg(cube, '1', 1).encode()).hexdigest())"
     )

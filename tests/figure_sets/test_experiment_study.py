@@ -12,7 +12,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as es
 from thesis_lib.figure_sets.experiment import methods as shapes
 from thesis_lib.figure_sets.experiment.compute import rig_of
-from thesis_lib.figure_sets.experiment.parameters import (
+from thesis_lib.figure_sets.experiment.figure_set import (
     ExperimentResolution,
     method_of,
 )

@@ -6,7 +6,7 @@ from scenes.equal_pixels import equal_pixels
 
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_equal_pixels import compute
-from thesis_lib.figure_sets.lab_equal_pixels.parameters import STORED_REPLICATES
+from thesis_lib.figure_sets.lab_equal_pixels.figure_set import STORED_REPLICATES
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.calibration.zhang import CalibrationError

@@ -13,10 +13,10 @@ from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes
-from thesis_lib.figure_sets.lab_modes.parameters import MARKER_DIAMETER_M, ROW_SPACING_M
+from thesis_lib.figure_sets.lab_modes.figure_set import MARKER_DIAMETER_M, ROW_SPACING_M
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate
+from thesis_lib.figure_sets.lab_plate.figure_set import stands_of
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
-from thesis_lib.figure_sets.lab_plate.parameters import stands_of
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.fitting import aliasing

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from refused import assert_refused
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment.parameters import ExperimentCameras, ExperimentResolution
-from thesis_lib.figure_sets.lab_layout.parameters import LabElevation, LabLayout
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentCameras, ExperimentResolution
+from thesis_lib.figure_sets.lab_layout.figure_set import LabElevation, LabLayout
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.structure import resonance_frequency

@@ -10,7 +10,7 @@ import pytest
 from thesis_lib import files
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import compute as ledger_power
-from thesis_lib.figure_sets.claims import tables
+from thesis_lib.figure_sets.claims import figures
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
@@ -88,7 +88,7 @@ def test_cubes_that_are_missing_are_left_out():
 
 
 def test_table_has_the_numbers_of_the_cube(power):
-    text = render(tables.__file__, "power", cube=power, **tables.compare_power(power)).replace(
+    text = render(figures.__file__, "power", cube=power, **figures.compare_power(power)).replace(
         "\n", " "
     )
     total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())

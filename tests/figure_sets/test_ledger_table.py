@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from browser import CONTRAST, Opened, open_offline
 
-from thesis_lib.figure_sets.claims.tables import LedgerTable
+from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from scenes.small import small_cube
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
-from thesis_lib.figure_sets.optics import pictures as optics_pictures
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes
@@ -302,7 +301,7 @@ def test_demosaicing_is_that_of_opencv(pattern):
 
 @pytest.fixture(scope="module")
 def picture():
-    return optics_pictures.draw_beam(
+    return optics_study.draw_beam(
         setups.thesis_beam(), 0.5, radians(30), radians(25), 24 / 36, 0.005
     )
 
@@ -336,11 +335,11 @@ def test_contrast_is_full_for_many_pixels_and_gone_for_few(picture):
 
 
 def test_without_edges_colour_filters_cost_nothing(conforms, picture):
-    whole = optics_pictures.BeamPicture(
+    whole = optics_study.BeamPicture(
         np.ones_like(picture.beam), np.zeros_like(picture.markers), picture.camera,
         picture.structure, picture.top,
     )  # fmt: skip
-    loss = optics_pictures.colour_loss(whole, 2, "RGGB")
+    loss = optics_study.colour_loss(whole, 2, "RGGB")
     conforms.closed_form(loss.error, 0, atol=1e-12)
     conforms.closed_form(loss.largest, 0, atol=1e-12)
 

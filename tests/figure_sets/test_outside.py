@@ -39,7 +39,7 @@ def footprint(tmp_path, monkeypatch):
 def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
     for name in (footprint, "claims", "ch3", "./Some Name"):
         assert "allowed: " in refusal(thesis("new-set", name))
-    assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 5, ".toml"]
+    assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 4, ".toml"]
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_it_is_stale_when_what_it_rests_on_changes(footprint):
     (name,) = registry.load_sets(footprint)
     one = registry.FIGURE_SETS[name]
     before = request_key(one, one.request())
-    for file in ("parameters.py", "compute.py"):
+    for file in ("figure_set.py", "compute.py"):
         with (footprint / file).open("a") as stream:
             stream.write("another = 1\n")
         code_digest.cache_clear()
@@ -169,14 +169,14 @@ BROKEN = {
     "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
     "no notebook": (lambda f: (f / "footprint.ipynb").unlink(), "footprint.ipynb is missing"),
     "another package": (
-        lambda f: rewrite(f / "parameters.py", "from thesis_lib.studies.request", "from nowhere"),
+        lambda f: rewrite(f / "figure_set.py", "from thesis_lib.studies.request", "from nowhere"),
         "cannot be used: ModuleNotFoundError: No module named 'nowhere'"),
     "default": (
-        lambda f: rewrite(f / "parameters.py", "24.0,", "-24.0,"),
+        lambda f: rewrite(f / "figure_set.py", "24.0,", "-24.0,"),
         "focal_length_mm: given -24.0"),
-    "syntax": (lambda f: (f / "parameters.py").write_text("def"), "SyntaxError"),
+    "syntax": (lambda f: (f / "figure_set.py").write_text("def"), "SyntaxError"),
     "no list": (lambda f: rewrite(f / "figure_set.py", "FIGURE_SETS", "SETS"), "AttributeError"),
-    "name taken": (lambda f: rewrite(f / "parameters.py", '"footprint"', '"planner"'), "is taken"),
+    "name taken": (lambda f: rewrite(f / "figure_set.py", '"footprint"', '"planner"'), "is taken"),
 }  # fmt: skip
 
 

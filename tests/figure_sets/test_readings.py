@@ -7,12 +7,12 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading, list_assumptions
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading, list_assumptions
 from thesis_lib.figure_sets.claims import readings
-from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
+from thesis_lib.figure_sets.claims.figure_set import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Check

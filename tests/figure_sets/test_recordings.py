@@ -9,7 +9,7 @@ from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
-from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.schema import with_provenance
 

@@ -10,7 +10,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import tables as shape_tables
+from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
@@ -29,7 +29,7 @@ ROWS, COLUMNS = 10, 15
 
 def made(name, **values):
     request = validate_request(
-        name, {**({} if name == shape_tables.PLATE_SET else QUICK), **values}
+        name, {**({} if name == shape_figures.PLATE_SET else QUICK), **values}
     )
     return with_provenance(studies.run(request), request, 0.0)
 
@@ -38,7 +38,7 @@ def made(name, **values):
 def opened():
     return {
         name: made(name, trials=40)
-        for name in (shape_tables.PLATE_SET, *NAMES)
+        for name in (shape_figures.PLATE_SET, *NAMES)
     }  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
 def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, name):
     cube, panel = opened[name], validate_request(name, QUICK).structure
     assert set(cube.dims) == {"setting", "mode", "trial", "point", "camera", "corner", "xy"}
-    assert cube.sizes["setting"] == opened[shape_tables.PLATE_SET].sizes["setting"]
+    assert cube.sizes["setting"] == opened[shape_figures.PLATE_SET].sizes["setting"]
     np.testing.assert_allclose([cube["x"], cube["y"]], panel.markers)
     hertz = panel.angular_frequencies(3) / (2 * np.pi)
     np.testing.assert_allclose(cube["frequency"], hertz)
@@ -120,7 +120,7 @@ def test_a_rectangle_by_finite_elements_is_measured_as_the_plate_is(conforms):
     outline = [[0, 0], [668, 0], [668, 443], [0, 443]]
     values = {"cases": ["4c"], "trials": 100}
     by_elements = made("shape-l", outline_mm=outline, **(values | {"element_mm": 10.0}))
-    closed = made(shape_tables.PLATE_SET, **values)
+    closed = made(shape_figures.PLATE_SET, **values)
     ratio = by_elements["predicted_error"].values / closed["predicted_error"].values
     conforms.closed_form(ratio, 1, atol=0.005)
 
@@ -176,32 +176,32 @@ def test_maps_are_empty_where_there_is_no_marker(opened):
 
 
 def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_images(opened):
-    plate = opened[shape_tables.PLATE_SET]
-    rows = np.isin(plate["case"].values, shape_tables.MIRRORED_CASES)
+    plate = opened[shape_figures.PLATE_SET]
+    rows = np.isin(plate["case"].values, shape_figures.MIRRORED_CASES)
     deflection = plate["measured_deflection"].values[rows].reshape(rows.sum(), 3, -1, ROWS, COLUMNS)
     literal = deflection[:, :, 0]
-    alike = np.abs(literal - literal[..., ::-1]) < shape_tables.MAX_ROUNDING_M
+    alike = np.abs(literal - literal[..., ::-1]) < shape_figures.MAX_ROUNDING_M
     assert alike[:, [0, 2]].all()  # modes (1, 1) and (1, 2)
     assert alike[:, 1].mean() < 0.2  # mode (2, 1) is not symmetric in X = 0
     trials = (
-        np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_tables.MAX_ROUNDING_M
+        np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_figures.MAX_ROUNDING_M
     )
     assert trials.mean() < 0.2
 
 
 def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
-    plate = opened[shape_tables.PLATE_SET]
-    itself = shape_tables.compare_cases(plate, plate, ["4a"])
+    plate = opened[shape_figures.PLATE_SET]
+    itself = shape_figures.compare_cases(plate, plate, ["4a"])
     assert itself.simulated == itself.predicted == 1
     assert itself.same > 2 / 3
-    assert shape_tables.compare_cases(plate, plate, ["4c"]).same < 0.1
-    ell = shape_tables.compare_cases(opened["shape-l"], plate, ["4a"])
+    assert shape_figures.compare_cases(plate, plate, ["4c"]).same < 0.1
+    ell = shape_figures.compare_cases(opened["shape-l"], plate, ["4a"])
     assert ell.same < 0.2
     conforms.sampled(ell.simulated / ell.predicted, 1, atol=0.05)
 
 
 def test_convergence_of_the_page_has_order_2(conforms):
-    text = shape_tables.compare_convergence({})
+    text = shape_figures.compare_convergence({})
     orders = [float(cell) for cell in text.splitlines()[-1].strip("| ").split(" | ")[1:]]
     conforms.order(orders, 2, atol=0.1)
 

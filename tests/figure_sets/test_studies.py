@@ -17,7 +17,7 @@ from benchmarks.reference import svd_triangulate
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.studies import schema, storage

@@ -13,16 +13,16 @@ from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.numbers import read_numbers
-from thesis_lib.facts.readings import READINGS, list_assumptions
+from thesis_lib.facts.setups import READINGS, list_assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims import readings
 from thesis_lib.figure_sets.claims.compute import judge_claims
-from thesis_lib.figure_sets.claims.parameters import OtherReadings, OwnRuns
-from thesis_lib.figure_sets.claims.tables import LedgerTable
+from thesis_lib.figure_sets.claims.figure_set import OtherReadings, OwnRuns
+from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger

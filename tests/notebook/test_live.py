@@ -15,7 +15,7 @@ from jupyter_client.manager import start_new_kernel
 
 from conftest import PROJECT
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show as notebook

@@ -8,7 +8,7 @@ from scenes.layouts import layouts
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judge_claims
-from thesis_lib.figure_sets.claims.parameters import OwnRuns
+from thesis_lib.figure_sets.claims.figure_set import OwnRuns
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies

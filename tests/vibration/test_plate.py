@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.vibration.structure import (
     deflection_shape,
     full_response,

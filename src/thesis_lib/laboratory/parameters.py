@@ -17,8 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.facts.setups import Direction, Setting
+from thesis_lib.facts.setups import Direction, Setting, assumed_values
 from thesis_lib.files import shipped
 from thesis_lib.measure.fitting.aliasing import alias_clearance
 from thesis_lib.studies.fields import (

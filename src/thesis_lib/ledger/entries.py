@@ -22,7 +22,7 @@ import xarray as xr
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, Trend, read_reasons
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
-from thesis_lib.facts.readings import READINGS
+from thesis_lib.facts.setups import READINGS
 from thesis_lib.ledger import series as ledger_series
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts

@@ -17,7 +17,7 @@ from typing import Any
 import ipywidgets
 import xarray as xr
 
-from thesis_lib.figure_sets.parametric.tables import error_table
+from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import comparison, cubes, effort

@@ -14,8 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.sources import Medium, check_pistons
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.facts.setups import Setting
+from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.studies.fields import (
     Fields,
     Positive,
@@ -183,7 +182,7 @@ def changed_parameters(study: Study) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
+    >>> from thesis_lib.figure_sets.parametric.figure_set import camera_study
     >>> changed_parameters(camera_study("beam-distance", {"modes": [1], "seed": 0}))
     {'modes': [1]}
     """
@@ -196,7 +195,7 @@ def study_command(study: Study) -> str:
 
     Examples
     --------
-    >>> from thesis_lib.figure_sets.parametric.parameters import camera_study
+    >>> from thesis_lib.figure_sets.parametric.figure_set import camera_study
     >>> study_command(camera_study("beam-distance", {"modes": [1]}))
     "thesis run beam-distance -p 'modes=[1]'"
     """

@@ -26,11 +26,11 @@ from thesis_lib.book.pieces.factors import (
     sound_trends,
 )
 from thesis_lib.book.pieces.opened import Cubes
-from thesis_lib.facts import readings, setups
+from thesis_lib.facts import setups
 from thesis_lib.facts.claims import read_trends
 from thesis_lib.facts.setups import Direction, Setting
 from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, mode_shapes
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.entries import from_cube
@@ -332,7 +332,7 @@ def _law_error(rig: CameraArray, points: Array) -> float:
 
 def _scale_rig(setting: Setting, directions: Sequence[Direction], finer: float) -> CameraArray:
     """Return cameras of a setting in some directions, with `finer` times its pixels across."""
-    reading = readings.assumed_values("beam")
+    reading = setups.assumed_values("beam")
     across = finer * setting.resolution_px[0]
     focal = reading["focal_length_mm"] / reading["sensor_width_mm"] * across
     width, height = (round(finer * side) for side in setting.resolution_px)

@@ -16,8 +16,8 @@ from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
-from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
-from thesis_lib.figure_sets.planner.tables import coarse_options, with_readable
+from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
+from thesis_lib.figure_sets.planner.figures import coarse_options, with_readable
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
 from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD

@@ -26,7 +26,7 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.selection import error_bars, select_settings
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,

@@ -14,8 +14,8 @@ from thesis_lib.acoustics import planes, radiation
 from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.facts.setups import assumed_values
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.planning import errors
 from thesis_lib.planning.positions import places_at

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib.facts.claims import read_index
-from thesis_lib.facts.readings import list_assumptions
+from thesis_lib.facts.setups import list_assumptions
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.files import project_root, whole_text
 from thesis_lib.templates import render

@@ -13,8 +13,8 @@ from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, structures
 from thesis_lib.book.pieces.opened import Cubes, Opened
 from thesis_lib.figure_sets import display
+from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.parametric import tables as shape_tables
 
 
 def write_pieces(
@@ -88,7 +88,7 @@ OF_LEDGER = ("home-findings", "conclusions-counted", "conclusions-stated", "conc
 """Those that read the cube of the ledger, which comes after all others."""
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
-    **shape_tables.PIECES,
+    **shape_figures.PIECES,
     **findings.PIECES,
     **structures.PIECES,
     **{name: partial(_fill_piece, of) for name, of in CUBE_PIECES.items()},

@@ -18,7 +18,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import claims
 from thesis_lib.facts.claims import Claim
 from thesis_lib.figure_sets.claims import own_runs
-from thesis_lib.figure_sets.claims.parameters import Claims
+from thesis_lib.figure_sets.claims.figure_set import Claims
 from thesis_lib.figure_sets.cube_file import read_built
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of

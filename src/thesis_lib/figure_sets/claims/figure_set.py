@@ -1,8 +1,71 @@
-"""The ledger: every claim of the thesis."""
+"""The ledger, every claim of the thesis: alternative readings, and the draws of its own runs."""
 
-from thesis_lib.figure_sets.claims.parameters import Claims
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs, Product
+from thesis_lib.studies.fields import Seed, Shifts, refuse_value
 from thesis_lib.studies.request import Study
+
+
+class Ledger(Study):
+    """Parameters that all runs of the ledger share."""
+
+    subject = "claims"
+    section = "all chapters"
+    study = "claims"
+    varied = "claim"
+    varied_label = "claim"
+
+    trials: Shifts = Field(
+        200, description="random shifts of the pixel grids in the ledger's own runs"
+    )
+    seed: Seed = Field(0, description="seed of the ledger's own runs")
+
+
+class OwnRuns(Ledger):
+    """Runs of layouts that the thesis only speaks of."""
+
+    name = "claims-layouts"
+    title = "Ledger: layouts that the thesis only speaks of"
+
+
+class OtherReadings(Ledger):
+    """All claims under other readings."""
+
+    name = "claims-readings"
+    title = "Ledger: other readings"
+
+    readings: list[str] = Field(
+        [name for name in READINGS if name != ADOPTED_READING],
+        description="readings of what the thesis leaves open, to compare with the adopted one",
+    )
+
+    @model_validator(mode="after")
+    def _check_readings(self) -> OtherReadings:
+        if unknown := [name for name in self.readings if name not in READINGS]:
+            refuse_value("readings", unknown[0], f"allowed: {', '.join(READINGS)}")
+        return self
+
+
+class Claims(OtherReadings):
+    """The ledger: every claim of the thesis beside what this book gets."""
+
+    name = "claims"
+    title = "The ledger: every claim of the thesis"
+
+    @property
+    def own_runs(self) -> OwnRuns:
+        """The runs that its trends need."""
+        return OwnRuns(trials=self.trials, seed=self.seed)
+
+    @property
+    def other_readings(self) -> OtherReadings:
+        """The readings that it compares."""
+        return OtherReadings(trials=self.trials, seed=self.seed, readings=self.readings)
+
 
 LEDGER_ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
 OWN_RUNS = Product(module=f"{__package__}.own_runs", rooms=LEDGER_ROOMS, kept=True)

@@ -19,10 +19,10 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.claims.parameters import OwnRuns
+from thesis_lib.figure_sets.claims.figure_set import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.ledger.series import Series, series_of
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables

@@ -19,11 +19,11 @@ import xarray as xr
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.facts.claims import claims_of, read_claims
-from thesis_lib.facts.readings import ADOPTED_READING, READINGS, Reading
-from thesis_lib.figure_sets.claims.parameters import OtherReadings
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
+from thesis_lib.figure_sets.claims.figure_set import OtherReadings
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
 from thesis_lib.studies.parallel import map_in_pairs

@@ -9,16 +9,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.design_law import dither
-from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.figure_sets.design_law.shares import (
-    ASSUMED_MISTAKES,
-    ESTIMATORS,
-    NOISES_PX,
-    TRACKING_APPROACHES,
-    equal_pixels,
-    noisy_shares,
-)
+from thesis_lib.figure_sets.design_law import shares
+from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import (
     APERTURES_DEG,
     CONE_MOTION_PX,
@@ -67,10 +59,10 @@ def run(study: DesignLaw) -> xr.Dataset:
         fit_findings,
         fit_arrays,
         pair_errors,
-        equal_pixels,
-        dither.simulate_estimators,
-        noisy_shares,
-        dither.simulate_dither,
+        shares.equal_pixels,
+        shares.simulate_estimators,
+        shares.noisy_shares,
+        shares.simulate_dither,
     )
     for part in parts:
         cube = cube.assign(label_values(part(study), VARIABLES))
@@ -97,19 +89,19 @@ def _coordinates(study: DesignLaw) -> dict[str, Any]:
         "opening": list(APERTURES_DEG),
         "count": study.counts,
         "rate": study.frame_rates_hz,
-        "estimator": list(ESTIMATORS),
+        "estimator": list(shares.ESTIMATORS),
         "rule": list(simulation.ESTIMATORS),
-        "equidistant_rig": list(dither.EQUIDISTANT_COUNTS),
-        "noise": list(dither.NOISES_PX),
-        "image_noise": NOISES_PX,
-        "approach": list(TRACKING_APPROACHES),
-        "mistake": list(ASSUMED_MISTAKES),
+        "equidistant_rig": list(shares.EQUIDISTANT_COUNTS),
+        "noise": list(shares.RIG_NOISES_PX),
+        "image_noise": shares.NOISES_PX,
+        "approach": list(shares.TRACKING_APPROACHES),
+        "mistake": list(shares.ASSUMED_MISTAKES),
         "unequal_distance": [
-            ", ".join(f"{d:g}" for d in one) for one in dither.UNEQUAL_DISTANCES_M
+            ", ".join(f"{d:g}" for d in one) for one in shares.UNEQUAL_DISTANCES_M
         ],
-        "fitted_amplitude": dither.FITTED_AMPLITUDES_PX,
-        "shake": dither.SHAKES_PX,
-        "disc": dither.DISC_DIAMETERS_PX,
+        "fitted_amplitude": shares.FITTED_AMPLITUDES_PX,
+        "shake": shares.SHAKES_PX,
+        "disc": shares.DISC_DIAMETERS_PX,
     }
     return label_values(values, COORDINATES)
 
@@ -234,7 +226,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
             add_quantity(f"width, {here}", part["width_px"], "px")
             add_quantity(f"error of one frame by the law, {here}", part["frame_error"], "percent")
             add_quantity(f"error of the fit by the law, {here}", part["fit_error"], "percent")
-            for name in ESTIMATORS:
+            for name in shares.ESTIMATORS:
                 for words, kind in (("one frame", "frame"), ("the fit", "fit")):
                     drawn = part[f"drawn_{kind}_error"].sel(estimator=name)
                     add_quantity(f"error of {words}, {name}, {here}", drawn, "percent")

@@ -1,7 +1,138 @@
-"""The law of rounding, for design."""
+"""The law of rounding, applied to placing cameras: the parameters of ``design-law``."""
 
-from thesis_lib.figure_sets.design_law.parameters import DesignLaw
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
+from thesis_lib.studies.fields import (
+    Angle,
+    FocalLength,
+    Positive,
+    Real,
+    SensorSize,
+    SensorWidth,
+    Several,
+    Shifts,
+    Whole,
+    refuse_value,
+)
+from thesis_lib.studies.request import Study
+from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
+
+LEAST_PX = 16  # width of a sensor
+MOST_FRAMES = 4000  # of a film
+FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
+Count = Annotated[Whole, Field(ge=2, le=100)]
+
+
+class DesignLaw(Study):
+    """The law of rounding, its closed forms, the thesis's findings and its central claim."""
+
+    name = "design-law"
+    title = "The law of rounding, for design"
+    subject = "design"
+    section = "sections 1.2, 3.4, 4.3"
+    study = "law"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    resolution_px: SensorSize = Field(
+        tuple(setups.setup_table("beam", "distance")["resolution_px"]),
+        description="width and height of the sensors, of the cone and where numbers are compared",
+    )
+    cone_distance_mm: Positive = Field(1000.0, description="distance of cameras on a cone")
+    cone_deg: Angle = Field(55.0, description="angle of the cone, from the normal")
+    cone_cameras: Annotated[Whole, Field(ge=3, le=100)] = Field(
+        6, description="cameras where the angle of the cone varies"
+    )
+    amplitude_mm: Positive = Field(
+        assumed_values("beam")["amplitude_mm"],
+        description="peak of the beam's vibration at equal pixel rates",
+    )
+    small_amplitude_mm: Positive = Field(0.02, description="peak of a vibration far below a pixel")
+    pixels_per_second: Annotated[Real, Field(ge=1e4, le=1e13)] = Field(
+        float(2 * math.prod(FULL_HD) * setups.setup_table("experiment", "rig")["frame_rate_hz"]),
+        description="pixels per second of all cameras together; the default is two cameras of "
+        "chapter 5",
+    )
+    counts: Several[Count] = Field(
+        [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
+        description="numbers of cameras that share the pixels",
+    )
+    frame_rates_hz: Several[Positive] = Field(
+        [60.0, 240.0, 960.0], description="frames per second that each of them takes"
+    )
+    frequency_hz: Positive = Field(
+        7.3,
+        description="frequency of the vibration that is fitted, at most 0.4 of the lowest frame "
+        "rate",
+    )
+    duration_s: Annotated[Real, Field(gt=0, le=10)] = Field(
+        1.0, description="how long it is recorded"
+    )
+    trials: Shifts = 200
+
+    @property
+    def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
+        """Widths, heights and frame rates (counts, rates) of cameras that share the pixels."""
+        counts = np.array(self.counts)[:, None]
+        return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)
+
+    def settings(self) -> list[Setting]:
+        """Return cameras that share the pixels: for each number of them, each frame rate."""
+        width, height, rate = self.shared
+        made = []
+        for i, k in np.ndindex(width.shape):
+            count = self.counts[i]
+            angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
+            made.append(
+                Setting(
+                    f"{rate[i, k]:.4g} Hz",
+                    count,
+                    f"{count} cameras",
+                    self.cone_distance_mm,
+                    tuple((azimuth, elevation) for azimuth, elevation in angles),
+                    (int(width[i, k]), int(height[i, k])),
+                )
+            )
+        return made
+
+    @model_validator(mode="after")
+    def _check_together(self) -> DesignLaw:
+        peak = max(self.amplitude_mm, self.small_amplitude_mm)
+        bodies = setups.thesis_beam(), setups.thesis_plate()
+        farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
+        if self.cone_distance_mm <= farther:
+            allowed = f"more than {farther:.4g} mm, the reach of beam and plate and the amplitude"
+            refuse_value("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
+        width = self.shared[0]
+        if width.min() < LEAST_PX or width.max() > 20_000:
+            self.refuse(
+                "frame_rates_hz",
+                f"allowed: rates that leave each camera a sensor {LEAST_PX} to 20000 px wide",
+            )
+        if self.duration_s * max(self.frame_rates_hz) > MOST_FRAMES:
+            self.refuse("duration_s", f"allowed: at most {MOST_FRAMES} frames")
+        low, high = 1 / self.duration_s, 0.4 * min(self.frame_rates_hz)
+        if not low <= self.frequency_hz <= high:
+            self.refuse(
+                "frequency_hz",
+                f"allowed: {low:.4g} Hz, one over the duration, to {high:.4g} Hz, 0.4 times the "
+                "lowest frame rate",
+            )
+        return self
+
 
 FIGURE_SETS = [
     FigureSet(

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX
+from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law.tables import SHOWN_NOISES_PX, TEXTS
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
@@ -209,7 +208,8 @@ def shares(cube: xr.Dataset) -> Figure:
             style = {"ls": "none" if name == names[0] else ":", "color": ink, **style}
             frame.plot(n, part["drawn_frame_error"].sel(estimator=name), **style)
             film.plot(n, part["drawn_fit_error"].sel(estimator=name), **style)
-        width, lost = part["width_px"].values, part["marker_height"].values < FOLLOWED_PX
+        width = part["width_px"].values
+        lost = part["marker_height"].values < design_shares.FOLLOWED_PX
         sensor.plot(n, width, lw=1.2, color=ink)
         sensor.plot(n[~lost], width[~lost], "o", ms=3.5, color=ink)
         sensor.plot(n[lost], width[lost], "x", ms=4.5, color=ink)
@@ -228,7 +228,8 @@ def shares(cube: xr.Dataset) -> Figure:
     styles: dict[str, dict[str, Any]] = {f"{r:g} Hz": {"color": ink, "lw": 4} for r, ink in rates}
     styles |= {name: {"ls": "none", **style} for name, style in dots.items()}
     styles |= {"the law": law, "independent, averaged": {"ls": "--"}}
-    styles |= {f"markers < {FOLLOWED_PX:g} px high": {"ls": "none", "marker": "x", "ms": 4.5}}
+    low = f"markers < {design_shares.FOLLOWED_PX:g} px high"
+    styles |= {low: {"ls": "none", "marker": "x", "ms": 4.5}}
     name_styles(sensor, styles)
     handles = sensor.get_legend_handles_labels()
     drawing.legend(*handles, loc="outside lower center", ncols=5, fontsize=7)
@@ -254,7 +255,7 @@ def estimators(cube: xr.Dataset) -> Figure:
     log_axes(left, [4, 8, 16, 32, 64], [50, 100, 200, 500, 1000])
     left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
     left.legend(loc="lower left", fontsize=7)
-    right.set(title=f"(b) {design_dither.NOISY_CAMERAS} cameras, µm", ylim=(0, None))
+    right.set(title=f"(b) {design_shares.NOISY_CAMERAS} cameras, µm", ylim=(0, None))
     right.set_xlabel("noise of the images before rounding, px")
     return drawing
 
@@ -314,7 +315,7 @@ def dithering(cube: xr.Dataset) -> Figure:
     shake, disc = (np.linspace(*ends[name], 201) for name in ("shake", "disc"))
     closed_forms = {
         "fitted_amplitude": (swing, np.sqrt(dither.amplitude_variance(swing))),
-        "shake": (shake, np.sqrt(dither.shaken_variance(design_dither.SHAKE_FRAMES, shake))),
+        "shake": (shake, np.sqrt(dither.shaken_variance(design_shares.SHAKE_FRAMES, shake))),
         "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
     }
     one_frame: Any = {"color": CYCLE_COLORS[4], "ls": "--", "lw": 1.2}

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.figure_sets.design_law.parameters import DesignLaw
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.facts.setups import assumed_values
+from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
 from thesis_lib.vision import cone_law, rounding
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error

@@ -10,14 +10,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import IntArray
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.figure_sets.design_law import dither as design_dither
-from thesis_lib.figure_sets.design_law.shares import (
-    ASSUMED_MISTAKES,
-    FOLLOWED_PX,
-    MARKER_DIAMETER_M,
-    OUTLIER_PX,
-)
+from thesis_lib.facts.setups import assumed_values
+from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law.sweeps import AMPLITUDE_RANGE, CONE_MOTION_PX
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import dither
@@ -30,7 +24,7 @@ DITHERED = {  # what keeps pixels from rounding alike: its name in words, and va
     "shake": ("shake", (0.1, 0.2, 0.3, 0.5)),
     "disc": ("diameter", (3, 5, 10)),
 }
-_OF_MARKERS = {"marker": MARKER_DIAMETER_M, "followed_px": FOLLOWED_PX}
+_OF_MARKERS = {"marker": design_shares.MARKER_DIAMETER_M, "followed_px": design_shares.FOLLOWED_PX}
 
 
 def largest_std(cube: xr.Dataset, *names: str) -> float:
@@ -109,7 +103,7 @@ def compare_estimators(cube: xr.Dataset) -> dict[str, Any]:
     errors = cube["equidistant_rig_error"].transpose("rule", ...)
     return {
         "exponents": [fit_exponent(cube["equidistant_rig"], one) for one in errors],
-        "distance": design_dither.CROWD_DISTANCE_M,
+        "distance": design_shares.CROWD_DISTANCE_M,
         "std": largest_std(cube, "equidistant_rig_error"),
     }
 
@@ -123,7 +117,7 @@ def list_dither(cube: xr.Dataset) -> dict[str, Any]:
             error, simulated = at[f"{name}_error"], at[f"drawn_{name}_error"]
             rows.append({"kind": kind, "value": at[name], "error": error, "drawn": simulated})
     std = largest_std(cube, *(f"drawn_{name}_error" for name in DITHERED))
-    whole, frames = dither.ONE_FRAME**0.5, design_dither.SHAKE_FRAMES
+    whole, frames = dither.ONE_FRAME**0.5, design_shares.SHAKE_FRAMES
     return {"rows": rows, "whole": whole, "frames": frames, "std": std}
 
 
@@ -150,7 +144,7 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
 def most_followed(cube: xr.Dataset, rate: float) -> int:
     """Return the largest number of cameras whose markers the tracker follows, or 0."""
     here = cube.sel(rate=rate)
-    fits = here["count"].values[here["marker_height"].values >= FOLLOWED_PX]
+    fits = here["count"].values[here["marker_height"].values >= design_shares.FOLLOWED_PX]
     return int(fits.max(initial=0))
 
 
@@ -204,20 +198,22 @@ def list_mistakes(cube: xr.Dataset) -> dict[str, Any]:
     names = [str(one) for one in cube["approach"].values]
     squares, centre, interval = (cube["mistaken_error"].sel(approach=name) for name in names)
     doubled, rows = _double_counts(cube), []
-    for mistake, (noise, _, _) in ASSUMED_MISTAKES.items():
+    for mistake, (noise, _, _) in design_shares.ASSUMED_MISTAKES.items():
         for count in doubled[1::2] if len(doubled) > 1 else doubled:
             at = cube.sel(mistake=mistake, count=count)
             right = at["noisy_share_error"].sel(approach=names[-1], image_noise=noise)
             errors, stds = at["mistaken_error"], at["mistaken_error_std"]
             row = {"mistake": mistake, "count": count, "right": right, "errors": errors}
             rows.append(row | {"stds": stds, "agreeing": at["feasible_fraction"]})
-    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = ASSUMED_MISTAKES.items()
+    (low, (noise, less, _)), (high, (_, more, _)), (spoilt, _) = (
+        design_shares.ASSUMED_MISTAKES.items()
+    )
     over = (interval / squares).sel(mistake=low)
     worst = {"worse": over.max() - 1, "count": int(over.idxmax("count"))}
     return {
         "names": names,
         "rows": rows,
-        "outlier_px": OUTLIER_PX,
+        "outlier_px": design_shares.OUTLIER_PX,
         "low": {"told": less, "noise": noise, **worst},
         "high": {"told": more, "ratio": (interval / centre).sel(mistake=high).max()},
         "many": max(doubled),

@@ -1,6 +1,8 @@
-"""Tables of the notebooks of chapter 5.
+"""Drawings of the laboratory: the rig, the board on each sensor, the sound, and a marker over time.
 
-Their figures are those of all beams (:func:`thesis_lib.plotting.panels.beam_figure`).
+Each function makes one figure from the measured dataset. Cameras keep their colours throughout.
+Figures of the notebooks are those of all beams (:func:`thesis_lib.plotting.panels.beam_figure`);
+what their tables need is at the end.
 """
 
 from __future__ import annotations
@@ -9,6 +11,336 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle, PathPatch, Polygon, Rectangle
+from matplotlib.path import Path
+
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
+from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.recordings.board import Markers, rows_on
+from thesis_lib.plotting.style import (
+    CYCLE_COLORS,
+    HIGHLIGHT_COLOR,
+    REFERENCE_COLOR,
+    cycle_color,
+    in_style,
+    make_mosaic,
+    subplots,
+)
+
+WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
+SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
+WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
+
+
+def camera_letters(data: xr.Dataset) -> str:
+    """Return the cameras' letters."""
+    return "".join(str(name) for name in data["camera"].values)
+
+
+def tip_marker(markers: Markers) -> int:
+    """Return the index of the last marker on the beam's axis, which moves most."""
+    return markers.middle_row.stop - 1
+
+
+def write_label(axes: Axes, place: Any, text: str, **style: Any) -> None:
+    """Write letters in ink, in the middle of a place if not said otherwise."""
+    how: Any = {"ha": "center", "va": "center", "color": SKETCH_INK, **style}
+    axes.text(place[0], place[1], text, **how)
+
+
+def draw_box(axes: Axes, corner: Any, size: Any, ground: str, **style: Any) -> None:
+    """Draw a rectangle with an edge in ink."""
+    how: Any = {"facecolor": ground, "edgecolor": SKETCH_INK, "linewidth": 0.8, **style}
+    axes.add_patch(Rectangle(corner, *size, **how))
+
+
+def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, **line: Any) -> None:
+    """Draw an arrow in ink."""
+    arrow = {"arrowstyle": heads, "color": SKETCH_INK, **line}
+    axes.annotate("", end, start, zorder=zorder, arrowprops=arrow)
+
+
+# The rig.
+
+
+def draw_rig(data: xr.Dataset) -> Figure:
+    """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
+    markers = rows_on(setups.thesis_beam())
+    widest = int(data["width"].max())
+    found = select_tracks(data, markers, camera_letters(data), widest, "full")
+    centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
+    axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
+    looks = np.tensordot(found.frame.R, axes_of, axes=1)
+    with in_style():
+        figure, axes = subplots(
+            4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
+            height_ratios=[3.9, 1.75, 0.75, 1.6],
+        )  # fmt: skip
+        _draw_plan(axes[0], markers, centres, looks)
+        _draw_side(axes[1], markers, centres, looks)
+        _draw_layout(axes[2], markers, whole=True)
+        _draw_layout(axes[3], markers, whole=False)
+    return figure
+
+
+def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
+    """Draw triangles where cameras (2, n) stand, turned to where they look, with their axes.
+
+    Cameras that hide each other share a label.
+    """
+    hidden = [np.linalg.norm(places - place[:, None], axis=0) < 20 for place in places.T]
+    for i, (place, look) in enumerate(zip(places.T, looks.T, strict=True)):
+        axes.plot(*np.stack([place, [0, 0]]).T, color=cycle_color(i), linewidth=0.9, zorder=1)
+        ahead = 38 * look / np.linalg.norm(look)
+        side = 0.5 * np.array([-ahead[1], ahead[0]])
+        body = np.array([place, place - ahead + side, place - ahead - side])
+        axes.add_patch(Polygon(body, color=cycle_color(i), zorder=4))
+        if np.argmax(hidden[i]) == i:
+            letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
+            aside = 1 + 0.9 * (len(letters) > 1)
+            beside = place - [1.85 * aside, 1.3] * ahead
+            write_label(axes, beside, letters, weight="bold", fontsize=11)
+
+
+def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+    length, width = 1e3 * np.array(markers.extent)
+    axes.set_title("(a) from above")
+    draw_box(axes, (-width / 2, -length / 2), (width, length), BEAM_GREY, zorder=2)
+    places = 1e3 * markers.world[[1, 0], : markers.count]
+    axes.plot(*places, "o", color=SKETCH_INK, markersize=1.2, zorder=3)
+    draw_box(axes, (-45, length / 2 * -1 - 42), (90, 42), "white", hatch="////", zorder=2)
+    write_label(axes, (62, -length / 2 - 21), "clamp", ha="left")
+    write_label(axes, (0, length / 2 + 20), "tip", va="bottom")
+    _draw_cameras(axes, centres[[1, 0]], looks[[1, 0]])
+    _draw_axes(axes, ("Y", "X"), 150)
+    first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
+    low, high = sorted([first, second])
+    arc = Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT_COLOR, linewidth=1.4)
+    axes.add_patch(arc)
+    angle = f"α = {abs(first - second):.0f}°"
+    write_label(axes, (295, 0), angle, color=HIGHLIGHT_COLOR, ha="left")
+    along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
+    distance = np.mean(np.linalg.norm(centres, axis=0))
+    slope = np.degrees(np.arctan(along[1] / along[0]))
+    write_label(axes, 300 * along + [0, 22], f"d = {distance:.0f} mm", rotation=slope)
+    _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
+
+
+def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
+    _, width = 1e3 * np.array(markers.extent)
+    axes.set_title("(b) along the beam")
+    axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
+    _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
+    _draw_axes(axes, ("Y", "Z"), 150)
+    flat = np.hypot(*centres[:2, 0])
+    elevation = np.degrees(np.arctan2(centres[2, 0], flat))
+    axes.plot([0, flat], [0, 0], color=REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0)
+    axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT_COLOR, linewidth=1.4))
+    write_label(axes, (300, 50), f"φ = {elevation:.0f}°", color=HIGHLIGHT_COLOR, ha="left")
+    _draw_arrow(axes, (-60, 48), (-60, -48), "<->")
+    write_label(axes, (-78, -36), "vibrates", ha="right")
+    _hide_axes(axes, (-650, 650), (-90, 290))
+
+
+def _draw_axes(axes: Axes, names: tuple[str, str], size: float) -> None:
+    for (u, v), name in zip(((size, 0), (0, size)), names, strict=True):
+        _draw_arrow(axes, (0, 0), (u, v), "->", zorder=6, linewidth=1.2)
+        place = 1.1 * u + 30 * (u == 0), 0.95 * v
+        write_label(axes, place, name, zorder=6, bbox=WHITE_GROUND)
+
+
+def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
+    axes.set(xlim=x, ylim=y, aspect="equal")
+    axes.axis("off")
+
+
+def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
+    """Draw markers and hole on the beam, in mm: all of it, or the clamped end with measures."""
+    length, width = 1e3 * np.array(markers.extent)
+    places, radius = 1e3 * markers.positions, 500 * markers.diameter
+    axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
+    draw_box(axes, (0, 0), (length, width), BEAM_GREY)
+    for n, place in enumerate(places.T):
+        ink = HIGHLIGHT_COLOR if n >= markers.count else SKETCH_INK  # the hole comes last
+        axes.add_patch(Circle(place, radius, color=ink, zorder=3))
+    row = markers.columns
+    if whole:
+        for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
+            apart = y + 0.7 * (y - width / 2)  # else they touch
+            write_label(axes, (-6, apart), str(first), ha="right", fontsize=7.5)
+            write_label(axes, (length + 6, apart), str(first + row - 1), ha="left", fontsize=7.5)
+        _hide_axes(axes, (-32, length + 32), (-4, width + 4))
+        return
+    for n in (0, 1):  # lines to the measures
+        ends = [places[1, 2 * row], width + 9]
+        axes.plot([places[0, n]] * 2, ends, color=SKETCH_INK, linewidth=0.6)
+    spacing = places[0, 1] - places[0, 0]
+    _draw_measure(axes, (places[0, 0], width + 7), (places[0, 1], width + 7), f"{spacing:g}")
+    right = places[0, 3] + 13
+    low, high = places[1, [row, 2 * row]]
+    for y in (low, high):
+        axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
+    _draw_measure(axes, (right, low), (right, high), f"{1e3 * markers.row_spacing:g}")
+    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), CYCLE_COLORS[4]
+    axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
+    _point_at(axes, force, (force[0] + 4, -7), "shaker beneath", "left", ink)
+    if markers.hole is not None:
+        hole = tuple(places[:, -1])
+        _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", HIGHLIGHT_COLOR)
+    write_label(axes, (places[0, 2], width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
+    draw_box(axes, (-14, -3), (14, width + 6), "white", hatch="////")
+    _hide_axes(axes, (-16, 118), (-12, width + 14))
+
+
+def _point_at(axes: Axes, place: Any, words: Any, text: str, align: str, ink: str) -> None:
+    style: Any = {"color": ink, "ha": align, "va": "center"}
+    axes.annotate(text, place, words, arrowprops={"arrowstyle": "-", "color": ink}, **style)
+
+
+def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
+    _draw_arrow(axes, start, end, "<->", linewidth=0.8, shrinkA=0, shrinkB=0)
+    write_label(axes, np.mean([start, end], axis=0), text, bbox=WHITE_GROUND | {"pad": 1.5})
+
+
+# The board.
+
+
+def draw_coverage(data: xr.Dataset) -> Figure:
+    """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
+    with in_style():
+        figure, grid = subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
+        for i, axes in enumerate(grid.flat):
+            if i < data.sizes["camera"]:
+                _draw_sensor(axes, data.isel(camera=i), i)
+            else:
+                axes.axis("off")
+    return figure
+
+
+def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
+    corners, residual = (
+        camera[name].transpose("axis", "shot", "corner").values.reshape(2, -1)
+        for name in ("adjusted_corners", "corner_residuals")
+    )
+    width, height = (float(size) for size in camera["size"].values)
+    unit = width / 1920
+    draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
+    ends = corners + RESIDUAL_FACTOR * unit * residual
+    axes.add_patch(_draw_segments(corners, ends, cycle_color(index), 0.7))
+    axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
+    rms = np.sqrt(np.nanmean(residual**2))
+    still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
+    row = still.transpose("axis", "marker").values[:, rows_on(setups.thesis_beam()).middle_row]
+    axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
+    left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
+    axes.plot([left, left + bar], [0.95 * height] * 2, color=HIGHLIGHT_COLOR, linewidth=2)
+    style: Any = {"color": HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
+    ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
+    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **style)
+    axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
+    _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
+
+
+def _draw_segments(start: Array, end: Array, tint: str, width: float) -> PathPatch:
+    """Draw segments between points (2, n) as one path; NaN is left out."""
+    known = np.isfinite(start + end).all(axis=0)
+    points = np.stack([start[:, known].T, end[:, known].T], axis=1).reshape(-1, 2)
+    codes = np.tile([Path.MOVETO, Path.LINETO], len(points) // 2)
+    return PathPatch(Path(points, codes), fill=False, edgecolor=tint, linewidth=width)
+
+
+def draw_sound(data: xr.Dataset) -> Figure:
+    """Draw the start of the force on the four audio tracks, before and after alignment."""
+    signal = data["picture_sound"].transpose("camera", "sample").values
+    seconds = np.arange(signal.shape[1]) / float(data["picture_sound"].attrs["rate_hz"])
+    delay, begin = data["delay"].values, float(data["steady"][0])
+    whole = data["delay_frames"].values / data["frame_rate"].values
+    with in_style():
+        figure, panels = make_mosaic(
+            [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
+        )
+        top, below = panels["own"], [panels["whole"], panels["part"]]
+        for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
+            top.plot(seconds, own - i, color=cycle_color(i), linewidth=0.9)
+            text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
+            top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
+        top.set_title("(a) the force on each camera's clock; start after A's")
+        top.set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.55), yticks=[])
+        top.grid(visible=False, axis="y")
+        top.spines["left"].set_visible(False)
+        middle = _find_crossing(seconds, signal[0], begin)
+        titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
+        for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
+            for i, own in enumerate(signal):
+                time = 1000 * (seconds + shift[i] - middle)
+                near = np.abs(time) < 30
+                axes.plot(time[near], own[near], color=cycle_color(i), linewidth=1.3)
+            axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
+            axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
+            axes.set_ylim(-0.45, 0.5)
+        below[0].set_ylabel("force over full scale")
+        below[1].tick_params(labelleft=False)
+        half = 500 / float(data["frame_rate"][0])
+        below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
+        write_label(below[0], (0, -0.43), "one frame", va="bottom", fontsize=7.5)
+    return figure
+
+
+def _find_crossing(time: Array, signal: Array, before: float) -> float:
+    """Find the steepest zero crossing before a time, where a delay is seen best."""
+    steps = round(0.02 / (time[1] - time[0]))
+    smooth = np.convolve(signal, np.ones(steps) / steps, "same")
+    signs = np.flatnonzero((smooth[:-1] * smooth[1:] < 0) & (time[1:] < before))
+    slope = np.abs(np.gradient(smooth))
+    best = signs[np.argmax(slope[signs])]
+    return float(time[best])
+
+
+def draw_tracks(data: xr.Dataset) -> Figure:
+    """Draw one marker in four cameras: on their clocks, on one clock, and the residual."""
+    markers = rows_on(setups.thesis_beam())
+    every = data["tracks"].sel(width=data["width"].max(), axis="v")
+    v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values
+    own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
+    common = own + data["delay"].values[:, None]
+    omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
+    with in_style():
+        figure, axes = subplots(
+            3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
+        )
+        for i, name in enumerate(camera_letters(data)):
+            ink: Any = {"color": cycle_color(i)}
+            dots: Any = {**ink, "markersize": 3.5}
+            rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
+            moved = v[i] - rest
+            axes[0].plot(own[i], moved, ".-", linewidth=0.6, label=name, **dots)
+            axes[1].plot(common[i], moved, ".", **dots)
+            steady = (common[i] >= begin) & (common[i] <= end)
+            fit = fit_harmonics(omega, common[i, steady], moved[steady], MAX_HARMONIC_ORDER)
+            fine = np.linspace(begin, end, 400)
+            axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
+            residual = moved[steady] - fit.at(omega, common[i, steady])
+            axes[2].plot(common[i, steady], 1e3 * residual, ".", **dots)
+        axes[0].set(title="(a) the tip's marker on each camera's own clock")
+        axes[0].set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))
+        axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
+        axes[1].set(title="(b) on A's clock, with each camera's harmonic fit")
+        axes[2].set(title="(c) what the fit leaves", ylabel="thousandths of a px")
+        axes[2].set_xlabel("s after A's first frame")
+        for panel in axes[:2]:
+            panel.set_ylabel("v minus v at rest, px")
+            panel.margins(y=0.15)
+        for panel in axes[1:]:
+            panel.set_xlim(begin - 0.75, end + 0.05)
+            panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
+        where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
+        axes[1].text(begin + 0.02, 0.98, "steady part", color=SKETCH_INK, **where)
+    return figure
 
 
 def _harmonic(cube: xr.Dataset) -> dict[str, Any]:

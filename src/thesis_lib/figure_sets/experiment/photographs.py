@@ -17,7 +17,7 @@ from matplotlib.patches import Polygon, Rectangle
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment.sketches import (
+from thesis_lib.figure_sets.experiment.figures import (
     SKETCH_INK,
     WIDTH_IN,
     camera_letters,

@@ -17,9 +17,9 @@ from PIL import Image
 from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import methods, photographs, sketches
+from thesis_lib.figure_sets.experiment import figures, methods, photographs
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
-from thesis_lib.figure_sets.experiment.parameters import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.plotting.style import save_figure
@@ -30,16 +30,16 @@ from thesis_lib.vibration.motion import Component
 PICTURE_WIDTH_PX = 1500  # width of pictures that hold photographs
 WEBP_QUALITY = 85  # of 100, at which they are stored
 WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "rig": sketches.draw_rig,
+    "rig": figures.draw_rig,
     "views": photographs.draw_views,
     "board": photographs.draw_board,
-    "coverage": sketches.draw_coverage,
-    "sound": sketches.draw_sound,
+    "coverage": figures.draw_coverage,
+    "sound": figures.draw_sound,
     "outline": photographs.draw_outline,
     "plane": photographs.draw_plane,
     "centres": photographs.draw_centres,
     "widths": photographs.draw_widths,
-    "tracks": sketches.draw_tracks,
+    "tracks": figures.draw_tracks,
 }
 
 

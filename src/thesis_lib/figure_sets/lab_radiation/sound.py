@@ -21,7 +21,7 @@ from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.sources import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
+from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.figure_sets.lab_radiation.structures import (
     MOVING_MODES,
     Driven,

@@ -14,7 +14,7 @@ import numpy as np
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.lab_radiation.parameters import LabRadiation
+from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
 from thesis_lib.measure.recordings.board import Markers, rows_on

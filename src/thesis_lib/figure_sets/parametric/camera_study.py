@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
-from thesis_lib.facts.setups import Setting
+from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.studies.fields import (
     Estimator,
     FocalLength,

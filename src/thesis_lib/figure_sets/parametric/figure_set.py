@@ -1,9 +1,377 @@
-"""Chapters 3, 4 and 6, and shapes without symmetry: one parameter is varied at a time."""
+"""Chapters 3, 4 and 6, and plates of other shapes: one parameter is varied at a time.
 
-from typing import Any
+One model per figure set serves the command line, the notebooks and the tables of the book. A
+field's ``allowed`` text is what the user reads, in the table and in the error message alike.
+"""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from itertools import pairwise
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
+
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, SHAPE_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
+from thesis_lib.studies.fields import (
+    Azimuth,
+    Elevation,
+    Fields,
+    HalfAperture,
+    Name,
+    Positive,
+    Real,
+    SensorSize,
+    Several,
+    Trials,
+    Width,
+    refuse_value,
+)
+from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validate_values
+from thesis_lib.vibration.panel import Panel
+from thesis_lib.vibration.polygons import Circle, Hole, ShapeError
+from thesis_lib.vibration.structure import Structure
+
+_AS_TYPED = BeforeValidator(
+    lambda name: name.replace("4a′", "4a'") if isinstance(name, str) else name
+)
+Case = Annotated[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], _AS_TYPED]
+Order = Literal["printed", "reversed"]
+Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
+
+
+FromCentre = Annotated[
+    Positive,
+    Field(description="distance of all cameras from the structure's centre, beyond its reach"),
+]
+OfPair = Annotated[Azimuth, Field(description="the pair stands at plus and minus this azimuth")]
+
+
+# The four studies. Where a field has no default here, it is what the table of the structure says.
+
+
+class Distance(CameraStudy):
+    """Case 1: two cameras at growing distance (sections 3.3.1, 4.2.1, 6.2.1)."""
+
+    study = "distance"
+    title = "distance of the cameras"
+    varied = "distance_mm"
+    varied_label = "distance d"
+
+    distances_mm: Several[Positive] = Field(
+        ..., description="distances of the pair from the structure's centre, beyond its reach"
+    )
+    azimuth_deg: OfPair
+    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
+    resolution_px: SensorSize
+
+    def thesis_settings(self) -> list[Setting]:
+        """Return one setting per distance."""
+        return setups.distance_settings(
+            self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
+        )
+
+
+class Aperture(CameraStudy):
+    """Cases 2a–2d: two cameras at growing aperture (sections 3.3.2, 4.2.2, 6.2.2)."""
+
+    study = "aperture"
+    title = "aperture between the cameras"
+    varied = "aperture_deg"
+    varied_label = "aperture α"
+
+    cases: Several[Literal["2a", "2b", "2c", "2d"]] = Field(
+        ["2a", "2b", "2c", "2d"], description="cases to run"
+    )
+    half_apertures_deg: Several[HalfAperture] = Field(
+        ..., description="half of the azimuths between the cameras, cases 2a and 2c"
+    )
+    elevations_deg: Several[Elevation] = Field(
+        ..., description="elevations of the cameras, cases 2b and 2d"
+    )
+    elevation_deg: Elevation = Field(..., description="elevation in cases 2a and 2c")
+    distance_mm: FromCentre
+    resolution_px: SensorSize
+
+    def thesis_settings(self) -> list[Setting]:
+        """Return the cases in the order asked for, apertures in the order of the table."""
+        return setups.aperture_settings(
+            self.cases,
+            self.half_apertures_deg,
+            self.elevations_deg,
+            self.elevation_deg,
+            self.distance_mm,
+            self.resolution_px,
+        )
+
+
+class Resolutions(CameraStudy):
+    """Case 3: two cameras of growing resolution (sections 3.3.3, 4.2.3, 6.2.3)."""
+
+    study = "resolution"
+    title = "resolution of the cameras"
+    varied = "width_px"
+    varied_label = "resolution"
+
+    widths_px: Several[Width] = Field(
+        ..., description="widths of the sensors; heights are 9/16 of them"
+    )
+    distance_mm: FromCentre
+    azimuth_deg: OfPair
+    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
+
+    def thesis_settings(self) -> list[Setting]:
+        """Return one setting per width."""
+        return setups.resolution_settings(
+            self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
+        )
+
+
+class Arrays(CameraStudy):
+    """Cases 4a–4e: growing numbers of cameras (sections 3.3.4, 4.2.4, 6.2.4), and own layouts."""
+
+    study = "arrays"
+    title = "number and layout of the cameras"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    cases: list[Case] = Field(["4a", "4a'", "4b", "4c", "4d", "4e"], description="cases to run")
+    pair_order: dict[Case, Order] = Field(
+        {}, description='order of adding pairs by case, over the default {"4d": "reversed"}'
+    )
+    layouts: dict[
+        Annotated[Name, _AS_TYPED], Annotated[Layout, Field(min_length=1, max_length=50)]
+    ] = Field(
+        {},
+        description="your own layouts: name to a list of growing sets of [azimuth, elevation] in "
+        'degrees, such as {"mine": [[[0, 20], [90, 20]]]}',
+    )
+    distance_mm: FromCentre
+    resolution_px: SensorSize
+
+    @model_validator(mode="after")
+    def _check_cases(self) -> Arrays:
+        if not self.cases and not self.layouts:
+            self.refuse("cases", CAMERA_CONDITIONS["cases"])
+        grow = all(
+            len(one) < len(other) for sets in self.layouts.values() for one, other in pairwise(sets)
+        )
+        if set(self.layouts) & set(setups.camera_pairs()) or not grow:
+            self.refuse("layouts", CAMERA_CONDITIONS["layouts"])
+        return self
+
+    def thesis_settings(self) -> list[Setting]:
+        """Return growing sets of cameras, cases first and layouts after them."""
+        return setups.array_settings(
+            self.cases,
+            assumed_values("beam")["pair_order"]
+            | {str(case): order for case, order in self.pair_order.items()},
+            self.layouts,
+            self.distance_mm,
+            self.resolution_px,
+        )
+
+
+class OfL(Arrays):
+    """Cases 4a–4e around an L-shaped plate."""
+
+    study = "l"
+    title = "an L"
+    trials: Trials = 100
+
+
+class Perforated(Arrays):
+    """Cases 4a–4e around a plate with holes."""
+
+    study = "holes"
+    title = "a plate with holes"
+    trials: Trials = 100
+
+
+# What beam and sound add.
+
+
+class BeamMarkers(Fields):
+    """Parameters of the beam."""
+
+    first_marker_mm: Annotated[Real, Field(ge=0, le=23)] = Field(
+        ..., description="distance of the first marker from the clamp"
+    )
+
+    @property
+    def structure(self) -> Structure:
+        """Return the structure that is measured."""
+        return setups.thesis_beam(self.first_marker_mm / 1000)
+
+
+class PlateSoundStudy(SoundPlanes):
+    """Parameters of the sound field of a plate's study."""
+
+    @property
+    def plate_request(self) -> dict[str, Any]:
+        """Parameters of the plate's study whose deflections radiate."""
+        model = CAMERA_STUDIES[self.name.replace("sound", "plate")]  # type: ignore[attr-defined]
+        return {key: value for key, value in self.model_dump().items() if key in model.model_fields}
+
+
+# Plates without symmetry, cut from a rectangle: as thick as the thesis's plate and of its material.
+
+Coordinate = Annotated[Real, Field(ge=0, le=1e5)]
+Corner = tuple[Coordinate, Coordinate]
+Support = Literal["simply supported", "clamped", "free"]
+Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
+FORCE_AT = setups.thesis_plate().force_position
+CONTOUR_FIELDS = ("outline_mm", "circles_mm", "cutouts_mm")
+SHAPE_FIELDS = {
+    "outline": "outline_mm",
+    "supports": "edge_supports",
+    "grid": "grid",
+    "force_position": "force_mm",
+    "element_size": "element_mm",
+}
+
+
+class ShapeMarkers(PlateMarkers):
+    """Parameters of a plate of any shape."""
+
+    outline_mm: Annotated[list[Corner], Field(min_length=3, max_length=40)] = Field(
+        ...,
+        description="corners of the outline, one after the other; the least x and the least y "
+        "are 0",
+    )
+    circles_mm: Annotated[list[tuple[Coordinate, Coordinate, Positive]], Field(max_length=20)] = (
+        Field(..., description="round holes [x, y, radius] that do not touch")
+    )
+    cutouts_mm: Annotated[
+        list[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
+        Field(max_length=10),
+    ] = Field(..., description="holes with corners")
+    support: Support = Field(
+        "simply supported", description="how the outline is held; edges of holes are free"
+    )
+    edge_supports: dict[Edge, Support] = Field(
+        {},
+        description="edges of the outline that are held otherwise, by number: 1 goes from the "
+        'first corner to the second, such as {"2": "free"}',
+    )
+    force_mm: Corner = Field(
+        (1000 * FORCE_AT[0], 1000 * FORCE_AT[1]),
+        description='where the force acts, if amplitude_mm is "force"',
+    )
+    element_mm: Annotated[Real, Field(gt=0, le=1000)] = Field(
+        10.0, description="length of the sides of the finite elements"
+    )
+
+    @property
+    def structure(self) -> Panel:
+        """Return the structure that is measured."""
+        plate, count = setups.thesis_plate(self.grid), len(self.outline_mm)
+        if any(int(edge) > count for edge in self.edge_supports):
+            refuse_value("edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}")
+        try:
+            return Panel(
+                tuple((x / 1000, y / 1000) for x, y in self.outline_mm),
+                tuple(self.edge_supports.get(str(i + 1), self.support) for i in range(count)),
+                self.holes,
+                plate.thickness,
+                plate.density,
+                plate.youngs_modulus,
+                plate.poisson,
+                plate.damping,
+                (self.force_mm[0] / 1000, self.force_mm[1] / 1000),
+                plate.grid,
+                self.element_mm / 1000,
+            )
+        except ShapeError as error:
+            name = SHAPE_FIELDS.get(error.what) or self._hole_field(error.given)
+            refuse_value(name, getattr(self, name), f"allowed: {error.allowed}")
+            raise
+
+    @property
+    def holes(self) -> tuple[Hole, ...]:
+        """Return the holes in m."""
+        cut = (tuple((x / 1000, y / 1000) for x, y in corners) for corners in self.cutouts_mm)
+        return (*(Circle(x / 1000, y / 1000, r / 1000) for x, y, r in self.circles_mm), *cut)
+
+    def _hole_field(self, given: object) -> str:
+        round_ = isinstance(given, Circle) or (
+            isinstance(given, tuple) and any(isinstance(one, Circle) for one in given)
+        )
+        return "circles_mm" if round_ else "cutouts_mm"
+
+
+THESIS_SECTIONS = {
+    "beam": "section 3.3",
+    "plate": "section 4.2",
+    "sound": "section 6.2",
+    "shape": "section 7.1",
+}
+
+
+def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
+    """Return a study of one structure: its fields default to what the structure's tables say."""
+    grid = {"grid": setups.thesis_plate().grid}
+    like = "plate" if subject == "shape" else subject
+    printed = {**grid, **assumed_values(like), **setups.setup_table(subject, kind.study)}
+    bases = (*more, kind)
+    fields: dict[str, Any] = {}
+    every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
+    for name, info in every.items():
+        shared = name in CameraStudy.model_fields  # which hold what the beam's table says
+        if name in printed and (shared or info.is_required()):
+            filled = copy(info)
+            filled.default = _freeze_value(name, printed[name])
+            fields[name] = (info.annotation, filled)
+    model: Any = cast(Any, create_model)(
+        f"{subject.title()}{kind.__name__}",
+        __base__=bases,
+        __doc__=kind.__doc__,
+        **fields,
+    )
+    model.subject, model.name = subject, f"{subject}-{kind.study}"
+    model.title = f"{subject.title()}: {kind.title}"
+    model.section = THESIS_SECTIONS[subject]
+    return model
+
+
+def _freeze_value(name: str, value: Any) -> Any:
+    """Return a value of the tables as models hold it."""
+    if name == "resolution_px":
+        return tuple(value)
+    return list(map(_frozen, value)) if name in CONTOUR_FIELDS else value
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else float(value)
+
+
+_STUDY_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
+_EXTRA_FIELDS: dict[str, tuple[type[BaseModel], ...]] = {
+    "beam": (BeamMarkers,),
+    "plate": (PlateMarkers,),
+    "sound": (PlateSoundStudy,),
+}
+CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
+    study.name: study
+    for subject, extra in _EXTRA_FIELDS.items()
+    for study in (figure_set(subject, kind, *extra) for kind in _STUDY_KINDS)
+}
+
+SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
+    study.name: study for study in (figure_set("shape", k, ShapeMarkers) for k in (OfL, Perforated))
+}
+
+
+def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
+    """Return the parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
+    study = validate_values({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
+    assert isinstance(study, CameraStudy)
+    return study
+
 
 CHAPTER_NAMES = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
 FIGURE_NUMBERS = {

@@ -1,21 +1,242 @@
-"""Figures of these sets that are shown by name, drawn from their cubes."""
+"""Figures and tables of these sets; modes without symmetry, and the effect of a mirror.
+
+Let cameras and plate be each other's mirror image in X = 0. Two markers at ±x then have mirrored
+images, whole pixels included, and measured deflections of the same size: the nominal run draws
+half as many errors as there are markers. Random shifts of the pixel grids undo that.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from IPython.display import Markdown
 from matplotlib.figure import Figure
 
+from thesis_lib.arrays import IntArray
+from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.figure_sets.parametric.sound_turn import turn_summary
-from thesis_lib.figure_sets.parametric.tables import compare_frequencies
+from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import bar_beside, draw_map, ordered_colors, place_panels, subplots
-from thesis_lib.studies import schema
+from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.templates import render
+from thesis_lib.vibration.finite_elements import plate_modes
+from thesis_lib.vibration.polygons import mesh_outline
+
+
+def error_table(cube: xr.Dataset) -> Markdown:
+    """List errors by setting and mode: trial 0, median, 5–95 % band, law of rounding."""
+    columns = dict(_columns(cube))
+    rows = [
+        {
+            "case": str(cube["case"].values[i]),
+            "label": str(cube["label"].values[i]),
+            "cells": [cells[i] for cells in columns.values()],
+            "in_view": float(cube["in_view"].values[i]),
+            "missing": float(cube["missing"].values[i, 0, 0]) if "missing" in cube else 0.0,
+        }
+        for i in range(cube.sizes["setting"])
+    ]
+    text = render(
+        __file__,
+        "errors",
+        said=cube.attrs,
+        trials=cubes.trials_are(cube),
+        columns=list(columns),
+        rows=rows,
+        sound="plane_error" in cube,
+        piston_size=float(cube["piston_size"].max()) if "piston_size" in cube else 0.0,
+    )
+    return Markdown(text)
+
+
+def _columns(cube: xr.Dataset) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """Yield the errors of each mode, and of each plane of the sound, setting by setting."""
+    table = cubes.summarise_errors(cube).set_index(["error", "mode"])
+    for mode in cube["mode"].values.tolist():
+        for error, (_, plane) in cubes.ERROR_VARIABLES.items():
+            if (error, mode) not in table.index or error == "max_point_error":
+                continue
+            predicted = cubes.predicted_value(cube, error).sel(mode=mode).values
+            cells = table.loc[[(error, mode)]].to_dict("records")
+            for i, cell in enumerate(cells):
+                cell["predicted"] = predicted[i]
+                if np.isnan(cell["trial_0"]):  # a nodal plane
+                    cell["of_larger"] = _of_larger(cube, i, mode, plane)
+            yield f"mode {mode}" + (f", {plane}" if plane else ""), cells
+
+
+def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> float:
+    """Return the error on a nodal plane relative to the other plane's pressure, or NaN."""
+    values = cube["plane_error_of_larger"].isel(setting=setting).sel(mode=mode, plane=plane)
+    return float(np.median(values.values[1:] if values.size > 1 else values.values))
+
+
+def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
+    """Compare the thesis's claimed values with the band of the trials."""
+    checks = []
+    if cube.sizes["trial"] > 1:
+        checks = verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
+    counts = {}
+    for quantity, word in cubes.SHORT_LABELS.items():
+        inside = [check.inside for check in checks if check.claim.quantity == quantity]
+        if inside:
+            counts[word] = inside
+    text = render(
+        __file__,
+        "claims",
+        trials=cubes.trials_are(cube) if cube.sizes["trial"] > 1 else "",
+        counts=counts,
+        checks=[check for check in checks if not (only_misses and check.inside)],
+        only_misses=only_misses,
+        short=cubes.SHORT_LABELS,
+    )
+    return Markdown(text)
+
+
+PLATE_SET = "plate-arrays"
+SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}
+MIRRORED_CASES = (
+    "4a",
+    "4a'",
+    "4b",
+    "4d",
+)  # sets of cameras that are their own mirror image in X = 0
+MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
+SIZES_MM = (40.0, 20.0, 10.0)
+
+
+def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
+    """Compare frequencies with those of the thesis's plate, and list the markers' mean motion."""
+    asked = camera_study(cube.attrs["figure_set"], json.loads(cube.attrs["parameters"]))
+    structure, plate = asked.structure, setups.thesis_plate()
+    highest = max(cube["mode"].values.tolist())
+    rectangle = plate.angular_frequencies(highest) / (2 * np.pi)
+    rows = [
+        {
+            "mode": mode,
+            "frequency": cube["frequency"].values[m],
+            "rectangle": rectangle[mode - 1],
+            "peak": structure.shape_peak(mode),
+            "mean": _mean_deflection(cube, m),
+        }
+        for m, mode in enumerate(cube["mode"].values.tolist())
+    ]
+    return {"rows": rows, "markers": cube.sizes["point"]}
+
+
+def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
+    """Return the mean deflection of the markers in a mode in % of the largest."""
+    moved = np.abs(cube["reference_deflection"].values[mode])
+    return float(100 * np.mean(moved) / np.max(moved))
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Effect of a mirror on one case of one structure."""
+
+    #: Share of the markers with a mirrored partner on the plate whose literal deflections have the
+    #: same size as their partner's
+    same: float
+    #: Root mean square of ln(error / law), of the nominal runs and of the trials
+    literal: float
+    drawn: float
+    #: Error over that of the rectangle, median over settings and modes, by trials and by the law
+    simulated: float
+    predicted: float
+
+
+def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> Symmetry:
+    """Compare cases of a cube with the same cases of the rectangle's cube."""
+    rows, rows_ = (np.flatnonzero(np.isin(c["case"].values, cases)) for c in (cube, plate))
+    part, whole = cube.isel(setting=rows), plate.isel(setting=rows_)
+    one, other = _partners(part)
+    size = np.abs(part["measured_deflection"].isel(trial=0).values)
+    off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
+    rms = [np.sqrt(np.mean((c["mean_error"].values[..., 1:]) ** 2, axis=-1)) for c in (part, whole)]
+    law = part["predicted_error"].values / whole["predicted_error"].values
+    return Symmetry(
+        float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
+        float(np.sqrt(np.mean(off[..., 0] ** 2))),
+        float(np.sqrt(np.mean(off[..., 1:] ** 2))),
+        float(np.median(rms[0] / rms[1])),
+        float(np.median(law)),
+    )
+
+
+def _partners(cube: xr.Dataset) -> tuple[IntArray, IntArray]:
+    """Return the indices of markers at x < 0 and their partners at −x, from the middle."""
+    half = np.array(schema.structure_extent(cube)) / 2
+    x, y = (cube[axis].values - h for axis, h in zip(("x", "y"), half, strict=True))
+    one, other = np.nonzero(
+        (np.abs(x[:, None] + x) < 1e-9) & (np.abs(y[:, None] - y) < 1e-9) & (x[:, None] < -1e-9)
+    )
+    return one, other
+
+
+def list_mirrors(opened: Mapping[str, xr.Dataset]) -> str:
+    """List the effect of a mirror in every case, for rectangle, L and plate with holes."""
+    rows = []
+    for case in dict.fromkeys(opened[PLATE_SET]["case"].values.tolist()):
+        found = [compare_cases(opened[name], opened[PLATE_SET], [case]) for name in SHAPE_NAMES]
+        rows.append({"case": case, "mirrored": case in MIRRORED_CASES, "found": found})
+    return render(__file__, "symmetries", rows=rows, names=SHAPE_NAMES.values())
+
+
+def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
+    """Compare errors of the shapes with those of the rectangle, and with the law, by mode."""
+    plate, rows = opened[PLATE_SET], []
+    for name, word in list(SHAPE_NAMES.items())[1:]:
+        both = opened[name], plate
+        rms = [np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in both]
+        laws = [c["predicted_error"].values for c in both]
+        for m, mode in enumerate(both[0]["mode"].values.tolist()):
+            ratio, off = rms[0][:, m] / rms[1][:, m], rms[0][:, m] / laws[0][:, m] - 1
+            rows.append(
+                {
+                    "shape": word,
+                    "mode": mode,
+                    "mean": [_mean_deflection(cube, m) for cube in both],
+                    "ratio": np.median(ratio),
+                    "law": np.median(laws[0][:, m] / laws[1][:, m]),
+                    "ratios": (ratio.min(), ratio.max()),
+                    "off": (100 * off.min(), 100 * off.max()),
+                }
+            )
+    return render(__file__, "accuracies", rows=rows, settings=plate.sizes["setting"])
+
+
+def compare_convergence(_: Mapping[str, xr.Dataset]) -> str:
+    """Compare the rectangle by finite elements with its closed form, and show the order."""
+    plate = setups.thesis_plate()
+    outline = ((0.0, 0.0), (plate.length, 0.0), plate.extent, (0.0, plate.width))
+    exact = plate.angular_frequencies(3)
+    off = []
+    for size in SIZES_MM:
+        mesh = mesh_outline(outline, (), size / 1000)
+        edge = mesh.boundary_facets()
+        found = plate_modes(mesh, edge[:0], edge, plate.poisson, 3)
+        ratio = plate.bending_stiffness / plate.mass_per_area
+        off.append(1 - np.sqrt(found.eigenvalues * ratio) / exact)
+    orders = np.polyfit(np.log(SIZES_MM), np.log(np.array(off)), 1)[0]
+    return render(__file__, "convergence", sizes=SIZES_MM, errors=off, orders=orders)
+
+
+PIECES = {
+    "shapes-convergence": compare_convergence,
+    "shapes-accuracy": compare_accuracy,
+    "shapes-symmetry": list_mirrors,
+}
+
 
 TEXTS = {
     "turn": lambda cube: {"audible": audible_planes(cube)},

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.readings import assumed_values
+from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, COINCIDENT_TEXT
-from thesis_lib.figure_sets.parametric.parameters import CAMERA_STUDIES, camera_study
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes

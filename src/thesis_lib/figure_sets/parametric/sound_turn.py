@@ -18,7 +18,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import OPPOSITE_DEG
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.figure_sets.parametric.parameters import camera_study
+from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.templates import render

@@ -10,7 +10,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.planner.parameters import READABLE_QUESTION, THESIS_QUESTIONS, Planner
+from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTION, THESIS_QUESTIONS, Planner
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import layout_cost
 from thesis_lib.planning.planner import Plan, for_sound, plan

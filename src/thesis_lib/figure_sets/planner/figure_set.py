@@ -1,7 +1,168 @@
-"""Planned cameras, and the thesis's layouts."""
+"""Planned cameras, and the thesis's layouts: standard questions to the planner."""
 
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib.arrays import Array
+from thesis_lib.facts import setups
+from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.figure_sets.planner.parameters import Planner
+from thesis_lib.planning.positions import places_at
+from thesis_lib.planning.request import Count, PlanRequest, Tilt
+from thesis_lib.studies.fields import (
+    FocalLength,
+    Positive,
+    Real,
+    Resolution,
+    SensorWidth,
+    Separation,
+    Several,
+    Shifts,
+    Starts,
+    Step,
+    refuse_value,
+)
+from thesis_lib.studies.request import Study
+
+THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
+READABLE_QUESTION = "plate: markers that can be read"  # which is planned for its sound, too
+WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
+BLOCKED_QUESTIONS = {"beam: a wall behind it": "wall", "plate: a machine beside it": "machine"}
+MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
+
+
+def _reach(body: str) -> float:
+    """Return the half the diagonal of beam or plate in mm."""
+    given = setups.thesis_beam() if body == "beam" else setups.thesis_plate()
+    return 500 * float(np.hypot(*given.extent))
+
+
+def free_room(body: str) -> tuple[float, float]:
+    """Return the distances in mm, from half a step of 50 mm or more beyond the structure on.
+
+    Examples
+    --------
+    >>> free_room("beam"), free_room("plate")
+    ((350.0, 1500.0), (450.0, 1500.0))
+    """
+    return 50.0 * float(np.ceil(_reach(body) / 50 + 0.5)), 1500.0
+
+
+class Planner(Study):
+    """Planned layouts of beam and plate beside those of the thesis, and what limits cost."""
+
+    name = "planner"
+    title = "Planned cameras"
+    subject = "design"
+    section = "sections 1.2, 3.4, 4.3"
+    study = "planner"
+    varied = "n_cameras"
+    varied_label = "cameras"
+
+    counts: Several[Count] = Field([2, 4, 8, 12], max_length=8, description="numbers of cameras")
+    resolutions_px: Several[Resolution] = Field(
+        [(320, 180), (640, 360), (1280, 720)],
+        max_length=8,
+        description="cameras to choose from: width and height of their pictures",
+    )
+    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    beam_amplitude_mm: Positive = Field(
+        assumed_values("beam")["amplitude_mm"],
+        description="peak of the beam's deflection in every mode",
+    )
+    plate_amplitude_mm: Positive = Field(
+        assumed_values("plate")["amplitude_mm"],
+        description="peak of the plate's deflection in every mode",
+    )
+    elevation_deg: Annotated[Real, Field(ge=0, lt=90)] = Field(
+        5.0, description="lowest elevation of a camera"
+    )
+    tilt_deg: Tilt = Field(
+        75.0,
+        description="largest angle to a marker's normal at which it is read, where that is asked",
+    )
+    separation_mm: Separation = 50.0
+    target_percent: Positive = Field(
+        5.0, description="wanted error of the worst mode, for which the cheapest layout is sought"
+    )
+    step_deg: Step = 10.0
+    starts: Starts = 2
+    trials: Shifts = Field(200, description="random shifts of the pixel grids in each simulation")
+
+    def settings(self) -> list[Setting]:
+        """None: layouts are found, not given."""
+        return []
+
+    @property
+    def questions(self) -> dict[str, PlanRequest]:
+        """Return the requests to the planner, by name."""
+        near = {
+            body: float(setups.setup_table(body, "arrays")["distance_mm"])
+            for body in THESIS_QUESTIONS
+        }
+        asked: dict[str, tuple[str, dict[str, Any]]] = {}
+        for body, name in THESIS_QUESTIONS.items():
+            fixed = (near[body], near[body])
+            asked[name] = body, {"distances_mm": fixed, "tilt_deg": 90.0}
+            asked[f"{body}: markers that can be read"] = body, {"distances_mm": fixed}
+            asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": free_room(body)}
+        wall, machine = (
+            {"forbidden_sectors_deg": [WALL_SECTOR_DEG]},
+            {"forbidden_boxes_mm": [MACHINE_BOX_MM]},
+        )
+        asked["beam: a wall behind it"] = "beam", {"distances_mm": free_room("beam"), **wall}
+        asked["plate: a machine beside it"] = (
+            "plate",
+            {"distances_mm": free_room("plate"), **machine},
+        )
+        return {name: self._question(body, more) for name, (body, more) in asked.items()}
+
+    def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
+        """Return places of the thesis's growing arrays, by case and number of cameras."""
+        order, near = (
+            assumed_values(body)["pair_order"],
+            setups.setup_table(body, "arrays")["distance_mm"],
+        )
+        grown = setups.array_settings(
+            list(setups.camera_pairs()), order, {}, near, self.resolutions_px[0]
+        )
+        focal = self.focal_length_mm / self.sensor_width_mm
+        return {
+            (one.case, len(one.directions_deg)): places_at(
+                np.radians(one.directions_deg), one.distance_mm / 1000, focal
+            )
+            for one in grown
+        }
+
+    def _question(self, body: str, more: dict[str, Any]) -> PlanRequest:
+        amplitude = self.beam_amplitude_mm if body == "beam" else self.plate_amplitude_mm
+        common: dict[str, Any] = {
+            "body": body,
+            "amplitude_mm": amplitude,
+            "target_percent": None,
+            "focal_lengths_mm": [self.focal_length_mm],
+            "elevations_deg": (self.elevation_deg, 90.0),
+        }
+        same = set(type(self).model_fields) & set(PlanRequest.model_fields) - {*common, "cube"}
+        return PlanRequest(**common | {key: getattr(self, key) for key in same} | more)
+
+    @model_validator(mode="after")
+    def _check_together(self) -> Planner:
+        (width, height), *rest = self.resolutions_px
+        if any(w * height != h * width for w, h in rest):
+            self.refuse("resolutions_px", "allowed: pictures of one proportion")
+        for body, peak in (("beam", self.beam_amplitude_mm), ("plate", self.plate_amplitude_mm)):
+            left = free_room(body)[0] - _reach(body)
+            if peak >= left:
+                allowed = f"a number below {left:.4g} mm, the room before the nearest camera"
+                refuse_value(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
+        return self
+
 
 FIGURE_SETS = [
     FigureSet(

@@ -5,7 +5,7 @@ import xarray as xr
 
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras
 
-from .parameters import Footprint
+from .figure_set import Footprint
 
 SIZE_PX = (1920, 1080)
 

@@ -1,5 +1,5 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
-// Front end of thesis_lib.figure_sets.claims.tables.LedgerTable in the form anywidget expects; static_html runs it without a
+// Front end of thesis_lib.figure_sets.claims.figures.LedgerTable in the form anywidget expects; static_html runs it without a
 // kernel.
 import { asked, keep } from "./address.js";
 import { copyButton, linkButton } from "./copy.js";
