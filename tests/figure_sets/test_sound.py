@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from thesis_lib import files
 from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
@@ -629,12 +628,6 @@ def test_plate_and_sound_notebooks_share_the_deflections(library, computed):
     assert len(computed) == 1
     notebook.study("sound-distance", {**quick, "amplitude_mm": 9.0})
     assert computed == ["plate-distance"] * 2
-
-
-def test_the_library_and_the_facts_are_what_the_cache_depends_on():
-    names = {path.name for path in files.library_files()}
-    assert {"sound.py", "planes.py", "radiation.py", "structure.py", "rounding.py",
-            "structures.toml", "setups.toml", "book.txt"} <= names  # fmt: skip
 
 
 # What the viewer draws.
