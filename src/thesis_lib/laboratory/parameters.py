@@ -20,26 +20,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting, assumed_values
 from thesis_lib.files import shipped
 from thesis_lib.measure.fitting.aliasing import alias_clearance
-from thesis_lib.studies.fields import (
-    BeamDistance,
-    BriefExposure,
-    Distortion,
-    Exposure,
-    Fields,
-    FocalLength,
-    Frames,
-    NoiseSeed,
-    ReadNoise,
-    Real,
-    Repeats,
-    RigAzimuth,
-    RigRate,
-    Runs,
-    SensorWidth,
-    ShotNoise,
-    TipPeak,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit
 from thesis_lib.vibration.structure import Structure, peak_deflection, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
@@ -69,21 +50,21 @@ def beam_reach(amplitude_mm: float) -> float:
     return 1000 * math.hypot(*setups.thesis_beam().extent) / 2 + amplitude_mm
 
 
-class CameraParameters(Fields):
+class CameraParameters(fields.Fields):
     """Parameters of the cameras that every rendered experiment has."""
 
-    focal_length_mm: FocalLength = ADOPTED_RIG["focal_length_mm"]
-    sensor_width_mm: SensorWidth = ADOPTED_RIG["sensor_width_mm"]
-    lens_k1: Distortion = ADOPTED_RIG["lens_k1"]
-    shot_noise: ShotNoise = ADOPTED_RIG["shot_noise"]
-    read_noise: ReadNoise = ADOPTED_RIG["read_noise"]
+    focal_length_mm: fields.FocalLength = ADOPTED_RIG["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = ADOPTED_RIG["sensor_width_mm"]
+    lens_k1: fields.Distortion = ADOPTED_RIG["lens_k1"]
+    shot_noise: fields.ShotNoise = ADOPTED_RIG["shot_noise"]
+    read_noise: fields.ReadNoise = ADOPTED_RIG["read_noise"]
 
 
 class RenderParameters(CameraParameters):
     """Parameters of how anything is rendered; recordings add frame rates, modes and amplitudes."""
 
-    exposure_ms: BriefExposure = 2.0
-    frames: Frames = 24
+    exposure_ms: fields.BriefExposure = 2.0
+    frames: fields.Frames = 24
 
 
 class RenderedStudy(Study):
@@ -101,8 +82,8 @@ class RenderedStudy(Study):
     selection_only: ClassVar[frozenset[str]] = frozenset()
     estimation_only: ClassVar[frozenset[str]] = frozenset()
 
-    trials: Runs = Field(200, description="further recordings of each setting, at most")
-    seed: NoiseSeed = 0
+    trials: fields.Runs = Field(200, description="further recordings of each setting, at most")
+    seed: fields.NoiseSeed = 0
 
     @property
     def recordings(self) -> RenderedStudy:
@@ -143,7 +124,7 @@ class RenderedStudy(Study):
 class Repeated(RenderedStudy):
     """A study with as many replicates as are stored, or as a request asks for."""
 
-    repeats: Repeats = "kept"
+    repeats: fields.Repeats = "kept"
 
     def wanted_replicates(self, stored: int) -> int:
         """Return how many replicates are wanted where so many are stored."""
@@ -190,7 +171,7 @@ def view_extent(
 def check_amplitudes(modes: Sequence[int], amplitude_mm: object) -> None:
     """Refuse a list of amplitudes that has not one for each mode."""
     if isinstance(amplitude_mm, list) and len(amplitude_mm) != len(modes):
-        refuse_value("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
+        fields.refuse_value("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
 
 
 def check_rates(
@@ -212,11 +193,11 @@ def check_rates(
                 least = MIN_ALIAS_PERIODS * rate / film.frames
                 away = f"{least:.3g} Hz away from 0 and from half of the rate"
                 enough = f"{MIN_ALIAS_PERIODS:g} periods in {film.frames} frames"
-                refuse_value(name, rate, f"allowed: {shown} {away}, {enough}")
+                fields.refuse_value(name, rate, f"allowed: {shown} {away}, {enough}")
     longest = 1000 * min(1 / max(rates), MAX_EXPOSURE_PERIODS / max(hertz.values()))
     if film.exposure_ms > longest * (1 + 1e-9):
         limits = f"the time between frames and {MAX_EXPOSURE_PERIODS:g} of the shortest period"
-        refuse_value(
+        fields.refuse_value(
             "exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}"
         )
 
@@ -236,12 +217,16 @@ def check_place(
     reach = 1000 * (math.hypot(*extent) / 2 + lift)
     if setting.distance_mm <= reach:
         far = f"cameras more than {reach:.4g} mm away"
-        refuse_value(name, given, f"allowed: {far}, the reach of the structure and its deflection")
+        fields.refuse_value(
+            name, given, f"allowed: {far}, the reach of the structure and its deflection"
+        )
     for direction in setting.directions_deg:
         if view_extent(film, extent, lift, direction, setting.distance_mm / 1000) > MAX_VIEW_EXTENT:
             there = f"azimuth {direction[0]:g}°, elevation {direction[1]:g}°"
             one = f"the one at {there}, {setting.distance_mm:g} mm away does not"
-            refuse_value(name, given, f"allowed: cameras that see the whole structure; {one}")
+            fields.refuse_value(
+                name, given, f"allowed: cameras that see the whole structure; {one}"
+            )
 
 
 def check_markers(
@@ -260,39 +245,39 @@ def check_markers(
     if high < MIN_MARKER_HEIGHT_PX:
         enough = f"markers are at least {MIN_MARKER_HEIGHT_PX:g} px high, not {high:.2g} px"
         remedy = "wider or nearer ones, or fewer and larger markers"
-        refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
+        fields.refuse_value(name, given, f"allowed: images in which {enough}: {remedy}")
     largest = MAX_APPARENT_SHIFT * spacing * math.tan(slope)
     if lift > largest:
         seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"
         why = f"peaks of at most {1000 * largest:.3g} mm {seen}, or markers seem to change places"
-        refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]
+        fields.refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]
 
 
 CAMERA_NAMES = "ABCD"
 THESIS_RIG = setups.setup_table("experiment", "rig") | assumed_values("experiment")
 
 
-class RigRequest(Fields):
+class RigRequest(fields.Fields):
     """Parameters of what is rendered, and with what."""
 
-    focal_length_mm: FocalLength = THESIS_RIG["focal_length_mm"]
-    sensor_width_mm: SensorWidth = THESIS_RIG["sensor_width_mm"]
-    distance_mm: BeamDistance = THESIS_RIG["distance_mm"]
-    azimuth_deg: RigAzimuth = THESIS_RIG["azimuth_deg"]
-    elevation_deg: Annotated[Real, Field(ge=15, le=60)] = Field(
+    focal_length_mm: fields.FocalLength = THESIS_RIG["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = THESIS_RIG["sensor_width_mm"]
+    distance_mm: fields.BeamDistance = THESIS_RIG["distance_mm"]
+    azimuth_deg: fields.RigAzimuth = THESIS_RIG["azimuth_deg"]
+    elevation_deg: Annotated[fields.Real, Field(ge=15, le=60)] = Field(
         THESIS_RIG["elevation_deg"], description="elevation of the cameras"
     )
-    lens_k1: Distortion = THESIS_RIG["lens_k1"]
-    frequency_hz: Annotated[Real, Field(ge=1)] = Field(
+    lens_k1: fields.Distortion = THESIS_RIG["lens_k1"]
+    frequency_hz: Annotated[fields.Real, Field(ge=1)] = Field(
         THESIS_RIG["frequency_hz"],
         description="frequency of the vibration, at most 0.4 of the frame rate",
     )
-    amplitude_mm: TipPeak = THESIS_RIG["amplitude_mm"]
-    frame_rate_hz: RigRate = THESIS_RIG["frame_rate_hz"]
-    exposure_ms: Exposure = THESIS_RIG["exposure_ms"]
-    shot_noise: ShotNoise = THESIS_RIG["shot_noise"]
-    read_noise: ReadNoise = THESIS_RIG["read_noise"]
-    audio_noise_db: Annotated[Real, Field(ge=0, le=120)] = Field(
+    amplitude_mm: fields.TipPeak = THESIS_RIG["amplitude_mm"]
+    frame_rate_hz: fields.RigRate = THESIS_RIG["frame_rate_hz"]
+    exposure_ms: fields.Exposure = THESIS_RIG["exposure_ms"]
+    shot_noise: fields.ShotNoise = THESIS_RIG["shot_noise"]
+    read_noise: fields.ReadNoise = THESIS_RIG["read_noise"]
+    audio_noise_db: Annotated[fields.Real, Field(ge=0, le=120)] = Field(
         THESIS_RIG["audio_noise_db"], description="force over noise on the audio tracks"
     )
     codec: Literal["lossless", "h264"] = Field(
@@ -310,12 +295,12 @@ class RigRequest(Fields):
             self.refuse("exposure_ms", between_frames(self.frame_rate_hz))
         reach = beam_reach(self.amplitude_mm)
         if self.distance_mm <= reach:
-            refuse_value("distance_mm", self.distance_mm, distance_limit(reach))
+            fields.refuse_value("distance_mm", self.distance_mm, distance_limit(reach))
         extent = setups.thesis_beam().extent
         lift, far = self.amplitude_mm / 1000, self.distance_mm / 1000
         cameras = self.directions_deg.values()
         if max(view_extent(self, extent, lift, each, far) for each in cameras) > MAX_VIEW_EXTENT:
-            refuse_value("distance_mm", self.distance_mm, IN_VIEW)
+            fields.refuse_value("distance_mm", self.distance_mm, IN_VIEW)
         return self
 
     @property

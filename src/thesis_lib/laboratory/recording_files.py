@@ -16,17 +16,11 @@ from thesis_lib.facts import setups
 from thesis_lib.files import staging
 from thesis_lib.laboratory.render import BeamView, Sensor, render_board
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
+from thesis_lib.measure.recordings import manifest_model as model
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import (
-    BoardSpec,
-    CameraFiles,
-    Manifest,
-    MarkersSpec,
-    StructureSpec,
-)
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.beam import Beam
@@ -97,13 +91,13 @@ def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
     return path
 
 
-def manifest_of(rig: Rig) -> Manifest:
+def manifest_of(rig: Rig) -> model.Manifest:
     """Describe the files of a rendered rig."""
     board = rig.board
-    return Manifest(
+    return model.Manifest(
         structure=_describe_structure(rig.motion.structure, rig.markers),
         cameras=tuple(
-            CameraFiles(
+            model.CameraFiles(
                 name=station.camera.name,
                 video=f"{station.camera.name}.mkv",
                 width_px=station.camera.size[0],
@@ -114,7 +108,7 @@ def manifest_of(rig: Rig) -> Manifest:
             )
             for station in rig.stations
         ),
-        board=BoardSpec(
+        board=model.BoardSpec(
             columns=board.columns,
             rows=board.rows,
             tile_mm=_mm(board.tile),
@@ -128,7 +122,7 @@ def manifest_of(rig: Rig) -> Manifest:
     )
 
 
-def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec:
+def _describe_structure(structure: Structure, markers: Markers) -> model.StructureSpec:
     """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
     if isinstance(structure, Plate):
@@ -154,8 +148,8 @@ def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec
     }
     points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
 
-    def spec(layout: dict[str, Any]) -> StructureSpec:
-        return StructureSpec(
+    def spec(layout: dict[str, Any]) -> model.StructureSpec:
+        return model.StructureSpec(
             length_mm=_mm(structure.length),
             width_mm=_mm(structure.width),
             thickness_mm=_mm(structure.thickness),
@@ -163,7 +157,7 @@ def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec
             youngs_modulus_pa=structure.youngs_modulus,
             damping=structure.damping,
             force_position_mm=_mm(x),
-            markers=MarkersSpec(**given, **layout),
+            markers=model.MarkersSpec(**given, **layout),
             **own,
         )
 
@@ -203,7 +197,7 @@ def example_rig() -> Rig:
     )
 
 
-def example_manifest(rig: Rig) -> Manifest:
+def example_manifest(rig: Rig) -> model.Manifest:
     """Return the manifest of the example, with what the warnings before measuring ask for."""
     manifest, cameras = manifest_of(rig), []
     lens = {"focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0}

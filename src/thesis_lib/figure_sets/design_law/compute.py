@@ -9,20 +9,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.design_law import shares
+from thesis_lib.figure_sets.design_law import shares, sweeps
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
-from thesis_lib.figure_sets.design_law.sweeps import (
-    APERTURES_DEG,
-    CONE_MOTION_PX,
-    ELEVATIONS_DEG,
-    STRUCTURES,
-    SWEPT_FINDINGS,
-    SWEPT_MODES,
-    fit_arrays,
-    fit_findings,
-    pair_errors,
-    thesis_study,
-)
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import world_points
@@ -56,9 +44,9 @@ def run(study: DesignLaw) -> xr.Dataset:
         _motions,
         _settings,
         _cone,
-        fit_findings,
-        fit_arrays,
-        pair_errors,
+        sweeps.fit_findings,
+        sweeps.fit_arrays,
+        sweeps.pair_errors,
         shares.equal_pixels,
         shares.simulate_estimators,
         shares.noisy_shares,
@@ -70,23 +58,23 @@ def run(study: DesignLaw) -> xr.Dataset:
 
 
 def _coordinates(study: DesignLaw) -> dict[str, Any]:
-    asked = [(one, part) for one in STRUCTURES for part in CHAPTER_PARTS]
-    every = [(*a, s) for a in asked for s in thesis_study(study, *a).settings()]
+    asked = [(one, part) for one in sweeps.STRUCTURES for part in CHAPTER_PARTS]
+    every = [(*a, s) for a in asked for s in sweeps.thesis_study(study, *a).settings()]
     values = {
         "motion": MOTIONS_PX,
         "of_structure": [a for a, _, _ in every],
         "of_part": [b for _, b, _ in every],
         "of_layout": [s.case for *_, s in every],
         "label": [s.label for *_, s in every],
-        "shape": list(SWEPT_MODES),
+        "shape": list(sweeps.SWEPT_MODES),
         "angle": CONE_ANGLES_DEG,
         "axis": ["X", "Y", "Z"],
-        "finding": list(SWEPT_FINDINGS),
-        "structure": list(STRUCTURES),
+        "finding": list(sweeps.SWEPT_FINDINGS),
+        "structure": list(sweeps.STRUCTURES),
         "array": list(setups.camera_pairs()),
         "amplitudes": ["of the thesis", "averaged"],
-        "tilt": list(ELEVATIONS_DEG),
-        "opening": list(APERTURES_DEG),
+        "tilt": list(sweeps.ELEVATIONS_DEG),
+        "opening": list(sweeps.APERTURES_DEG),
         "count": study.counts,
         "rate": study.frame_rates_hz,
         "estimator": list(shares.ESTIMATORS),
@@ -125,9 +113,9 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
 def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return every setting of chapters 3 and 4: law, simulation, and independent roundings."""
     law, simulated, naive = [], [], []
-    for structure in STRUCTURES:
+    for structure in sweeps.STRUCTURES:
         for part in CHAPTER_PARTS:
-            request = thesis_study(study, structure, part)
+            request = sweeps.thesis_study(study, structure, part)
             made = studies.run(request)
             law.append(made["predicted_error"].values)
             drawn = made["mean_error"].transpose("setting", "mode", "trial").values[:, :, 1:]
@@ -158,7 +146,7 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     distance, n = study.cone_distance_mm / 1000, study.cone_cameras
     focal = study.focal_length_mm / study.sensor_width_mm * study.resolution_px[0]
     random = np.random.default_rng(study.seed)
-    reach = CONE_MOTION_PX * distance / focal
+    reach = sweeps.CONE_MOTION_PX * distance / focal
     moved = random.uniform(-reach, reach, (3, DRAWS_PER_TRIAL * study.trials))
     shift = random.uniform(-0.5, 0.5, (n, 2, 1, moved.shape[1]))
     points = np.stack([np.zeros_like(moved), moved], axis=1)
@@ -195,7 +183,7 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
             add_quantity(words.format(one[values.dims[0]].item()), one, unit)
 
     law, naive, simulated = (cube[f"{kind}_error"].values for kind in ("law", "naive", "simulated"))
-    for one in STRUCTURES:
+    for one in sweeps.STRUCTURES:
         at = cube["of_structure"].values == one
         ratios = {"law over simulated": law / simulated, "naive over law": naive / law}
         for words, ratio in ratios.items():
@@ -208,10 +196,10 @@ def summarise_law(cube: xr.Dataset, study: DesignLaw) -> dict[str, ArrayLike]:
     for words, kind in (("rounded", ""), ("independent noise", "_noise")):
         over = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
         add_quantity(f"pairs, drawn over closed form, {words}", np.sqrt(np.mean(over**2)))
-    for one in STRUCTURES:
+    for one in sweeps.STRUCTURES:
         part = cube.sel(structure=one)
         where = {"expected": "", "centre": " at the centre", "small": " far below a pixel"}
-        for finding in SWEPT_FINDINGS[:-1]:
+        for finding in sweeps.SWEPT_FINDINGS[:-1]:
             for kind, words in where.items():
                 exponent = part[f"{kind}_exponent"].sel(finding=finding)
                 add_quantity(f"exponent of {finding}{words}, {one}", exponent)

@@ -13,25 +13,14 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.fields import (
-    Angle,
-    FocalLength,
-    Positive,
-    Real,
-    SensorSize,
-    SensorWidth,
-    Several,
-    Shifts,
-    Whole,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
 from thesis_lib.vision.cone_law import cone_directions, equal_pixel_rate
 
 LEAST_PX = 16  # width of a sensor
 MOST_FRAMES = 4000  # of a film
 FULL_HD = (1920, 1080)  # of the two cameras whose pixels per second are shared out
-Count = Annotated[Whole, Field(ge=2, le=100)]
+Count = Annotated[fields.Whole, Field(ge=2, le=100)]
 
 
 class DesignLaw(Study):
@@ -45,43 +34,45 @@ class DesignLaw(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
-    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
-    resolution_px: SensorSize = Field(
+    focal_length_mm: fields.FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    resolution_px: fields.SensorSize = Field(
         tuple(setups.setup_table("beam", "distance")["resolution_px"]),
         description="width and height of the sensors, of the cone and where numbers are compared",
     )
-    cone_distance_mm: Positive = Field(1000.0, description="distance of cameras on a cone")
-    cone_deg: Angle = Field(55.0, description="angle of the cone, from the normal")
-    cone_cameras: Annotated[Whole, Field(ge=3, le=100)] = Field(
+    cone_distance_mm: fields.Positive = Field(1000.0, description="distance of cameras on a cone")
+    cone_deg: fields.Angle = Field(55.0, description="angle of the cone, from the normal")
+    cone_cameras: Annotated[fields.Whole, Field(ge=3, le=100)] = Field(
         6, description="cameras where the angle of the cone varies"
     )
-    amplitude_mm: Positive = Field(
+    amplitude_mm: fields.Positive = Field(
         assumed_values("beam")["amplitude_mm"],
         description="peak of the beam's vibration at equal pixel rates",
     )
-    small_amplitude_mm: Positive = Field(0.02, description="peak of a vibration far below a pixel")
-    pixels_per_second: Annotated[Real, Field(ge=1e4, le=1e13)] = Field(
+    small_amplitude_mm: fields.Positive = Field(
+        0.02, description="peak of a vibration far below a pixel"
+    )
+    pixels_per_second: Annotated[fields.Real, Field(ge=1e4, le=1e13)] = Field(
         float(2 * math.prod(FULL_HD) * setups.setup_table("experiment", "rig")["frame_rate_hz"]),
         description="pixels per second of all cameras together; the default is two cameras of "
         "chapter 5",
     )
-    counts: Several[Count] = Field(
+    counts: fields.Several[Count] = Field(
         [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64],
         description="numbers of cameras that share the pixels",
     )
-    frame_rates_hz: Several[Positive] = Field(
+    frame_rates_hz: fields.Several[fields.Positive] = Field(
         [60.0, 240.0, 960.0], description="frames per second that each of them takes"
     )
-    frequency_hz: Positive = Field(
+    frequency_hz: fields.Positive = Field(
         7.3,
         description="frequency of the vibration that is fitted, at most 0.4 of the lowest frame "
         "rate",
     )
-    duration_s: Annotated[Real, Field(gt=0, le=10)] = Field(
+    duration_s: Annotated[fields.Real, Field(gt=0, le=10)] = Field(
         1.0, description="how long it is recorded"
     )
-    trials: Shifts = 200
+    trials: fields.Shifts = 200
 
     @property
     def shared(self) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
@@ -115,7 +106,7 @@ class DesignLaw(Study):
         farther = max(1000 * math.hypot(*body.extent) / 2 for body in bodies) + peak
         if self.cone_distance_mm <= farther:
             allowed = f"more than {farther:.4g} mm, the reach of beam and plate and the amplitude"
-            refuse_value("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
+            fields.refuse_value("cone_distance_mm", self.cone_distance_mm, f"allowed: {allowed}")
         width = self.shared[0]
         if width.min() < LEAST_PX or width.max() > 20_000:
             self.refuse(

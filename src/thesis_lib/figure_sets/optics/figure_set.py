@@ -10,18 +10,7 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
-from thesis_lib.studies.fields import (
-    Azimuth,
-    Elevation,
-    Name,
-    Positive,
-    Real,
-    SensorSize,
-    Several,
-    Shifts,
-    Width,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
 
 MAX_DISTANCE_RATIO = 4  # of the largest of the distances, to which curves go
@@ -39,7 +28,7 @@ class Cameras(Study):
     varied = "distance_mm"
     varied_label = "distance d"
 
-    sensors_mm: dict[Name, tuple[Positive, Positive]] = Field(
+    sensors_mm: dict[fields.Name, tuple[fields.Positive, fields.Positive]] = Field(
         {
             "full frame": (36.0, 24.0),
             "APS-C": (23.6, 15.6),
@@ -50,59 +39,61 @@ class Cameras(Study):
         min_length=1,
         description='sensors by name, each with width and height, such as {"full frame": [36, 24]}',
     )
-    focal_lengths_mm: Several[Positive] = Field(
+    focal_lengths_mm: fields.Several[fields.Positive] = Field(
         [8.0, 12.0, 16.0, 24.0, 35.0, 50.0, 85.0, 135.0],
         description="focal lengths of which angles of view are computed",
     )
-    format_widths_px: Several[Width] = Field(
+    format_widths_px: fields.Several[fields.Width] = Field(
         [800, 1024, 1280, 1600], description="widths of pictures in the formats 4:3 and 3:2"
     )
-    focal_length_mm: Positive = Field(
+    focal_length_mm: fields.Positive = Field(
         assumed_values("beam")["focal_length_mm"],
         description="focal length of the lens everywhere else",
     )
-    sensor_width_mm: Positive = Field(
+    sensor_width_mm: fields.Positive = Field(
         assumed_values("beam")["sensor_width_mm"], description="width of the sensor everywhere else"
     )
-    resolution_px: SensorSize = Field(
+    resolution_px: fields.SensorSize = Field(
         tuple(setups.setup_table("beam", "distance")["resolution_px"]),
         description="width and height of the pictures that are not drawn",
     )
-    distances_mm: Several[Positive] = Field(
+    distances_mm: fields.Several[fields.Positive] = Field(
         [float(d) for d in setups.setup_table("beam", "distance")["distances_mm"]],
         description="distances in the tables; curves go from the least to four times the largest",
     )
-    azimuth_deg: Azimuth = Field(
+    azimuth_deg: fields.Azimuth = Field(
         float(setups.setup_table("beam", "distance")["azimuth_deg"]),
         description="azimuth of the camera that looks at the beam",
     )
-    elevation_deg: Elevation = Field(
+    elevation_deg: fields.Elevation = Field(
         float(setups.setup_table("beam", "distance")["elevation_deg"]), description="its elevation"
     )
-    widths_px: Several[PictureWidth] = Field(
+    widths_px: fields.Several[PictureWidth] = Field(
         [640, 320, 160, 80],
         description="widths of the drawn pictures of the beam, from the nearest distance",
     )
-    marker_mm: Annotated[Real, Field(gt=0, le=25)] = Field(
+    marker_mm: Annotated[fields.Real, Field(gt=0, le=25)] = Field(
         5.0, description="diameter of the drawn markers"
     )
     bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(
         "RGGB", description="colour filters of the top-left two by two pixels, row by row"
     )
-    f_numbers: Several[Positive] = Field(
+    f_numbers: fields.Several[fields.Positive] = Field(
         [2.8, 5.6, 11.0],
         description="focal length over diameter of the lens, for the depth of field",
     )
-    circle_mm: Positive = Field(
+    circle_mm: fields.Positive = Field(
         0.03, description="largest circle of confusion on the sensor that counts as sharp"
     )
-    baselines_mm: Several[Positive] = Field(
+    baselines_mm: fields.Several[fields.Positive] = Field(
         [50.0, 150.0, 450.0], description="distances between two parallel cameras"
     )
-    disparity_error_px: Positive = Field(
+    disparity_error_px: fields.Positive = Field(
         0.1, description="error of a disparity that is not rounded"
     )
-    trials: Shifts = Field(200, description="random shifts of the pixel grids of the parallel pair")
+    trials: fields.Shifts = Field(
+        200, description="random shifts of the pixel grids of the parallel pair"
+    )
 
     def settings(self) -> list[Setting]:
         """Return one setting per distance: the camera that looks at the beam."""
@@ -118,7 +109,7 @@ class Cameras(Study):
         for distance in self.distances_mm:
             if distance <= reach:
                 allowed = f"more than {reach:.4g} mm, the reach of the beam"
-                refuse_value("distances_mm", distance, f"allowed: {allowed}")
+                fields.refuse_value("distances_mm", distance, f"allowed: {allowed}")
         if self.focal_length_mm >= min(self.distances_mm):
             self.refuse("focal_length_mm", "allowed: less than the nearest of distances_mm")
         return self

@@ -10,17 +10,7 @@ from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting, assumed_values
-from thesis_lib.studies.fields import (
-    Estimator,
-    FocalLength,
-    Mode,
-    Positive,
-    Real,
-    SensorWidth,
-    Several,
-    format_given,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit
 from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
@@ -54,9 +44,9 @@ class CameraStudy(Study):
 
     hints = dict.fromkeys(("cameras", "n_cameras"), CAMERAS_HINT)
 
-    focal_length_mm: FocalLength = Field(BEAM_READING["focal_length_mm"])
-    sensor_width_mm: SensorWidth = Field(BEAM_READING["sensor_width_mm"])
-    amplitude_mm: Positive | list[Positive] | Literal["force"] = Field(
+    focal_length_mm: fields.FocalLength = Field(BEAM_READING["focal_length_mm"])
+    sensor_width_mm: fields.SensorWidth = Field(BEAM_READING["sensor_width_mm"])
+    amplitude_mm: fields.Positive | list[fields.Positive] | Literal["force"] = Field(
         BEAM_READING["amplitude_mm"],
         description="peak of the deflection over the structure, for each mode if it is a list; "
         '"force" is the response to 1 N',
@@ -69,20 +59,20 @@ class CameraStudy(Study):
         BEAM_READING["azimuth_zero"],
         description="axis from which azimuths are measured, towards the other one",
     )
-    principal_offset_px: Annotated[Real, Field(ge=-0.5, le=0.5)] = Field(
+    principal_offset_px: Annotated[fields.Real, Field(ge=-0.5, le=0.5)] = Field(
         BEAM_READING["principal_offset_px"],
         description="how far right and down of the sensor's middle the principal point is",
     )
-    estimator: Estimator = Field(
+    estimator: fields.Estimator = Field(
         "least-squares",
         description="how points are estimated from rounded pixels; the thesis takes least squares",
     )
-    noise_px: Annotated[Real, Field(ge=0, le=10)] = Field(
+    noise_px: Annotated[fields.Real, Field(ge=0, le=10)] = Field(
         0.0,
         description="standard deviation of noise in the images before they are rounded; interval "
         "is told it",
     )
-    modes: Several[Mode] = Field([1, 2, 3], description="modes to measure")
+    modes: fields.Several[fields.Mode] = Field([1, 2, 3], description="modes to measure")
 
     def thesis_settings(self) -> list[Setting]:
         """Return the study's settings with azimuths as they are given."""
@@ -135,7 +125,7 @@ def _check_memory(study: CameraStudy) -> None:
     deflections = markers * len(study.modes) * settings * (study.trials + 1)
     needed = BYTES_PER_DEFLECTION * deflections
     if needed > MAX_MEMORY_BYTES:
-        refuse_value(
+        fields.refuse_value(
             "trials",
             study.trials,
             f"which with {settings} settings and {len(study.modes)} modes would need "
@@ -150,16 +140,16 @@ def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
     name = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
     for setting in settings:
         if setting.distance_mm <= reach:
-            refuse_value(name, setting.distance_mm, distance_limit(reach))
+            fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
 
 
 def _check_directions(setting: Setting) -> None:
     for azimuth, elevation in setting.directions_deg:
         if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
-            refuse_value(
+            fields.refuse_value(
                 "directions_deg",
                 [azimuth, elevation],
-                DIRECTION_TEXT.format(format_given(setting.case)),
+                DIRECTION_TEXT.format(fields.format_given(setting.case)),
             )
 
 
@@ -176,6 +166,6 @@ def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
         else:
             field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        refuse_value(
-            field, given, COINCIDENT_TEXT.format(format_given(setting.case), setting.label)
+        fields.refuse_value(
+            field, given, COINCIDENT_TEXT.format(fields.format_given(setting.case), setting.label)
         )

@@ -18,15 +18,8 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.studies import schema
 from thesis_lib.studies.blocks import Block, compute_blocks, runs_of_trials
-from thesis_lib.studies.schema import (
-    REFERENCE_VARIABLE,
-    SHORT_TYPES,
-    VARIABLES,
-    camera_places,
-    label_values,
-    study_coordinates,
-)
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
@@ -96,13 +89,13 @@ def run(
     ]
     reference = np.array(shapes)
     points = world_points(structure, np.concatenate([np.zeros_like(reference[:1]), reference]))
-    cube = xr.Dataset(coords=study_coordinates(study, study.modes, structure, settings))
+    cube = xr.Dataset(coords=schema.study_coordinates(study, study.modes, structure, settings))
     values = {
         name: np.empty(
             (len(settings), *(cube.sizes[dim] for dim in one.dims)),
-            SHORT_TYPES.get(name, "float64"),
+            schema.SHORT_TYPES.get(name, "float64"),
         )
-        for name, one in VARIABLES.items()
+        for name, one in schema.VARIABLES.items()
     }
     work = partial(
         block_results,
@@ -120,12 +113,14 @@ def run(
     blocks = _blocks(settings, study.trials, points[0].size)
     for block, results in compute_blocks(work, blocks, scheduler):
         for name, result in results.items():
-            of_trials = "trial" in VARIABLES[name].dims
+            of_trials = "trial" in schema.VARIABLES[name].dims
             values[name][block.place if of_trials else block.setting] = result
-    cube = cube.assign(label_values({"reference_deflection": reference}, REFERENCE_VARIABLE))
-    cube = cube.assign(label_values(values, VARIABLES, over=["setting"]))
+    cube = cube.assign(
+        schema.label_values({"reference_deflection": reference}, schema.REFERENCE_VARIABLE)
+    )
+    cube = cube.assign(schema.label_values(values, schema.VARIABLES, over=["setting"]))
     cube["predicted_error"].attrs["long_name"] = study.law
-    return cube.assign(camera_places(settings))
+    return cube.assign(schema.camera_places(settings))
 
 
 def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[Block]:

@@ -17,20 +17,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
-from thesis_lib.studies.fields import (
-    Azimuth,
-    Elevation,
-    Fields,
-    HalfAperture,
-    Name,
-    Positive,
-    Real,
-    SensorSize,
-    Several,
-    Trials,
-    Width,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import PlateMarkers, SoundPlanes, validate_values
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Circle, Hole, ShapeError
@@ -41,14 +28,18 @@ _AS_TYPED = BeforeValidator(
 )
 Case = Annotated[Literal["4a", "4a'", "4b", "4c", "4d", "4e"], _AS_TYPED]
 Order = Literal["printed", "reversed"]
-Layout = list[Annotated[list[tuple[Azimuth, Elevation]], Field(min_length=2, max_length=100)]]
+Layout = list[
+    Annotated[list[tuple[fields.Azimuth, fields.Elevation]], Field(min_length=2, max_length=100)]
+]
 
 
 FromCentre = Annotated[
-    Positive,
+    fields.Positive,
     Field(description="distance of all cameras from the structure's centre, beyond its reach"),
 ]
-OfPair = Annotated[Azimuth, Field(description="the pair stands at plus and minus this azimuth")]
+OfPair = Annotated[
+    fields.Azimuth, Field(description="the pair stands at plus and minus this azimuth")
+]
 
 
 # The four studies. Where a field has no default here, it is what the table of the structure says.
@@ -62,12 +53,12 @@ class Distance(CameraStudy):
     varied = "distance_mm"
     varied_label = "distance d"
 
-    distances_mm: Several[Positive] = Field(
+    distances_mm: fields.Several[fields.Positive] = Field(
         ..., description="distances of the pair from the structure's centre, beyond its reach"
     )
     azimuth_deg: OfPair
-    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
-    resolution_px: SensorSize
+    elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
+    resolution_px: fields.SensorSize
 
     def thesis_settings(self) -> list[Setting]:
         """Return one setting per distance."""
@@ -84,18 +75,18 @@ class Aperture(CameraStudy):
     varied = "aperture_deg"
     varied_label = "aperture α"
 
-    cases: Several[Literal["2a", "2b", "2c", "2d"]] = Field(
+    cases: fields.Several[Literal["2a", "2b", "2c", "2d"]] = Field(
         ["2a", "2b", "2c", "2d"], description="cases to run"
     )
-    half_apertures_deg: Several[HalfAperture] = Field(
+    half_apertures_deg: fields.Several[fields.HalfAperture] = Field(
         ..., description="half of the azimuths between the cameras, cases 2a and 2c"
     )
-    elevations_deg: Several[Elevation] = Field(
+    elevations_deg: fields.Several[fields.Elevation] = Field(
         ..., description="elevations of the cameras, cases 2b and 2d"
     )
-    elevation_deg: Elevation = Field(..., description="elevation in cases 2a and 2c")
+    elevation_deg: fields.Elevation = Field(..., description="elevation in cases 2a and 2c")
     distance_mm: FromCentre
-    resolution_px: SensorSize
+    resolution_px: fields.SensorSize
 
     def thesis_settings(self) -> list[Setting]:
         """Return the cases in the order asked for, apertures in the order of the table."""
@@ -117,12 +108,12 @@ class Resolutions(CameraStudy):
     varied = "width_px"
     varied_label = "resolution"
 
-    widths_px: Several[Width] = Field(
+    widths_px: fields.Several[fields.Width] = Field(
         ..., description="widths of the sensors; heights are 9/16 of them"
     )
     distance_mm: FromCentre
     azimuth_deg: OfPair
-    elevation_deg: Elevation = Field(..., description="elevation of the cameras")
+    elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
 
     def thesis_settings(self) -> list[Setting]:
         """Return one setting per width."""
@@ -144,14 +135,14 @@ class Arrays(CameraStudy):
         {}, description='order of adding pairs by case, over the default {"4d": "reversed"}'
     )
     layouts: dict[
-        Annotated[Name, _AS_TYPED], Annotated[Layout, Field(min_length=1, max_length=50)]
+        Annotated[fields.Name, _AS_TYPED], Annotated[Layout, Field(min_length=1, max_length=50)]
     ] = Field(
         {},
         description="your own layouts: name to a list of growing sets of [azimuth, elevation] in "
         'degrees, such as {"mine": [[[0, 20], [90, 20]]]}',
     )
     distance_mm: FromCentre
-    resolution_px: SensorSize
+    resolution_px: fields.SensorSize
 
     @model_validator(mode="after")
     def _check_cases(self) -> Arrays:
@@ -181,7 +172,7 @@ class OfL(Arrays):
 
     study = "l"
     title = "an L"
-    trials: Trials = 100
+    trials: fields.Trials = 100
 
 
 class Perforated(Arrays):
@@ -189,16 +180,16 @@ class Perforated(Arrays):
 
     study = "holes"
     title = "a plate with holes"
-    trials: Trials = 100
+    trials: fields.Trials = 100
 
 
 # What beam and sound add.
 
 
-class BeamMarkers(Fields):
+class BeamMarkers(fields.Fields):
     """Parameters of the beam."""
 
-    first_marker_mm: Annotated[Real, Field(ge=0, le=23)] = Field(
+    first_marker_mm: Annotated[fields.Real, Field(ge=0, le=23)] = Field(
         ..., description="distance of the first marker from the clamp"
     )
 
@@ -220,7 +211,7 @@ class PlateSoundStudy(SoundPlanes):
 
 # Plates without symmetry, cut from a rectangle: as thick as the thesis's plate and of its material.
 
-Coordinate = Annotated[Real, Field(ge=0, le=1e5)]
+Coordinate = Annotated[fields.Real, Field(ge=0, le=1e5)]
 Corner = tuple[Coordinate, Coordinate]
 Support = Literal["simply supported", "clamped", "free"]
 Edge = Annotated[str, Field(pattern=r"^[1-9][0-9]?$", title="numbers of edges as text")]
@@ -243,9 +234,9 @@ class ShapeMarkers(PlateMarkers):
         description="corners of the outline, one after the other; the least x and the least y "
         "are 0",
     )
-    circles_mm: Annotated[list[tuple[Coordinate, Coordinate, Positive]], Field(max_length=20)] = (
-        Field(..., description="round holes [x, y, radius] that do not touch")
-    )
+    circles_mm: Annotated[
+        list[tuple[Coordinate, Coordinate, fields.Positive]], Field(max_length=20)
+    ] = Field(..., description="round holes [x, y, radius] that do not touch")
     cutouts_mm: Annotated[
         list[Annotated[tuple[Corner, ...], Field(min_length=3, max_length=40)]],
         Field(max_length=10),
@@ -262,7 +253,7 @@ class ShapeMarkers(PlateMarkers):
         (1000 * FORCE_AT[0], 1000 * FORCE_AT[1]),
         description='where the force acts, if amplitude_mm is "force"',
     )
-    element_mm: Annotated[Real, Field(gt=0, le=1000)] = Field(
+    element_mm: Annotated[fields.Real, Field(gt=0, le=1000)] = Field(
         10.0, description="length of the sides of the finite elements"
     )
 
@@ -271,7 +262,9 @@ class ShapeMarkers(PlateMarkers):
         """Return the structure that is measured."""
         plate, count = setups.thesis_plate(self.grid), len(self.outline_mm)
         if any(int(edge) > count for edge in self.edge_supports):
-            refuse_value("edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}")
+            fields.refuse_value(
+                "edge_supports", self.edge_supports, f"allowed: edges from 1 to {count}"
+            )
         try:
             return Panel(
                 tuple((x / 1000, y / 1000) for x, y in self.outline_mm),
@@ -288,7 +281,7 @@ class ShapeMarkers(PlateMarkers):
             )
         except ShapeError as error:
             name = SHAPE_FIELDS.get(error.what) or self._hole_field(error.given)
-            refuse_value(name, getattr(self, name), f"allowed: {error.allowed}")
+            fields.refuse_value(name, getattr(self, name), f"allowed: {error.allowed}")
             raise
 
     @property
@@ -318,19 +311,19 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     like = "plate" if subject == "shape" else subject
     printed = {**grid, **assumed_values(like), **setups.setup_table(subject, kind.study)}
     bases = (*more, kind)
-    fields: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
     for name, info in every.items():
         shared = name in CameraStudy.model_fields  # which hold what the beam's table says
         if name in printed and (shared or info.is_required()):
             filled = copy(info)
             filled.default = _freeze_value(name, printed[name])
-            fields[name] = (info.annotation, filled)
+            defaults[name] = (info.annotation, filled)
     model: Any = cast(Any, create_model)(
         f"{subject.title()}{kind.__name__}",
         __base__=bases,
         __doc__=kind.__doc__,
-        **fields,
+        **defaults,
     )
     model.subject, model.name = subject, f"{subject}-{kind.study}"
     model.title = f"{subject.title()}: {kind.title}"

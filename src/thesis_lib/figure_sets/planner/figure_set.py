@@ -13,19 +13,7 @@ from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
-from thesis_lib.studies.fields import (
-    FocalLength,
-    Positive,
-    Real,
-    Resolution,
-    SensorWidth,
-    Separation,
-    Several,
-    Shifts,
-    Starts,
-    Step,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
 
 THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
@@ -63,36 +51,40 @@ class Planner(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    counts: Several[Count] = Field([2, 4, 8, 12], max_length=8, description="numbers of cameras")
-    resolutions_px: Several[Resolution] = Field(
+    counts: fields.Several[Count] = Field(
+        [2, 4, 8, 12], max_length=8, description="numbers of cameras"
+    )
+    resolutions_px: fields.Several[fields.Resolution] = Field(
         [(320, 180), (640, 360), (1280, 720)],
         max_length=8,
         description="cameras to choose from: width and height of their pictures",
     )
-    focal_length_mm: FocalLength = assumed_values("beam")["focal_length_mm"]
-    sensor_width_mm: SensorWidth = assumed_values("beam")["sensor_width_mm"]
-    beam_amplitude_mm: Positive = Field(
+    focal_length_mm: fields.FocalLength = assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    beam_amplitude_mm: fields.Positive = Field(
         assumed_values("beam")["amplitude_mm"],
         description="peak of the beam's deflection in every mode",
     )
-    plate_amplitude_mm: Positive = Field(
+    plate_amplitude_mm: fields.Positive = Field(
         assumed_values("plate")["amplitude_mm"],
         description="peak of the plate's deflection in every mode",
     )
-    elevation_deg: Annotated[Real, Field(ge=0, lt=90)] = Field(
+    elevation_deg: Annotated[fields.Real, Field(ge=0, lt=90)] = Field(
         5.0, description="lowest elevation of a camera"
     )
     tilt_deg: Tilt = Field(
         75.0,
         description="largest angle to a marker's normal at which it is read, where that is asked",
     )
-    separation_mm: Separation = 50.0
-    target_percent: Positive = Field(
+    separation_mm: fields.Separation = 50.0
+    target_percent: fields.Positive = Field(
         5.0, description="wanted error of the worst mode, for which the cheapest layout is sought"
     )
-    step_deg: Step = 10.0
-    starts: Starts = 2
-    trials: Shifts = Field(200, description="random shifts of the pixel grids in each simulation")
+    step_deg: fields.Step = 10.0
+    starts: fields.Starts = 2
+    trials: fields.Shifts = Field(
+        200, description="random shifts of the pixel grids in each simulation"
+    )
 
     def settings(self) -> list[Setting]:
         """None: layouts are found, not given."""
@@ -160,7 +152,7 @@ class Planner(Study):
             left = free_room(body)[0] - _reach(body)
             if peak >= left:
                 allowed = f"a number below {left:.4g} mm, the room before the nearest camera"
-                refuse_value(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
+                fields.refuse_value(f"{body}_amplitude_mm", peak, f"allowed: {allowed}")
         return self
 
 
