@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife_cameras
-from thesis_lib.measure.fitting import calibration_error
+from thesis_lib.measure.fitting import errors
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself
@@ -157,8 +157,8 @@ def test_fewer_rows_keep_what_sizes_and_phases_do_together():
     scale = np.outer(rng.standard_normal(12), shape)  # each turns nothing
     turn = 1e-3j * np.outer(rng.standard_normal(12), np.ones(20))
     rows = np.concatenate([scale, turn])
-    fewer = calibration_error._keep_largest(rows)
-    assert len(fewer) <= calibration_error.MAX_DIRECTIONS
+    fewer = errors._keep_largest(rows)
+    assert len(fewer) <= errors.MAX_DIRECTIONS
     drawn = [rng.standard_normal((200_000, len(each))) @ each for each in (rows, fewer)]
     parts = [np.concatenate([each.real, each.imag], axis=1) for each in drawn]
     before, after = (np.cov(each.T) for each in parts)

@@ -12,11 +12,7 @@ from scipy.io import wavfile
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.facts import setups
-from thesis_lib.measure.radiation import (
-    between,
-    of_measurement,
-    radiated,
-)
+from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.radiation.radiated import complex_of, group_octaves
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -99,11 +95,11 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
     """Of 200 measurements that are drawn, all numbers err by what they say."""
     places, radius = SURFACE.places, 0.0005
     if kind == "model":
-        own = between.by_model(PLATE, PLATE.markers, radius, places)
+        own = radiated.by_model(PLATE, PLATE.markers, radius, places)
     else:
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
-        held = between.edge_places(corners, [0, 1, 2, 3], 0.07)
-        own = between.by_spline(PLATE.markers, held, places)
+        held = radiated.edge_places(corners, [0, 1, 2, 3], 0.07)
+        own = radiated.by_spline(PLATE.markers, held, places)
 
     power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
     rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
@@ -283,22 +279,22 @@ def test_another_shape_than_the_models_is_left_to_the_spline():
 def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     markers = PLATE.markers
     plane = 1 + 2 * markers[0] - markers[1]
-    free = between.by_spline(markers, np.empty((2, 0)), SURFACE.places)
+    free = radiated.by_spline(markers, np.empty((2, 0)), SURFACE.places)
     x, y = SURFACE.places
     conforms.closed_form(free.moving @ plane, 1 + 2 * x - y, rtol=1e-9)
-    held = between.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
+    held = radiated.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
     conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
-    still = between.by_spline(markers, held, held).moving @ plane
+    still = radiated.by_spline(markers, held, held).moving @ plane
     conforms.closed_form(still, 0 * still, atol=1e-9)
 
 
 def test_close_rows_do_not_make_markers_close_along_them():
     x, y = np.meshgrid(0.046 * np.arange(13), [0.008, 0.0225])
     rows = np.stack([x.ravel(), y.ravel()])
-    assert between.largest_gap(rows) == pytest.approx(0.046)
-    assert between.largest_gap(rows[::-1]) == pytest.approx(0.046)
-    assert between.largest_gap(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
-    assert between.largest_gap(PLATE.markers) == pytest.approx(0.668 / 9)
+    assert radiated.largest_gap(rows) == pytest.approx(0.046)
+    assert radiated.largest_gap(rows[::-1]) == pytest.approx(0.046)
+    assert radiated.largest_gap(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
+    assert radiated.largest_gap(PLATE.markers) == pytest.approx(0.668 / 9)
 
 
 def test_octaves_have_the_edges_of_the_standard():
@@ -386,7 +382,7 @@ def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms,
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
     monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     monkeypatch.setattr(radiated, "SURFACE_NODES", 200)
-    monkeypatch.setattr(of_measurement, "SCREEN_CELLS", (40, 20))
+    monkeypatch.setattr(radiated, "SCREEN_CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):

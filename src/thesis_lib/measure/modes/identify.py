@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.calibration_error import common_errors, with_common_errors
+from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
@@ -359,7 +359,7 @@ def modes_result(
     xarray.Dataset
         Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
         covariance it has ``SHARED_VARIABLES`` of
-        :mod:`~thesis_lib.measure.fitting.calibration_error`, too, and standard errors of shapes
+        :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes
         hold it.
 
     Raises

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.fitting.errors import in_plane, in_plane_excess, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -30,7 +31,6 @@ from thesis_lib.measure.fitting.harmonics import (
     deflection_amplitude,
 )
 from thesis_lib.measure.fitting.reconstruction import Frame
-from thesis_lib.measure.fitting.residuals import in_plane, in_plane_excess, restore_scatter
 from thesis_lib.measure.modes.poles import (
     Poles,
     TrackBlock,
