@@ -7,8 +7,10 @@ import pytest
 from scenes.sounds import synchronise_sounds
 from scipy.signal import resample_poly
 
-from thesis_lib.measure.synchronisation.decimation import (
+from thesis_lib.measure.synchronisation.audio import (
     FILTER_REACH_SAMPLES,
+    SynchronisationError,
+    check_blocks,
     decimate_blocks,
     decimate_signal,
 )
@@ -21,8 +23,6 @@ from thesis_lib.measure.synchronisation.delays import (
 )
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import (
-    SynchronisationError,
-    check_blocks,
     find_tone,
     frequency_deviation,
     strongest_frequency,

@@ -22,12 +22,11 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks, oaconvolve, welch
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.decimation import decimate_signal
+from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 from thesis_lib.measure.synchronisation.tones import (
     MIN_SAMPLES_PER_PERIOD,
     MIN_SETTLED_PERIODS,
     TONE_RATE,
-    SynchronisationError,
     check_rate,
     settle_interval,
     tone_at,

@@ -19,8 +19,13 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.audio import SPAN_SAMPLES, AudioSource, part_of
-from thesis_lib.measure.synchronisation.decimation import common_rate
+from thesis_lib.measure.synchronisation.audio import (
+    SPAN_SAMPLES,
+    AudioSource,
+    SynchronisationError,
+    common_rate,
+    part_of,
+)
 from thesis_lib.measure.synchronisation.delays import (
     WHITENING_BINS,
     WHITENING_DELAY,
@@ -29,7 +34,6 @@ from thesis_lib.measure.synchronisation.delays import (
     interpolate_peak,
     room_match,
 )
-from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 WINDOW_S = 1.0  # s of a window
 HOP_S = 0.005  # s of a step of loudness
