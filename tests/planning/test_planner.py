@@ -22,11 +22,10 @@ from scipy.optimize import differential_evolution
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, search, structure_file
-from thesis_lib.planning.planner import ImpossibleError, pareto, plan
+from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
 from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.planning.report import PLAN_FILES, summarise_plan, write_plan
 from thesis_lib.planning.request import plan_request
-from thesis_lib.planning.results import CAMERA_COLUMNS
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
@@ -158,24 +157,12 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     known, near = errors.place_information(scene, grid), errors.too_near(scene, grid)
     sets = [c for c in itertools.combinations(range(14), count)
             if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
-    costs = [
-        errors.information_cost(errors.normal_variances(known[:, list(c)].sum(axis=1)), objective)
-        for c in sets
-    ]
+    costs = [errors.combined_cost(known[:, list(c)], objective) for c in sets]
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
     found = []
     for start in starts:
         layout, _ = errors.exchange_cameras(known, near, start, objective)
-        found.append(
-            (
-                float(
-                    errors.information_cost(
-                        errors.normal_variances(known[:, layout].sum(axis=1)), objective
-                    )
-                ),
-                sorted(layout),
-            )
-        )
+        found.append((errors.combined_cost(known[:, layout], objective), sorted(layout)))
     conforms.independent(min(found)[0], min(costs), rtol=1e-9)
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
@@ -208,9 +195,7 @@ def test_no_set_of_places_is_below_the_bound(conforms, objective):
             three = rng.integers(0, len(grid), 3)  # places may be shared
             variance = errors.normal_variances(known[:, three].sum(axis=1))
             conforms.closed_form(bound, below=weights @ variance * (1 + 1e-9))
-            conforms.closed_form(
-                bound, below=errors.information_cost(variance, "worst") * (1 + 1e-9)
-            )
+            conforms.closed_form(bound, below=variance.max() * (1 + 1e-9))
     scene = scene_of(point_body(), elevations=(np.radians(20), np.pi / 2))
     known = errors.place_information(scene, positions.candidate_positions(scene, np.radians(10)))
     closed = 1.0 / ((24 / 36) ** 2 * 4 * np.cos(np.radians(20)) ** 2)

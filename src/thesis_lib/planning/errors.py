@@ -193,8 +193,9 @@ def normal_variances(total: Array) -> Array:
     return np.divide(minor, determinant, out=np.full(minor.shape, np.inf), where=regular)
 
 
-def information_cost(variance: Array, objective: str) -> Array:
-    """Return the mean or largest variance over the markers, which are the last axis."""
+def information_cost(total: Array, objective: str) -> Array:
+    """Return the mean or largest variance over the markers of information (6, ..., markers)."""
+    variance = normal_variances(total)
     return variance.mean(axis=-1) if objective == "mean" else variance.max(axis=-1)
 
 
@@ -205,7 +206,7 @@ def layout_cost(scene: Scene, places: Array, objective: str) -> float:
 
 def combined_cost(known: Array, objective: str) -> float:
     """Return the cost of cameras from the information of each, shape (6, cameras, markers)."""
-    return float(information_cost(normal_variances(known.sum(axis=1)), objective))
+    return float(information_cost(known.sum(axis=1), objective))
 
 
 def is_allowed(scene: Scene, places: Array) -> bool:
@@ -260,9 +261,7 @@ def exchange_cameras(
     ridge = _RIDGE_RATIO * np.mean(known[[0, 3, 5]]) * np.array([1.0, 0, 0, 1, 0, 1])[:, None]
     best = np.inf
     if -1 not in chosen:
-        best = float(
-            information_cost(normal_variances(known[:, chosen].sum(axis=1) + ridge), objective)
-        )
+        best = float(information_cost(known[:, chosen].sum(axis=1) + ridge, objective))
     each = np.moveaxis(known, 1, 0).copy()  # sums of what lies together take a fraction of the time
     if whose is None:
         own = [(np.arange(len(near)), known, near)] * len(chosen)
@@ -281,7 +280,7 @@ def exchange_cameras(
         if not len(mine):
             continue
         rest = each[others].sum(axis=0) + ridge
-        costs = information_cost(normal_variances(rest[:, None] + part), objective)
+        costs = information_cost(rest[:, None] + part, objective)
         at = first_least(costs)
         if chosen[slot] < 0 or costs[at] < best * (1 - MAX_TIE_RATIO):
             chosen[slot], best, still = int(mine[at]), float(costs[at]), 1

@@ -43,12 +43,10 @@ SILENT_TEXTS = {
     "sound-point": "that are heard at point_mm",
 }
 
-SOUND_STEPS_RAD = np.radians(
-    [8, 4, 2]
-)  # finer ones would fit one grid of pixels, not how markers lie on it
-AVERAGED_TURNS_RAD = np.radians(
-    [-0.5, 0, 0.5]
-)  # of the whole layout, over which costs are averaged
+# Finer steps would fit one grid of pixels, not how markers lie on it
+SOUND_STEPS_RAD = np.radians([8, 4, 2])
+# Turns of the whole layout, over which costs are averaged
+AVERAGED_TURNS_RAD = np.radians([-0.5, 0, 0.5])
 _MIN_IMPROVEMENT = 1e-3  # relative: what helps less is left alone
 _MAX_ROUNDS = 4
 _SEARCH_DIRECTIONS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])

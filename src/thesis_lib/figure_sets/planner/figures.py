@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.planner.tables import (
     nearest_option,
     table_parameter,
 )
-from thesis_lib.planning.figures import LAYOUT_VIEWS, flatten_points, front_panel, layout_panel
+from thesis_lib.planning.report import LAYOUT_VIEWS, flatten_points, front_panel, layout_panel
 from thesis_lib.plotting.style import (
     BELOW_PANEL,
     BLACK_COLOR,

@@ -13,8 +13,8 @@ from IPython.display import HTML
 from thesis_lib.figure_sets.planner.compute import cheapest_option
 from thesis_lib.figure_sets.planner.parameters import THESIS_QUESTIONS
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
-from thesis_lib.planning.figures import layout_view
 from thesis_lib.planning.positions import MAX_TIE_RATIO
+from thesis_lib.planning.report import layout_view
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
