@@ -15,7 +15,8 @@ from thesis_lib.measure.feasibility.assess import (
     describe_assessment,
     describe_verdict,
 )
-from thesis_lib.measure.feasibility.prediction import alias_frequency, noise_errors, rounding_errors
+from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
+from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import ManifestError
@@ -267,7 +268,7 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
 )
 def test_frames_show_the_alias(conforms, f, rate, seen):
-    conforms.closed_form(alias_frequency(f, rate), seen, rtol=1e-6)
+    conforms.closed_form(fold_frequency(f, rate), seen, rtol=1e-6)
     t = np.arange(50) / rate
     conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
 

@@ -20,16 +20,8 @@ import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.planning.positions import (
-    LIMIT_SLACK,
-    MAX_TIE_RATIO,
-    Scene,
-    are_permitted,
-    camera_centres,
-    first_least,
-    place_cameras,
-    visible_markers,
-)
+from thesis_lib.planning import positions
+from thesis_lib.planning.positions import Scene
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray, project
 from thesis_lib.vision.simulation import measure_deflections
@@ -83,7 +75,10 @@ def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
     """Yield the cameras and markers that go together, and these cameras."""
-    rig, seen = place_cameras(scene, layout, width), visible_markers(scene, layout)
+    rig, seen = (
+        positions.place_cameras(scene, layout, width),
+        positions.visible_markers(scene, layout),
+    )
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
         some = np.flatnonzero(pattern)
@@ -173,8 +168,8 @@ def place_information(scene: Scene, places: Array) -> Array:
     ndarray, shape (6, places, markers)
         Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 where it is not seen.
     """
-    seen = visible_markers(scene, places)
-    J = image_jacobian(place_cameras(scene, places).P, scene.body.points)
+    seen = positions.visible_markers(scene, places)
+    J = image_jacobian(positions.place_cameras(scene, places).P, scene.body.points)
     x, y, z = np.moveaxis(marker_axes(scene.body.normals), 2, 0).swapaxes(1, 2).copy()
     # term by term: einsum takes seven times as long
     own = J[:, :, None, 0] * x + J[:, :, None, 1] * y + J[:, :, None, 2] * z
@@ -211,22 +206,22 @@ def combined_cost(known: Array, objective: str) -> float:
 
 def is_allowed(scene: Scene, places: Array) -> bool:
     """Return whether a layout keeps all rules."""
-    return bool(np.all(are_permitted(scene, places))) and is_spaced(scene, places)
+    return bool(np.all(positions.are_permitted(scene, places))) and is_spaced(scene, places)
 
 
 def is_spaced(scene: Scene, places: Array) -> bool:
     """Return whether the cameras of a layout are far enough from each other."""
-    where = camera_centres(scene, places)
+    where = positions.camera_centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
-    return bool(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK)))
+    return bool(np.all(gap >= scene.rules.separation * (1 - positions.LIMIT_SLACK)))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
     """Return which candidates may not stand in one layout; each of them with itself."""
-    where = camera_centres(scene, grid)
+    where = positions.camera_centres(scene, grid)
     return np.asarray(
         scipy.spatial.distance.cdist(where, where)
-        < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9)
+        < max(scene.rules.separation * (1 - positions.LIMIT_SLACK), 1e-9)
     )
 
 
@@ -281,8 +276,8 @@ def exchange_cameras(
             continue
         rest = each[others].sum(axis=0) + ridge
         costs = information_cost(rest[:, None] + part, objective)
-        at = first_least(costs)
-        if chosen[slot] < 0 or costs[at] < best * (1 - MAX_TIE_RATIO):
+        at = positions.first_least(costs)
+        if chosen[slot] < 0 or costs[at] < best * (1 - positions.MAX_TIE_RATIO):
             chosen[slot], best, still = int(mine[at]), float(costs[at]), 1
     return chosen, best
 

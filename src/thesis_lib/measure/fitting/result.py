@@ -10,17 +10,8 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting import errors, harmonics
+from thesis_lib.measure.fitting import frequency as clocks
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.frequency import (
-    apply_paces,
-    estimate_paces,
-    lags_of,
-    look_for,
-    phase_advance,
-    phase_lags,
-    refine_frequency,
-    shift_starts,
-)
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
@@ -81,12 +72,12 @@ def shape_result(
     frame = check_frame(cameras, rest, markers)
     check_sides(frame, cameras)
     given = float(sound["frequency"])
-    start = given if np.isfinite(given) else look_for(recordings, begin, end)
+    start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
-    pace = estimate_paces(recordings, begin, end, start, order)
-    recordings = apply_paces(recordings, pace, 0.5 * (begin + end))
-    phases = phase_advance(recordings, begin, end, start, order)
-    frequency = refine_frequency(start, phases, sound)
+    pace = clocks.estimate_paces(recordings, begin, end, start, order)
+    recordings = clocks.apply_paces(recordings, pace, 0.5 * (begin + end))
+    phases = clocks.phase_advance(recordings, begin, end, start, order)
+    frequency = clocks.refine_frequency(start, phases, sound)
     omega = 2 * np.pi * frequency
     exposures = np.array([own.exposure for own in recordings])
     raw = harmonics.fit_tracks(recordings, rest, frame, omega, begin, end, order)
@@ -100,8 +91,8 @@ def shape_result(
         for own, power in zip(raw.harmonics, near, strict=True)
     ]
     fit = replace(raw, harmonics=[own for own, _ in softened])
-    lags, lag_errors = lags_of(fit, omega, exposures)
-    fit = shift_starts(fit, omega, lags)
+    lags, lag_errors = clocks.lags_of(fit, omega, exposures)
+    fit = clocks.shift_starts(fit, omega, lags)
     complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     phase = harmonics.common_phase(complex_shape, force, manifest.structure.damping)
@@ -214,7 +205,7 @@ def _compare_aliases(
     for other in alike:
         omega = 2 * np.pi * other
         own = harmonics.fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
-        apart.append(np.degrees(np.abs(phase_lags(own, omega, exposures)[0]).max()))
+        apart.append(np.degrees(np.abs(clocks.phase_lags(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
 
 

@@ -33,36 +33,17 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
-from thesis_lib.measure.synchronisation import audio
+from thesis_lib.measure.synchronisation import audio, tones
+from thesis_lib.measure.synchronisation import delays as matching
 from thesis_lib.measure.synchronisation.audio import (
     AudioSource,
     LowRate,
     SynchronisationError,
     Track,
 )
-from thesis_lib.measure.synchronisation.delays import (
-    CORRELATION_RATE,
-    MIN_CORRELATION,
-    ROOM_RATE,
-    Match,
-    force_match,
-    phase_delays,
-    room_match,
-)
+from thesis_lib.measure.synchronisation.delays import Match
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
-from thesis_lib.measure.synchronisation.tones import (
-    MAX_SLIP_TURNS,
-    MIN_SAMPLES_PER_PERIOD,
-    TONE_RATE,
-    Interval,
-    check_rate,
-    check_tone,
-    find_tone,
-    fit_tone,
-    frequency_deviation,
-    settle_interval,
-    tone_frequency,
-)
+from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.web.html import render_lines
 
 ROOM_SPANS = 8  # spans in which a room's sound is compared: ten minutes
@@ -117,10 +98,10 @@ def load_audio(
         If a track is missing, too short, silent or clipped.
     """
     shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
-    wanted = TONE_RATE * (frequency or 0.0)
-    low = _lowest_rate(recordings, max(CORRELATION_RATE, wanted))
+    wanted = tones.TONE_RATE * (frequency or 0.0)
+    low = _lowest_rate(recordings, max(matching.CORRELATION_RATE, wanted))
     step = audio.step_to(low.rate, wanted) if frequency else 1
-    starts, ends, tones, skipped, sources = [], [], [], [], []
+    starts, ends, held, skipped, sources = [], [], [], [], []
     for recording in recordings:
         with recording.opened() as file:
             lengths: list[int] = []
@@ -130,10 +111,10 @@ def load_audio(
             if frequency is None:
                 blocks = (block[:0] for block in blocks)
             else:
-                check_rate(file.rate, frequency)
+                tones.check_rate(file.rate, frequency)
                 blocks = audio.decimate_blocks(low.reduce(blocks, file.rate), step)
             tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
-            tones.append(tone)
+            held.append(tone)
             skipped.append(before)
             starts.append(file.start)
             ends.append(file.start + sum(lengths) / file.rate)
@@ -143,7 +124,7 @@ def load_audio(
         low=low,
         starts=np.array(starts),
         ends=np.array(ends),
-        tones=[tone[later - before :] for tone, before in zip(tones, skipped, strict=True)],
+        tones=[tone[later - before :] for tone, before in zip(held, skipped, strict=True)],
         tone_rate=tone_rate,
         tone_start=low.cut + audio.cut_off(low.rate, tone_rate) + later / tone_rate,
         sources=tuple(sources),
@@ -164,7 +145,7 @@ def _hold_track(recording: AudioSource, least: float, skip: float) -> tuple[Trac
     from the start.
     """
     with recording.opened() as file:
-        step = audio.step_to(file.rate, max(CORRELATION_RATE, least))
+        step = audio.step_to(file.rate, max(matching.CORRELATION_RATE, least))
         rate = file.rate / step
         blocks = audio.check_blocks(file.blocks, file.rate, MIN_AUDIO_S, recording.name)
         blocks = audio.decimate_blocks(blocks, step)
@@ -190,7 +171,7 @@ def match_recordings(
         Frequency of the force's tone in Hz; None of tracks that hold what microphones hear.
     """
     room = frequency is None
-    low = _lowest_rate(recordings, ROOM_RATE if room else CORRELATION_RATE)
+    low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
     found: dict[int, Match] = {}
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
@@ -203,9 +184,9 @@ def match_recordings(
                 if i in found and (found[i].certain or len(other) < audio.SPAN_SAMPLES // 4):
                     continue
                 match = (
-                    room_match(span[0], other, low.rate)
+                    matching.room_match(span[0], other, low.rate)
                     if frequency is None
-                    else force_match(span[0], other, low.rate, frequency)
+                    else matching.force_match(span[0], other, low.rate, frequency)
                 )
                 best = found.get(i, match)
                 found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
@@ -252,7 +233,7 @@ class Synchronisation:
             starts=[*zip(names, self.delays, self.frames, strict=True)][1:],
             sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
             snr_db=10 * np.log10(self.snr),
-            below_hz=CORRELATION_RATE // 2,
+            below_hz=matching.CORRELATION_RATE // 2,
             shift_frames=self.frame_rate * coupling_delay(frequency) if frequency else np.nan,
         )
 
@@ -301,17 +282,17 @@ def synchronise_cameras(
     for i, one in matches.items():
         if frequency is None and not one.certain:
             raise unmatched_error(names[i], names[0])
-        if frequency is not None and one.peak < MIN_CORRELATION:
+        if frequency is not None and one.peak < matching.MIN_CORRELATION:
             raise SynchronisationError(
                 f"{names[i]}: correlation of {one.peak:.2f} with {names[0]}, allowed: "
-                f"at least {MIN_CORRELATION}; do both hold the same sound?"
+                f"at least {matching.MIN_CORRELATION}; do both hold the same sound?"
             )
     delays = np.array([0.0, *(matches[i].delay for i in range(1, len(recordings)))])
     if frequency is not None:
         for tone, name, delay in zip(heard.tones, names, delays, strict=True):
             own = steady and (steady[0] - float(delay), steady[1] - float(delay))
-            check_tone(tone, heard.tone_rate, frequency, name, own)
-        delays = phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
+            tones.check_tone(tone, heard.tone_rate, frequency, name, own)
+        delays = matching.phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
     return Synchronisation(
         delays=delays - (heard.starts - heard.starts[0]),
         frame_rate=frame_rate,
@@ -411,9 +392,9 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     found = synchronise_cameras(recordings, heard, rate, frequency, own)
     _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
-    begin, end = own or settle_interval(tone, rate, frequency)
+    begin, end = own or tones.settle_interval(tone, rate, frequency)
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
-    measured = tone_frequency(part, rate, frequency)
+    measured = tones.tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
     low_rate = heard.low.rate
     zero = float(heard.starts[0]) + heard.low.cut
@@ -422,21 +403,23 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
     with recordings[0].opened() as file:
         part_blocks = audio.part_of(heard.low.reduce(file.blocks, file.rate), first, last)
-        force, _ = fit_tone(part_blocks, low_rate, used, -begin)
-    deviation = frequency_deviation(part, rate, measured)
+        force, _ = tones.fit_tone(part_blocks, low_rate, used, -begin)
+    deviation = tones.frequency_deviation(part, rate, measured)
     return Sound(found, used, force, steady or (begin, end), measured, deviation)
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[AudioSource], skip: float) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
-    tones = []
+    found = []
     for recording in recordings:
-        track, rate, start = _hold_track(recording, MIN_SAMPLES_PER_PERIOD * slowest / 2, skip)
+        track, rate, start = _hold_track(
+            recording, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2, skip
+        )
         steady = excitation.steady_interval_s
         part = steady and (steady[0] - start, steady[1] - start)
-        tones.append(find_tone(track, rate, recording.name, part))
-        (first, _), (tone, seconds) = tones[0], tones[-1]
+        found.append(tones.find_tone(track, rate, recording.name, part))
+        (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
