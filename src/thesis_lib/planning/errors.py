@@ -145,7 +145,6 @@ def draw_errors(
     return wrong
 
 
-PLAN_OBJECTIVES = ("mean", "worst")
 _RIDGE_RATIO = 1e-6  # of the mean information: what a marker has that no camera sees
 _MAX_PASSES = 50  # exchanges end long before
 _BOUND_ROUNDS = 60  # of the weights of the lower bound
