@@ -136,11 +136,6 @@ def test_a_frequency_that_cannot_be_filmed_is_refused_before_anything_is_read(tm
     assert refusal(manifest, tmp_path, ManifestError).startswith("excitation.frequency_hz: given")
 
 
-def test_a_sound_too_coarse_for_the_frequency_is_refused(tmp_path):
-    manifest = folder_of(tmp_path, [force(T[:32000])] * 2, 200, frequency_hz=27.0)
-    assert "at most 25 Hz, 8 samples of the sound per period" in refusal(manifest, tmp_path)
-
-
 # Frequencies.
 
 
