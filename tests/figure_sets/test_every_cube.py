@@ -17,7 +17,7 @@ from conftest import PROJECT
 from thesis_lib import figure_sets, measure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.planning import results as plan_cube
+from thesis_lib.planning import planner as plan_cube
 from thesis_lib.studies import schema, storage
 from thesis_lib.studies.schema import Variable
 

@@ -14,7 +14,7 @@ from thesis_lib.measure.synchronisation.alone import (
     significant_decimals,
     synchronise_videos,
 )
-from thesis_lib.measure.synchronisation.tones import SynchronisationError
+from thesis_lib.measure.synchronisation.audio import SynchronisationError
 
 LOW = 8000
 LONG = 0.1 * np.random.default_rng(3).standard_normal(130 * LOW)

@@ -15,7 +15,8 @@ from thesis_lib.measure.feasibility.assess import (
     describe_assessment,
     describe_verdict,
 )
-from thesis_lib.measure.feasibility.prediction import alias_frequency, noise_errors, rounding_errors
+from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
+from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import ManifestError
@@ -224,7 +225,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     )
 
 
-@pytest.mark.parametrize(("frames", "seconds"), [(120, 2.0), (60, None), (1200, 20.0)])
+@pytest.mark.parametrize(("frames", "seconds"), [(60, None), (1200, 20.0)])
 def test_the_fit_gains_by_the_root_of_half_the_frames(conforms, frames, seconds):
     steady = seconds and [2.0, 2.0 + seconds]
     values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": steady})
@@ -267,7 +268,7 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
 )
 def test_frames_show_the_alias(conforms, f, rate, seen):
-    conforms.closed_form(alias_frequency(f, rate), seen, rtol=1e-6)
+    conforms.closed_form(fold_frequency(f, rate), seen, rtol=1e-6)
     t = np.arange(50) / rate
     conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
 
@@ -328,14 +329,10 @@ def joined(lines):
 
 
 @pytest.mark.parametrize(
-    ("field", "at_most"),
-    [("excitation__rest_duration_s", {"short-rest"}), ("cameras__1__f_number", {"depth-of-field"}),
-     ("cameras__2__exposure_s", {"motion-blur"}), ("cameras__1__azimuth_deg", {"same-line"}),
-     ("excitation__amplitude_mm", {"small-motion"})],
-)  # fmt: skip
-def test_a_change_brings_no_other_warnings(field, at_most):
-    (code,) = at_most
-    assert codes(change(rig(), **{field: ONE[code][field]})) == at_most
+    "code", ["short-rest", "depth-of-field", "motion-blur", "same-line", "small-motion"]
+)
+def test_a_change_brings_no_other_warnings(code):
+    assert codes(change(rig(), **ONE[code])) == {code}
 
 
 def test_a_declared_alias_is_told_and_warned_of_at_the_edges():

@@ -12,7 +12,7 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 
 from thesis_lib.acoustics.sources import AIR
 from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
-from thesis_lib.measure.fitting.calibration_error import common_errors
+from thesis_lib.measure.fitting.errors import common_errors
 from thesis_lib.measure.modes.identify import (
     Asked,
     ModalError,

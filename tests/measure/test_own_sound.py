@@ -12,11 +12,7 @@ from scipy.io import wavfile
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.facts import setups
-from thesis_lib.measure.radiation import (
-    between,
-    of_measurement,
-    radiated,
-)
+from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.radiation.of_measurement import sound_of
 from thesis_lib.measure.radiation.radiated import complex_of, group_octaves
 from thesis_lib.measure.recordings.manifest_model import Manifest
@@ -80,9 +76,22 @@ def exact():
     return float(np.ravel(fine.power_form(w[:, None], OMEGA))[0])
 
 
+@pytest.fixture(scope="module", autouse=True)
+def small_planes():
+    """Fields on a few points, which no test looks at by itself: what takes most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
+        yield
+
+
 @pytest.fixture(scope="module")
 def made():
     return sound_of(measurement(), manifest({"points_mm": [[0, 0, 1000], [300, 200, 500]]}))
+
+
+@pytest.fixture(scope="module")
+def faster():
+    return sound_of(measurement().assign(frequency=800.0), manifest())
 
 
 def test_power_and_pressures_are_those_of_the_true_shape(made, conforms):
@@ -99,11 +108,11 @@ def test_standard_errors_are_the_scatter_of_measurements(kind, conforms):
     """Of 200 measurements that are drawn, all numbers err by what they say."""
     places, radius = SURFACE.places, 0.0005
     if kind == "model":
-        own = between.by_model(PLATE, PLATE.markers, radius, places)
+        own = radiated.by_model(PLATE, PLATE.markers, radius, places)
     else:
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * PLATE.extent
-        held = between.edge_places(corners, [0, 1, 2, 3], 0.07)
-        own = between.by_spline(PLATE.markers, held, places)
+        held = radiated.edge_places(corners, [0, 1, 2, 3], 0.07)
+        own = radiated.by_spline(PLATE.markers, held, places)
 
     power, plain = (of(own.moving, OMEGA) for of in (SURFACE.power_form, SURFACE.plane_wave_form))
     rows = SURFACE.pressure_matrix(own.moving, POINTS, OMEGA)
@@ -165,8 +174,7 @@ def of_panel(hertz, noise, draw):
     return sound_of(measurement(found, noise=noise).assign(frequency=hertz), own)
 
 
-def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(conforms, monkeypatch):
-    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
+def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(conforms):
     made = of_panel(900, 1e-9, np.random.default_rng(1))
     off = float(made["efficiency"][0]) / panel_efficiency(900) - 1
     stated = float(made["efficiency_error"][0] / made["efficiency"][0])
@@ -177,9 +185,8 @@ def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(confo
 @pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("hertz", [60, 900])
-def test_efficiencies_err_by_what_they_state(hertz, conforms, monkeypatch):
+def test_efficiencies_err_by_what_they_state(hertz, conforms):
     """Of 80 measurements, whose markers alone put 0.02 % into the efficiency."""
-    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     draw, true = np.random.default_rng(2), panel_efficiency(hertz)
     found = [of_panel(hertz, 3e-6, draw).isel(tone=0) for _ in range(80)]
     z = np.array(
@@ -248,18 +255,21 @@ def test_more_half_waves_need_a_wall_up_to_higher_frequencies(between, conforms)
     assert np.all(np.diff(change) < 0)
 
 
-@pytest.mark.parametrize(
-    ("wall", "told"), [("yes", False), (True, False), (False, True), (None, True)]
-)
-def test_power_is_called_that_in_a_wall_and_warned_of_without_one(wall, told):
-    own = manifest({} if wall is None else {"wall": wall})
-    low = sound_of(measurement(), own)
+def test_a_wall_may_be_told_by_a_word_or_a_truth_value(made):
+    told = [manifest({"wall": wall}).radiation.wall for wall in ("yes", True, False)]
+    assert told == ["yes", "yes", "no"]
+    assert manifest().radiation.wall == made.attrs["wall"] == "unknown"
+
+
+@pytest.mark.parametrize(("wall", "told"), [("yes", False), ("no", True), ("unknown", True)])
+def test_power_is_called_that_in_a_wall_and_warned_of_without_one(made, faster, wall, told):
+    own, low = manifest({"wall": wall}), made.assign_attrs(wall=wall)
     powers = [line for line in summarise_sound(low) if "sound power" in line]
     assert all("a wall" in line or "a rigid wall" in line for line in powers)
-    assert ("without a wall: an estimated 134." in powers[0]) is (wall is False)
+    assert ("without a wall: an estimated 134." in powers[0]) is (wall == "no")
     page = build_sound(low, own).page
     assert ("Without a wall the structure radiates less" in page) is told
-    high = sound_of(measurement().assign(frequency=800.0), own)
+    high = faster.assign_attrs(wall=wall)
     assert "Without a wall the structure radiates less" not in build_sound(high, own).page
 
 
@@ -283,22 +293,22 @@ def test_another_shape_than_the_models_is_left_to_the_spline():
 def test_a_spline_holds_planes_and_edges_at_rest(conforms):
     markers = PLATE.markers
     plane = 1 + 2 * markers[0] - markers[1]
-    free = between.by_spline(markers, np.empty((2, 0)), SURFACE.places)
+    free = radiated.by_spline(markers, np.empty((2, 0)), SURFACE.places)
     x, y = SURFACE.places
     conforms.closed_form(free.moving @ plane, 1 + 2 * x - y, rtol=1e-9)
-    held = between.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
+    held = radiated.edge_places(np.array([[0, 0], [0.6, 0], [0.6, 0.4], [0, 0.4]]), [3], 0.05)
     conforms.closed_form(held[0], 0 * held[0], atol=1e-12)
-    still = between.by_spline(markers, held, held).moving @ plane
+    still = radiated.by_spline(markers, held, held).moving @ plane
     conforms.closed_form(still, 0 * still, atol=1e-9)
 
 
 def test_close_rows_do_not_make_markers_close_along_them():
     x, y = np.meshgrid(0.046 * np.arange(13), [0.008, 0.0225])
     rows = np.stack([x.ravel(), y.ravel()])
-    assert between.largest_gap(rows) == pytest.approx(0.046)
-    assert between.largest_gap(rows[::-1]) == pytest.approx(0.046)
-    assert between.largest_gap(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
-    assert between.largest_gap(PLATE.markers) == pytest.approx(0.668 / 9)
+    assert radiated.largest_gap(rows) == pytest.approx(0.046)
+    assert radiated.largest_gap(rows[::-1]) == pytest.approx(0.046)
+    assert radiated.largest_gap(rows[:, :13]) == pytest.approx(0.046)  # one row has nothing across
+    assert radiated.largest_gap(PLATE.markers) == pytest.approx(0.668 / 9)
 
 
 def test_octaves_have_the_edges_of_the_standard():
@@ -384,9 +394,8 @@ def test_powers_of_tones_add_up_and_their_common_errors_too(steady, conforms):
 @pytest.mark.slow
 def test_errors_of_totals_and_energies_are_the_scatter_of_measurements(conforms, monkeypatch):
     """Of 60 that are drawn. A decay that is taken for too fast began too large."""
-    monkeypatch.setattr(of_measurement, "PLANE_SHAPE", (3, 2))
     monkeypatch.setattr(radiated, "SURFACE_NODES", 200)
-    monkeypatch.setattr(of_measurement, "SCREEN_CELLS", (40, 20))
+    monkeypatch.setattr(radiated, "SCREEN_CELLS", (40, 20))
     draw, said = np.random.default_rng(5), manifest()
     rows = {"band_power": [], "energy": []}
     for _ in range(60):

@@ -104,6 +104,18 @@ def swept(tmp_path_factory):
     return scene(folder, swept_force(15, 8, 3, 44, 0.05), (0.02, 0.02), 14.0)
 
 
+@pytest.fixture(scope="module")
+def brief(tmp_path_factory):
+    """Noise of a few seconds, for forces that cannot be used."""
+    return scene(tmp_path_factory.mktemp("brief"), random_force(6, 0.05), (0.1, 0.03), 5.0)
+
+
+@pytest.fixture(scope="module")
+def averaged(driven):
+    """What the noise gives by segments of 5 s."""
+    return driven.responded(driven.asked(segment_s=5.0))
+
+
 def off(data, truth, marker):
     """H1 over what is true, less one, and its standard error."""
     true = truth.receptance(data["frequency"].values)[marker]
@@ -237,8 +249,8 @@ def test_a_force_may_be_sampled_more_finely():
 # The whole chain.
 
 
-def test_receptance_is_that_of_the_structure_within_its_errors(driven):
-    data = driven.responded(driven.asked(segment_s=5.0))
+def test_receptance_is_that_of_the_structure_within_its_errors(driven, averaged):
+    data = averaged
     f = data["frequency"].values
     assert f[-1] == pytest.approx(0.4 * min(RATES), abs=0.2)
     for marker in (10, 45, 74):
@@ -255,15 +267,12 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven):
 
 
 @pytest.mark.nightly
-def test_a_table_tells_the_same_as_a_sound_file(driven):
+def test_a_table_tells_the_same_as_a_sound_file(driven, averaged):
     times = np.arange(len(driven.truth.newtons)) / FINE
     rows = np.column_stack([times, driven.truth.newtons])[::4]
     np.savetxt(driven.folder / "force.csv", rows, "%.6f", ",", header="time_s,force_n", comments="")
-    sound, table = (
-        driven.responded(driven.asked(segment_s=5.0, **how))
-        for how in ({}, {"file": "force.csv", "full_scale_n": None})
-    )
-    apart = complex_of(table, "receptance")[0] / complex_of(sound, "receptance")[0] - 1
+    table = driven.responded(driven.asked(segment_s=5.0, file="force.csv", full_scale_n=None))
+    apart = complex_of(table, "receptance")[0] / complex_of(averaged, "receptance")[0] - 1
     assert np.median(np.abs(apart)) < 2e-3
 
 
@@ -383,16 +392,13 @@ def test_noise_at_rest_has_its_power():
 @pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("fast", [3e-4, -3e-4])
-def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, fast):
+def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, averaged, fast):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
     middle = float(driven.recordings[0].times.mean())
     wrong = [own.paced(1 + fast * k / 2, middle) for k, own in enumerate(driven.recordings)]
     wrong[3] = replace(wrong[3], delay=wrong[3].delay - 0.004)
     manifest = driven.asked(segment_s=5.0)
-    right, data = (
-        replace(driven, recordings=recordings).responded(manifest)
-        for recordings in (driven.recordings, wrong)
-    )
+    right, data = averaged, replace(driven, recordings=wrong).responded(manifest)
     np.testing.assert_allclose(data["camera_pace"], fast * np.arange(4) / 2, atol=5e-6)
     np.testing.assert_allclose(data["camera_lag"], [0, 0, 0, 0.004], atol=1e-4)
     assert not right["camera_pace"].any()
@@ -465,40 +471,49 @@ def clipped(newtons):
     return np.clip(newtons, -SCALE, SCALE * (1 - 2**-15))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "how", "told"),
     [
         (lambda n: 0 * n, {}, r"channel 1 is silent .* allowed"),
         (lambda n: clipped(40 * n), {}, r"channel 1 is clipped \(\d+ samples .* gain down"),
         (lambda n: n, {"channel": 2}, r"given channel 2, allowed: 1 to 1"),
-        (lambda n: n, {"offset_s": 90.0}, r"from 90.000 to .* allowed: 4 s or more in common"),
-        (lambda n: n[: int(2 * FINE)], {}, r"from 0.500 to 2.5.* allowed: 4 s or more"),
     ],
 )
-def test_a_force_that_cannot_be_used_is_refused_in_one_line(driven, tmp_path, made, how, told):
-    write_wav(tmp_path / "force.wav", made(driven.truth.newtons) / SCALE)
+def test_a_sound_that_is_no_force_is_refused_in_one_line(tmp_path, made, how, told):
+    write_wav(tmp_path / "force.wav", made(random_force(6, 0.05)) / SCALE)
     with pytest.raises((ForceError, MediaError), match=told) as error:
-        estimate_response(driven.asked(**how), SILENT, driven.recordings, tmp_path)
+        read_force(manifest_for(tmp_path, **how), tmp_path, np.zeros(2))
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.slow
-def test_a_force_sampled_too_rarely_is_refused(driven):
-    rows = np.column_stack([np.arange(0, 30, 0.02), random_force(30)[::40]])
-    np.savetxt(driven.folder / "slow.csv", rows, delimiter=",")
-    manifest = driven.asked(file="slow.csv", full_scale_n=None)
+@pytest.mark.parametrize(
+    ("length_s", "offset_s", "told"),
+    [
+        (6, 90.0, r"from 90.000 to .* allowed: 4 s or more in common"),
+        (2, 0.5, r"from 0.500 to 2.5.* allowed: 4 s or more"),
+    ],
+)
+def test_a_force_at_other_times_is_refused_in_one_line(brief, tmp_path, length_s, offset_s, told):
+    write_wav(tmp_path / "force.wav", brief.truth.newtons[: int(length_s * FINE)] / SCALE)
+    with pytest.raises(ForceError, match=told) as error:
+        estimate_response(brief.asked(offset_s=offset_s), SILENT, brief.recordings, tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_force_sampled_too_rarely_is_refused(brief):
+    rows = np.column_stack([np.arange(0, 6, 0.02), random_force(6)[::40]])
+    np.savetxt(brief.folder / "slow.csv", rows, delimiter=",")
+    manifest = brief.asked(file="slow.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=r"slow.csv: 50 samples a second, allowed: at least 100"):
-        driven.responded(manifest)
+        brief.responded(manifest)
 
 
-@pytest.mark.slow
-def test_a_film_too_slow_for_a_sweep_is_refused(driven):
-    manifest = driven.asked("sweep")
+def test_a_film_too_slow_for_a_sweep_is_refused(brief):
+    manifest = brief.asked("sweep")
     sweep = Sweep(from_hz=60.0, to_hz=90.0)
     fast = manifest.excitation.model_copy(update={"sweep": sweep})
     with pytest.raises(ForceError, match=r"sweep: given 60 to 90 Hz, allowed: below 40 Hz.*faster"):
-        driven.responded(manifest.model_copy(update={"excitation": fast}))
+        brief.responded(manifest.model_copy(update={"excitation": fast}))
 
 
 @pytest.mark.parametrize(
@@ -629,9 +644,8 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
 
 
 @pytest.mark.nightly
-def test_what_a_reader_should_know_is_told(driven):
-    manifest = driven.asked(segment_s=5.0)
-    data = driven.responded(manifest)
+def test_what_a_reader_should_know_is_told(driven, averaged):
+    manifest, data = driven.asked(segment_s=5.0), averaged
     changes = {
         "The force covers": {"filmed": ("end", [0.0, 90.0])},
         "The force acts 1[0-9]{2} mm": {"force_place": ("xy", [0.65, 0.015])},

@@ -7,8 +7,10 @@ import pytest
 from scenes.sounds import synchronise_sounds
 from scipy.signal import resample_poly
 
-from thesis_lib.measure.synchronisation.decimation import (
+from thesis_lib.measure.synchronisation.audio import (
     FILTER_REACH_SAMPLES,
+    SynchronisationError,
+    check_blocks,
     decimate_blocks,
     decimate_signal,
 )
@@ -21,8 +23,6 @@ from thesis_lib.measure.synchronisation.delays import (
 )
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import (
-    SynchronisationError,
-    check_blocks,
     find_tone,
     frequency_deviation,
     strongest_frequency,
@@ -122,13 +122,6 @@ def test_a_transient_is_aligned_within_0_005_frame_without_doubt(conforms, signa
         assert any("Not ambiguous" in line for line in found.describe("ABCD"))
 
 
-def test_starts_0_3_s_apart_in_either_direction_are_found(conforms):
-    t = np.arange(3 * RATE) / RATE
-    signals = [transient(t + start) for start in (0.3, 0.0, 0.6)]
-    delays = synchronise_sounds(signals, RATE, FPS, FREQUENCY).delays
-    conforms.closed_form(delays, [0, -0.3, 0.3], atol=1e-5)
-
-
 def test_a_known_frequency_may_be_slightly_off(conforms):
     signals, truth = recordings(transient, 3)
     found = phase_delays(signals, RATE, FREQUENCY * 1.01, truth)
@@ -139,14 +132,6 @@ def test_phases_only_correct_a_rough_guess(conforms):
     signals, truth = recordings(tone, 4)
     guess = truth + np.array([0, 0.3, -0.3, 0.2]) * PERIOD
     conforms.closed_form(phase_delays(signals, RATE, FREQUENCY, guess), truth, atol=0.005 / FPS)
-
-
-@pytest.mark.parametrize("rate", [8000, 44100])
-def test_other_sample_rates_do_as_well(conforms, rate):
-    t = np.arange(3 * rate) / rate
-    signals = [transient(t + start) for start in (0.1, 0.0837)]
-    found = synchronise_sounds(signals, rate, FPS, FREQUENCY)
-    conforms.closed_form(found.delays[1], -0.0163, atol=0.005 / FPS)
 
 
 def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
@@ -222,15 +207,11 @@ def test_a_faint_transient_is_ambiguous_rather_than_wrong(conforms):
     assert claimed > 5
 
 
-def test_the_report_says_what_sound_cannot_show(conforms):
-    found = synchronise_sounds(recordings(transient, 0)[0], RATE, FPS, FREQUENCY)
-    text = " ".join(found.describe("ABCD"))
-    for words in ("image and its sound", "clocks", "AC-coupled", "clap",
-                  "a tone of 4.25 Hz is shifted by 0.39 frame of 1/60 s"):  # fmt: skip
-        assert words in text
-    shift = (np.arctan(3 / FREQUENCY) - np.arctan(2 / FREQUENCY)) / (2 * np.pi * FREQUENCY) * FPS
-    conforms.closed_form(shift, 0.39, atol=0.005)
-    conforms.closed_form(FPS * coupling_delay(FREQUENCY), shift, rtol=1e-6)
+def test_coupling_shifts_a_tone_by_the_phases_of_two_high_passes(conforms):
+    """First-order corners of 2 and 3 Hz lead by arctan(corner / f)."""
+    shift = (np.arctan(3 / FREQUENCY) - np.arctan(2 / FREQUENCY)) / (2 * np.pi * FREQUENCY)
+    conforms.closed_form(FPS * shift, 0.39, atol=0.005)
+    conforms.closed_form(coupling_delay(FREQUENCY), shift, rtol=1e-6)
 
 
 # Bad recordings.
@@ -244,17 +225,11 @@ def refused(signals, *words, rate=RATE, frequency=None):
         assert word in str(error.value)
 
 
-def test_bad_recordings_are_named():
+def test_a_recording_of_something_else_is_named():
     good, *_ = recordings(transient, 0)[0]
     noise = 0.1 * np.random.default_rng(0).standard_normal(len(good))
-    for other, *words in (
-        (0 * good, "silent"),
-        (np.clip(3 * good, -1, 1), "clipped", "at most 2 %"),
-        (good[: RATE // 3], "0.333 s", "0.588 s"),
-        (noise, "correlation of", "same sound"),
-        (np.where(good > 0, np.nan, good), "audio of shape"),
-    ):
-        refused([good, other], "recording 1: ", *words, frequency=FREQUENCY)
+    words = "recording 1: ", "correlation of", "same sound"
+    refused([good, noise], *words, frequency=FREQUENCY)
 
 
 def test_a_tone_that_just_fits_is_not_clipped(conforms):
@@ -463,22 +438,6 @@ def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, col
     assert found >= least
 
 
-def test_a_clap_that_is_not_heard_is_refused():
-    refused(heard(0, -10)[0], "recording 1: no sound in it matches that of recording 0")
-
-
-def test_a_room_s_report_says_what_sound_in_air_does(conforms):
-    signals, truth = heard(1, 20)
-    found = synchronise_sounds(signals, RATE, FPS)
-    text = " ".join(found.describe("AB"))
-    assert found.method == "room"
-    assert not found.ambiguous
-    assert "2.9 ms per metre" in text
-    assert "a single knock" in text.lower()
-    assert "AC-coupled" not in text
-    conforms.closed_form(found.delays, truth, atol=0.005 / FPS)
-
-
 @pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_voices_are_enough(conforms, seed):
@@ -557,11 +516,7 @@ def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole(conforms):
     conforms.closed_form(strongest_frequency(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)
 
 
-def test_what_is_no_steady_tone_is_not_found():
-    t = np.arange(8 * 4000) / 4000
-    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
-    for x, part in ((noise, None), (tone(t) + 0.4 * hum(t), None),
-                    (tone(t), (3.0, 3.5))):  # fmt: skip
-        with pytest.raises(SynchronisationError, match="A: no steady tone below 500 Hz") as error:
-            find_tone(x, 4000, "A", part)
-        assert "\n" not in str(error.value)
+def test_a_part_of_two_periods_is_no_steady_tone():
+    x = tone(np.arange(8 * 4000) / 4000)
+    with pytest.raises(SynchronisationError, match=r"^A: no steady tone below 500 Hz[^\n]*$"):
+        find_tone(x, 4000, "A", (3.0, 3.5))

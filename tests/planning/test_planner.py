@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import re
+import shlex
 import signal
 import time
 from dataclasses import replace
@@ -20,19 +21,20 @@ from command import thesis
 from scipy.optimize import differential_evolution
 
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.planning import errors, positions, search, structure_file
-from thesis_lib.planning.planner import ImpossibleError, pareto, plan
+from thesis_lib.planning import errors, positions, report, search, structure_file
+from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
 from thesis_lib.planning.positions import Body, body_of
-from thesis_lib.planning.report import PLAN_FILES, summarise_plan, write_plan
+from thesis_lib.planning.report import PLAN_FILES, study_of, summarise_plan, write_plan
 from thesis_lib.planning.request import plan_request
-from thesis_lib.planning.results import CAMERA_COLUMNS
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
 from thesis_lib.vision.triangulation import point_covariance
 
 NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
+OBJECTIVES = ("mean", "worst")
 QUICK = {"counts": [2, 4], "starts": 1, "step_deg": 15, "trials": 60}
 
 
@@ -148,7 +150,7 @@ def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
     conforms.closed_form(layout[:, 1], low, atol=1e-6)
 
 
-@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     scene = scene_of(plate(), separation=0.3)
@@ -158,30 +160,18 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     known, near = errors.place_information(scene, grid), errors.too_near(scene, grid)
     sets = [c for c in itertools.combinations(range(14), count)
             if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
-    costs = [
-        errors.information_cost(errors.normal_variances(known[:, list(c)].sum(axis=1)), objective)
-        for c in sets
-    ]
+    costs = [errors.combined_cost(known[:, list(c)], objective) for c in sets]
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
     found = []
     for start in starts:
         layout, _ = errors.exchange_cameras(known, near, start, objective)
-        found.append(
-            (
-                float(
-                    errors.information_cost(
-                        errors.normal_variances(known[:, layout].sum(axis=1)), objective
-                    )
-                ),
-                sorted(layout),
-            )
-        )
+        found.append((errors.combined_cost(known[:, layout], objective), sorted(layout)))
     conforms.independent(min(found)[0], min(costs), rtol=1e-9)
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES)
 def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
     found = errors.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
@@ -196,7 +186,7 @@ def test_nothing_better_is_found_by_another_global_search(conforms, objective):
     conforms.independent(found, below=other.fun * (1 + 1e-6))
 
 
-@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES)
 def test_no_set_of_places_is_below_the_bound(conforms, objective):
     scene = scene_of(plate())
     grid = positions.candidate_positions(scene, np.radians(40))
@@ -208,9 +198,7 @@ def test_no_set_of_places_is_below_the_bound(conforms, objective):
             three = rng.integers(0, len(grid), 3)  # places may be shared
             variance = errors.normal_variances(known[:, three].sum(axis=1))
             conforms.closed_form(bound, below=weights @ variance * (1 + 1e-9))
-            conforms.closed_form(
-                bound, below=errors.information_cost(variance, "worst") * (1 + 1e-9)
-            )
+            conforms.closed_form(bound, below=variance.max() * (1 + 1e-9))
     scene = scene_of(point_body(), elevations=(np.radians(20), np.pi / 2))
     known = errors.place_information(scene, positions.candidate_positions(scene, np.radians(10)))
     closed = 1.0 / ((24 / 36) ** 2 * 4 * np.cos(np.radians(20)) ** 2)
@@ -248,8 +236,7 @@ def test_errors_in_percent_do_not_depend_on_the_size_of_the_world(conforms):
     )
 
 
-def test_best_places_do_not_depend_on_the_resolution_and_errors_fall_with_it(conforms):
-    made = plan(plan_request({**QUICK, "target_percent": None, "amplitude_mm": 5.5}))
+def test_best_places_do_not_depend_on_the_resolution_and_errors_fall_with_it(conforms, made):
     by_count = {}
     for one in made.options:
         by_count.setdefault(len(one.layout), []).append(one)
@@ -275,7 +262,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_are_kept_by_an_independent_check(limit, objective):
     scene = scene_of(plate(), **{"distances": (0.7, 1.5), "separation": 0.1, **LIMITS[limit]})
@@ -327,7 +314,7 @@ def test_every_limit_costs_something_or_nothing_but_never_helps():
 def test_more_cameras_are_never_worse():
     scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     grid = positions.candidate_positions(scene, np.radians(20))
-    for objective in errors.PLAN_OBJECTIVES:
+    for objective in OBJECTIVES:
         layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
         costs = [errors.layout_cost(scene, one, objective) for one in layouts]
         assert all(b < a for a, b in itertools.pairwise(costs))
@@ -378,7 +365,7 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", errors.PLAN_OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("body", ["beam", "plate"])
 def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
     request = plan_request({**QUICK, "body": body, "objective": objective, "trials": 400,
@@ -392,17 +379,12 @@ def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
 
 
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
-    from thesis_lib.figure_sets.parametric import compute as studies
-    from thesis_lib.planning.report import study_of
-
     request = plan_request({**QUICK, "distances_mm": [500, 500], "target_percent": None,
                             "resolutions_px": [[640, 360]]})  # fmt: skip
     made = plan(request)
     best_ = made.options[made.chosen]
     words = study_of(request, best_.layout, best_.resolution)
     assert words.startswith("thesis run beam-arrays")
-    import shlex
-
     values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
     cube = studies.run(
         validate_request("beam-arrays", {k: json.loads(v) for k, v in values.items()})
@@ -487,21 +469,18 @@ def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
     assert len(made.options) == 8
 
 
-@pytest.mark.slow
-def test_a_file_with_the_beam_gives_the_plan_of_the_beam(conforms, tmp_path):
+def test_a_file_with_the_beam_is_the_beam(tmp_path):
     body = beam()
     x, y, z = body.points
     data = xr.Dataset({
         "x": ("point", x), "y": ("point", y), "z": ("point", z),
         "shape": (("mode", "point"), body.shapes), "frequency": ("mode", body.frequencies),
     })  # fmt: skip
-    body = replace(body, shapes=body.shapes / np.abs(body.shapes).max(axis=1, keepdims=True))
-    request = plan_request({**QUICK, "target_percent": None})
-    one = plan(request, structure_file.read_body(written(tmp_path, data), [1, 2, 3]))
-    other = plan(request, body)
-    for a, b in zip(one.options, other.options, strict=True):
-        conforms.invariance(a.layout, b.layout, rtol=1e-6)
-        conforms.invariance(a.predicted, b.predicted, rtol=1e-6)
+    found = structure_file.read_body(written(tmp_path, data), [1, 2, 3])
+    for name in ("points", "normals", "frequencies"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(body, name))
+    shapes = body.shapes / np.abs(body.shapes).max(axis=1, keepdims=True)
+    np.testing.assert_array_equal(found.shapes, shapes)
 
 
 def test_a_turned_structure_is_measured_as_well(conforms):
@@ -680,7 +659,6 @@ IMPOSSIBLE = [
     ({"target_percent": 1, "resolutions_px": [[320, 180]], "elevations_deg": [75, 90]},
      ["elevations_deg=[75.0, 90.0] costs most"]),
     ({"tilt_deg": 5, "elevations_deg": [5, 30]}, ["binding", "tilt_deg=5.0"]),
-    ({"focal_lengths_mm": [200]}, ["distances_mm=[500.0, 1500.0]"]),
     ({"focal_lengths_mm": [200], "distances_mm": [500, 500]}, ["focal_lengths_mm=[200.0]"]),
     ({"forbidden_sectors_deg": [[-180, 180, -90, 90]]}, ["forbidden_sectors_deg"]),
     ({"forbidden_spheres_mm": [[0, 0, 0, 2000]]}, ["forbidden_spheres_mm"]),
@@ -757,13 +735,10 @@ def test_command_takes_a_structure_from_a_file(checkout, tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ["-p", "nonsense=1"],
         ["-p", "tilt_deg"],
-        ["-p", "tilt_deg=NaN"],
         ["-p", "target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"],
         ["--structure", "nothing.nc"],
         ["--structure", "nothing.nc", "-p", "body=plate"],
-        ["--structure", "nothing.nc", "-p", "plate_mm=[600,400,3]"],
         ["--out", "."],
     ],
     ids=lambda words: " ".join(words)[:40],
@@ -793,8 +768,6 @@ def test_interrupted_command_leaves_nothing_half_written(checkout, start, tmp_pa
 
 @pytest.mark.slow
 def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
-    from thesis_lib.planning import report
-
     request = plan_request({**QUICK, "counts": [2], "starts": 0, "trials": 5,
                             "target_percent": None})  # fmt: skip
     folder = tmp_path / "made"

@@ -10,8 +10,8 @@ import av
 import numpy as np
 
 from thesis_lib.measure.recordings.audio import AudioTrack
-from thesis_lib.measure.synchronisation.audio import AudioSource, load_audio
-from thesis_lib.measure.synchronisation.listen import synchronise_cameras
+from thesis_lib.measure.synchronisation.audio import AudioSource
+from thesis_lib.measure.synchronisation.listen import load_audio, synchronise_cameras
 
 BLOCK = 1024  # samples of a frame of AAC
 DEEP = "gray16le"

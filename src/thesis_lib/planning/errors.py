@@ -20,16 +20,8 @@ import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.planning.positions import (
-    LIMIT_SLACK,
-    MAX_TIE_RATIO,
-    Scene,
-    are_permitted,
-    camera_centres,
-    first_least,
-    place_cameras,
-    visible_markers,
-)
+from thesis_lib.planning import positions
+from thesis_lib.planning.positions import Scene
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import CameraArray, project
 from thesis_lib.vision.simulation import measure_deflections
@@ -83,7 +75,10 @@ def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
     """Yield the cameras and markers that go together, and these cameras."""
-    rig, seen = place_cameras(scene, layout, width), visible_markers(scene, layout)
+    rig, seen = (
+        positions.place_cameras(scene, layout, width),
+        positions.visible_markers(scene, layout),
+    )
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
         some = np.flatnonzero(pattern)
@@ -150,7 +145,6 @@ def draw_errors(
     return wrong
 
 
-PLAN_OBJECTIVES = ("mean", "worst")
 _RIDGE_RATIO = 1e-6  # of the mean information: what a marker has that no camera sees
 _MAX_PASSES = 50  # exchanges end long before
 _BOUND_ROUNDS = 60  # of the weights of the lower bound
@@ -173,8 +167,8 @@ def place_information(scene: Scene, places: Array) -> Array:
     ndarray, shape (6, places, markers)
         Entries xx, xy, xz, yy, yz, zz in 1/m², z along the normal; 0 where it is not seen.
     """
-    seen = visible_markers(scene, places)
-    J = image_jacobian(place_cameras(scene, places).P, scene.body.points)
+    seen = positions.visible_markers(scene, places)
+    J = image_jacobian(positions.place_cameras(scene, places).P, scene.body.points)
     x, y, z = np.moveaxis(marker_axes(scene.body.normals), 2, 0).swapaxes(1, 2).copy()
     # term by term: einsum takes seven times as long
     own = J[:, :, None, 0] * x + J[:, :, None, 1] * y + J[:, :, None, 2] * z
@@ -193,8 +187,9 @@ def normal_variances(total: Array) -> Array:
     return np.divide(minor, determinant, out=np.full(minor.shape, np.inf), where=regular)
 
 
-def information_cost(variance: Array, objective: str) -> Array:
-    """Return the mean or largest variance over the markers, which are the last axis."""
+def information_cost(total: Array, objective: str) -> Array:
+    """Return the mean or largest variance over the markers of information (6, ..., markers)."""
+    variance = normal_variances(total)
     return variance.mean(axis=-1) if objective == "mean" else variance.max(axis=-1)
 
 
@@ -205,27 +200,27 @@ def layout_cost(scene: Scene, places: Array, objective: str) -> float:
 
 def combined_cost(known: Array, objective: str) -> float:
     """Return the cost of cameras from the information of each, shape (6, cameras, markers)."""
-    return float(information_cost(normal_variances(known.sum(axis=1)), objective))
+    return float(information_cost(known.sum(axis=1), objective))
 
 
 def is_allowed(scene: Scene, places: Array) -> bool:
     """Return whether a layout keeps all rules."""
-    return bool(np.all(are_permitted(scene, places))) and is_spaced(scene, places)
+    return bool(np.all(positions.are_permitted(scene, places))) and is_spaced(scene, places)
 
 
 def is_spaced(scene: Scene, places: Array) -> bool:
     """Return whether the cameras of a layout are far enough from each other."""
-    where = camera_centres(scene, places)
+    where = positions.camera_centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
-    return bool(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK)))
+    return bool(np.all(gap >= scene.rules.separation * (1 - positions.LIMIT_SLACK)))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
     """Return which candidates may not stand in one layout; each of them with itself."""
-    where = camera_centres(scene, grid)
+    where = positions.camera_centres(scene, grid)
     return np.asarray(
         scipy.spatial.distance.cdist(where, where)
-        < max(scene.rules.separation * (1 - LIMIT_SLACK), 1e-9)
+        < max(scene.rules.separation * (1 - positions.LIMIT_SLACK), 1e-9)
     )
 
 
@@ -260,9 +255,7 @@ def exchange_cameras(
     ridge = _RIDGE_RATIO * np.mean(known[[0, 3, 5]]) * np.array([1.0, 0, 0, 1, 0, 1])[:, None]
     best = np.inf
     if -1 not in chosen:
-        best = float(
-            information_cost(normal_variances(known[:, chosen].sum(axis=1) + ridge), objective)
-        )
+        best = float(information_cost(known[:, chosen].sum(axis=1) + ridge, objective))
     each = np.moveaxis(known, 1, 0).copy()  # sums of what lies together take a fraction of the time
     if whose is None:
         own = [(np.arange(len(near)), known, near)] * len(chosen)
@@ -281,9 +274,9 @@ def exchange_cameras(
         if not len(mine):
             continue
         rest = each[others].sum(axis=0) + ridge
-        costs = information_cost(normal_variances(rest[:, None] + part), objective)
-        at = first_least(costs)
-        if chosen[slot] < 0 or costs[at] < best * (1 - MAX_TIE_RATIO):
+        costs = information_cost(rest[:, None] + part, objective)
+        at = positions.first_least(costs)
+        if chosen[slot] < 0 or costs[at] < best * (1 - positions.MAX_TIE_RATIO):
             chosen[slot], best, still = int(mine[at]), float(costs[at]), 1
     return chosen, best
 

@@ -1,47 +1,36 @@
-"""The planner: best layouts, their cost, the cheapest that reaches the target, what prevents it."""
+"""The planner: best layouts, their cost, the cheapest that reaches the target, what prevents it.
+
+A plan is given as a labelled cube, and as a table of cameras.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from pydantic_core import PydanticCustomError
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning import errors, sound
-from thesis_lib.planning.errors import (
-    combined_cost,
-    exchange_cameras,
-    layout_cost,
-    lower_bound,
-    normal_variances,
-    place_information,
-    too_near,
-)
-from thesis_lib.planning.positions import (
-    Body,
-    Scene,
-    candidate_positions,
-    first_most,
-    sees_enough,
-)
+from thesis_lib.planning import errors, positions, sound
+from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
+from thesis_lib.planning.positions import Body, Scene, candidate_positions
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.planning.search import Surroundings, best_layouts
 from thesis_lib.studies.request import ParameterError
+from thesis_lib.studies.schema import label_values, read_variables
 
 OPTION_FIELDS = (
-    "tilt_deg",
-    "in_view",
-    "elevations_deg",
-    "azimuths_deg",
-    "distances_mm",
-    "forbidden_boxes_mm",
-    "forbidden_spheres_mm",
-    "forbidden_sectors_deg",
-)
+    "tilt_deg", "in_view", "elevations_deg", "azimuths_deg", "distances_mm", "forbidden_boxes_mm",
+    "forbidden_spheres_mm", "forbidden_sectors_deg",
+)  # fmt: skip
 
 
 class ImpossibleError(ParameterError):
@@ -89,7 +78,7 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
             bare = ease_limit(bare, field)
-    if not np.any(sees_enough(bare, candidate_positions(bare, step))):
+    if not np.any(positions.sees_enough(bare, candidate_positions(bare, step))):
         return ImpossibleError(
             f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
             f"{_text(request, 'in_view')}"
@@ -163,7 +152,7 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
         return np.inf
     known = place_information(scene, grid)
     chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
-    return np.inf if -1 in chosen else combined_cost(known[:, chosen], request.objective)
+    return np.inf if -1 in chosen else errors.combined_cost(known[:, chosen], request.objective)
 
 
 _MAXIMUM_POWER = 40  # power of the variances that weigh markers in the bound of the largest
@@ -302,7 +291,7 @@ def _verified(one: Option, request: PlanRequest) -> Verified:
     if request.goal != "shape":
         wrong = errors.draw_errors(*asked)
         return Verified(*sound.simulate_sound_errors(request.sounds, wrong, request.goal))
-    found, at = errors.simulate_layout(*asked), first_most(one.point)
+    found, at = errors.simulate_layout(*asked), positions.first_most(one.point)
     return Verified(found.error(request.objective, at), found.band(request.objective))
 
 
@@ -356,7 +345,7 @@ def _options(
         if layout is None:
             continue
         value = layout_cost(scene, layout, request.objective)
-        bound = lower_bound(known, len(layout), _weights(scene, layout, request.objective))
+        bound = errors.lower_bound(known, len(layout), _weights(scene, layout, request.objective))
         for kind in kinds:
             width, height = request.resolutions_px[kind]
             point = errors.predict_errors(scene, layout, width)
@@ -373,7 +362,7 @@ def _options(
 
 def _weights(scene: Scene, layout: Array, objective: str) -> Array:
     """Return the markers' weights for :func:`lower_bound`: equal, or at the largest errors."""
-    variance = normal_variances(place_information(scene, layout).sum(axis=1))
+    variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))
     power = (variance / variance.max()) ** (_MAXIMUM_POWER if objective == "worst" else 0)
     return np.asarray(power / power.sum())
 
@@ -389,3 +378,106 @@ def _cheapest(
         if max(options[i].error, float(verified[i].simulated.max())) <= target:
             return i
     raise explain_unreached(options[front[-1]], request)
+
+
+CAMERA_COLUMNS = (
+    "camera", "x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "distance_mm",
+    "focal_length_mm", "width_px", "height_px", "frame_rate_hz",
+)  # fmt: skip
+OF_SOUND = read_variables(__file__, "sound")
+VARIABLES = read_variables(__file__, "plan")
+
+
+def camera_table(cube: xr.Dataset, option: int) -> str:
+    """Return the cameras of an option as CSV."""
+    one = cube.isel(option=option)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CAMERA_COLUMNS)
+    for i in range(int(one["n_cameras"])):
+        camera = one.isel(camera=i)
+        lengths = (1000 * camera["camera_position"].values).tolist()
+        angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
+        lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
+        place = [f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)]
+        size = int(one["width_px"]), int(one["height_px"])
+        rate = f"{float(one['frame_rate']):g}"
+        writer.writerow([i + 1, *place, f"{lens[0]:.3f}", f"{lens[1]:g}", *size, rate])
+    return text.getvalue()
+
+
+def as_cube(made: Plan) -> xr.Dataset:
+    """Return the cube of a plan: every option, the proposed one marker by marker."""
+    options, body = made.options, made.body
+    best = options[made.chosen]
+    most = max(len(one.layout) for one in options)
+    places = np.full((len(options), most, 7), np.nan)
+    for row, one in zip(places, options, strict=True):
+        row[: len(one.layout)] = _camera_rows(one, made)
+    verified = made.verified
+    values: dict[str, Any] = {
+        "n_cameras": [len(one.layout) for one in options],
+        "width_px": [one.resolution[0] for one in options],
+        "height_px": [one.resolution[1] for one in options],
+        "frame_rate": [one.frame_rate for one in options],
+        "pixel_rate": [one.pixel_rate for one in options],
+        "cost": [one.cost for one in options],
+        "expected_error": [one.expected for one in options],
+        "bound": [one.bound for one in options],
+        "predicted_error": [one.predicted for one in options],
+        "simulated_error": [one.simulated for one in verified],
+        "simulated_low": [one.band[0] for one in verified],
+        "simulated_high": [one.band[1] for one in verified],
+        "on_front": [int(i in made.front) for i in range(len(options))],
+        "chosen": made.chosen,
+        "camera_azimuth": places[:, :, 0],
+        "camera_elevation": places[:, :, 1],
+        "camera_distance": places[:, :, 2],
+        "focal_length": places[:, :, 3],
+        "camera_position": places[:, :, 4:],
+        "point_error": errors.predict_errors(best.scene, best.layout, best.resolution[0]),
+        "marker": body.points.T,
+        "normal": body.normals.T,
+        "reference_deflection": body.shapes * np.array(made.request.peaks_m)[:, None],
+        "outline": _outline(made).T,
+        "frequency": body.frequencies,
+    }
+    cube = xr.Dataset(
+        coords={
+            "mode": ("mode", list(body.modes), {"units": "1", "long_name": "mode number"}),
+            "axis": ("axis", ["x", "y", "z"], {"units": "1", "long_name": "axis"}),
+        },
+        attrs={
+            "structure": body.name,
+            "candidates": np.int64(made.candidates),
+            "cost_is": "price" if made.request.prices else "pixels per second",
+            "objective": made.request.objective,
+            "target_percent": json.dumps(made.request.target_percent),
+        },
+    )
+    cube = cube.assign(label_values({name: values[name] for name in VARIABLES}, VARIABLES))
+    if instead := [one.instead.field for one in options if one.instead]:
+        cube.attrs["goal"] = made.request.goal
+        cube = cube.assign(label_values({"shape_plan_error": instead}, OF_SOUND))
+    return cube
+
+
+def _camera_rows(option: Option, made: Plan) -> Array:
+    """Return azimuth and elevation in degrees, distance and focal length in m, position in m."""
+    azimuth, elevation, distance, focal = option.layout.T
+    turned = np.mod(np.degrees(azimuth) + 180, 360) - 180
+    focal = focal * made.request.sensor_width_mm / 1000
+    places = positions.camera_centres(option.scene, option.layout)
+    return np.column_stack([turned, np.degrees(elevation), distance, focal, places])
+
+
+def _outline(made: Plan) -> Array:
+    """Return the structure's corners, or those of the box around its markers as one closed walk."""
+    if made.body.outline.size:
+        return made.body.outline
+    low, high = made.body.points.min(axis=1), made.body.points.max(axis=1)
+    bottom = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    # around the bottom, up, and around the top, down and up again at each other corner
+    walk = [(*corner, 0) for corner in (*bottom, bottom[0])] + [(0, 0, 1)]
+    walk += [(*corner, up) for corner in bottom[1:] for up in (1, 0, 1)] + [(0, 0, 1)]
+    return low[:, None] + np.array(walk).T * (high - low)[:, None]

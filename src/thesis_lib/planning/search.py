@@ -15,28 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.planning import positions
-from thesis_lib.planning.errors import (
-    combined_cost,
-    exchange_cameras,
-    information_cost,
-    is_allowed,
-    is_spaced,
-    layout_cost,
-    normal_variances,
-    place_information,
-    too_near,
-)
+from thesis_lib.planning import errors, positions
+from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
 from thesis_lib.planning.positions import (
     MAX_TIE_RATIO,
     Scene,
-    are_apart,
-    are_permitted,
     by_rule,
-    first_least,
     nearest_distances,
     places_at,
-    rank_layout,
 )
 from thesis_lib.vision.pinhole import hemisphere_directions
 
@@ -89,13 +75,17 @@ class Surroundings:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.nearest = Once(lambda rows: nearest_distances(scene, rows[:, :2], rows[:, 2]))
-        self.permitted = Once(lambda places: are_permitted(scene, places))
+        self.permitted = Once(lambda places: positions.are_permitted(scene, places))
         self._information = Once(lambda places: np.moveaxis(place_information(scene, places), 1, 0))
 
     def information(self, places: Array) -> Array:
         """Return :func:`~thesis_lib.planning.errors.place_information` (6, places, markers)."""
         # sums of what does not lie together take ten times as long
         return np.ascontiguousarray(np.moveaxis(self._information(places), 0, 1))
+
+    def cost(self, layout: Array, objective: str) -> float:
+        """Return the cost of a layout."""
+        return errors.combined_cost(self.information(layout), objective)
 
 
 def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Array, Mask]:
@@ -150,7 +140,7 @@ def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
 
 def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
     """Move cameras by ever smaller steps, one by one and all together, while that helps."""
-    best = combined_cost(about.information(layout), objective)
+    best = about.cost(layout, objective)
     for step in SEARCH_STEPS_RAD:
         # one by one they do not leave an arrangement that is better only if all are turned
         for turn, reach in (
@@ -161,9 +151,7 @@ def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
             for _ in range(_MAX_ROUNDS):
                 start = turn_layout(about.scene, layout, turn) if turn else layout
                 moved = _move_best(about, start, reach, objective)
-                value = (
-                    np.inf if moved is None else combined_cost(about.information(moved), objective)
-                )
+                value = np.inf if moved is None else about.cost(moved, objective)
                 if moved is None or not value < best * (1 - MAX_TIE_RATIO):
                     break
                 layout, best = moved, value
@@ -177,7 +165,7 @@ def _move_best(about: Surroundings, layout: Array, step: float, objective: str) 
     near = too_near(about.scene, around)
     chosen, _ = exchange_cameras(about.information(around), near, start, objective, whose)
     found = around[chosen]
-    return found if -1 not in chosen and is_spaced(about.scene, found) else None
+    return found if -1 not in chosen and errors.is_spaced(about.scene, found) else None
 
 
 def layout_images(scene: Scene, layout: Array) -> list[Array]:
@@ -196,11 +184,10 @@ def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Arr
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + MAX_TIE_RATIO)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
-    turned = [
-        image for one in best for image in layout_images(scene, one) if is_allowed(scene, image)
-    ]
+    images = itertools.chain.from_iterable(layout_images(scene, one) for one in best)
+    turned = [image for image in images if errors.is_allowed(scene, image)]
     alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
-    return min(map(by_rule, best + alike), key=rank_layout, default=None)
+    return min(map(by_rule, best + alike), key=positions.rank_layout, default=None)
 
 
 def best_layouts(
@@ -263,14 +250,12 @@ def best_layouts(
         if before is not None:  # the settled smaller one and what adds most to it
             added = before
             while len(added) < count:
-                rest = np.flatnonzero(are_apart(scene, grid, added))
+                rest = np.flatnonzero(positions.are_apart(scene, grid, added))
                 if not len(rest):
                     break
                 total = place_information(scene, added).sum(axis=1)
-                costs = information_cost(
-                    normal_variances(total[:, None] + known[:, rest]), objective
-                )
-                added = np.concatenate([added, grid[rest[[first_least(costs)]]]])
+                costs = errors.information_cost(total[:, None] + known[:, rest], objective)
+                added = np.concatenate([added, grid[rest[[positions.first_least(costs)]]]])
             if len(added) == count:
                 layouts.append(added)
         finite = [one for one in layouts if np.isfinite(layout_cost(scene, one, objective))]

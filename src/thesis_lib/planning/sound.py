@@ -21,14 +21,7 @@ from thesis_lib.acoustics.sources import Medium, Pistons, transfer_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions
-from thesis_lib.planning.positions import (
-    MAX_TIE_RATIO,
-    Scene,
-    are_apart,
-    first_least,
-    place_cameras,
-    places_at,
-)
+from thesis_lib.planning.positions import Scene, places_at
 from thesis_lib.planning.search import Surroundings
 from thesis_lib.studies.fields import refuse_value
 from thesis_lib.studies.request import SoundPlanes
@@ -43,12 +36,10 @@ SILENT_TEXTS = {
     "sound-point": "that are heard at point_mm",
 }
 
-SOUND_STEPS_RAD = np.radians(
-    [8, 4, 2]
-)  # finer ones would fit one grid of pixels, not how markers lie on it
-AVERAGED_TURNS_RAD = np.radians(
-    [-0.5, 0, 0.5]
-)  # of the whole layout, over which costs are averaged
+# Finer steps would fit one grid of pixels, not how markers lie on it
+SOUND_STEPS_RAD = np.radians([8, 4, 2])
+# Turns of the whole layout, over which costs are averaged
+AVERAGED_TURNS_RAD = np.radians([-0.5, 0, 0.5])
 _MIN_IMPROVEMENT = 1e-3  # relative: what helps less is left alone
 _MAX_ROUNDS = 4
 _SEARCH_DIRECTIONS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b])
@@ -126,7 +117,7 @@ def average_sound_error(
     """
     squares, rest = [], scene.body.points
     for turn in AVERAGED_TURNS_RAD:
-        P = place_cameras(scene, layout + [turn, 0, 0, 0], width).P
+        P = positions.place_cameras(scene, layout + [turn, 0, 0, 0], width).P
         C = 2 * rounding.deflection_covariance(P, rest, rest, rest_is_known=True)
         squares.append(_predict_modes(sounds, [C] * len(sounds), goal) ** 2)
     return np.asarray(np.sqrt(np.mean(squares, axis=0)))
@@ -136,7 +127,7 @@ def predict_sound_errors(
     sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Return errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
-    P, rest = place_cameras(scene, layout, width).P, scene.body.points
+    P, rest = positions.place_cameras(scene, layout, width).P, scene.body.points
     moved = np.moveaxis(scene.body.deflected(scene.peaks), 1, 0)
     covariances = [rounding.deflection_covariance(P, rest, one) for one in moved]
     return _predict_modes(sounds, covariances, goal)
@@ -189,15 +180,15 @@ def move_cameras(
             near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
             places = places_at(grid, near, focal)
             others = np.delete(found, which, axis=0)
-            places = places[about.permitted(places) & are_apart(scene, places, others)]
+            places = places[about.permitted(places) & positions.are_apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]
             costs = np.array(
                 [average_sound_error(sounds, scene, one, width, goal).max() for one in tried]
             )
             if len(costs) and costs.min() < best * (1 - _MIN_IMPROVEMENT):
-                least = first_least(costs)
+                least = positions.first_least(costs)
                 found, best, still = tried[least], float(costs[least]), 0
     now, before = (
         predict_sound_errors(sounds, scene, one, width, goal).max() for one in (found, layout)
     )
-    return found if now < before * (1 - MAX_TIE_RATIO) else layout
+    return found if now < before * (1 - positions.MAX_TIE_RATIO) else layout

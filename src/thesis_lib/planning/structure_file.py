@@ -24,18 +24,15 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning.positions import Body
+from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.studies import storage
 from thesis_lib.studies.blocks import HELD_BYTES
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_origin
 from thesis_lib.text import has_hidden, one_line
-from thesis_lib.vibration.structure import Structure, deflection_shape
+from thesis_lib.vibration.structure import Structure
 
-NEEDED_FIELDS = {
-    "x": ("point",),
-    "y": ("point",),
-    "z": ("point",),
+NEEDED_FIELDS = dict.fromkeys("xyz", ("point",)) | {
     "shape": ("mode", "point"),
     "frequency": ("mode",),
 }
@@ -171,34 +168,20 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
         ``frequency(mode)`` in Hz, and ``shape(mode, point)``, which is 1 where the structure moves
         most.
     """
-    half = np.array(structure.extent) / 2
-    x, y = structure.markers - half[:, None]
-    shapes = [deflection_shape(structure, mode, structure.markers, peak=1.0) for mode in modes]
-    hertz = structure.angular_frequencies(max(modes)) / (2 * np.pi)
-    places = {"x": x, "y": y, "z": np.zeros_like(x)}
-    return with_origin(
-        xr.Dataset(
-            {
-                **{
-                    name: ("point", values, {"units": "m", "long_name": f"position along {name}"})
-                    for name, values in places.items()
-                },
-                "shape": (
-                    ("mode", "point"),
-                    np.array(shapes),
-                    {"units": "1", "long_name": "mode shape along z, 1 where it is largest"},
-                ),
-                "frequency": (
-                    "mode",
-                    hertz[np.array(modes) - 1],
-                    {"units": "Hz", "long_name": "natural frequency"},
-                ),
-            },
-            coords={"mode": ("mode", np.array(modes), {"units": "1", "long_name": "mode number"})},
-            attrs={"title": "Markers and mode shapes"},
-        ),
-        f"thesis_lib.planning.structure_file, {type(structure).__name__}",
-    )
+    body, kind = body_of(structure, "", modes), type(structure).__name__
+    places = {
+        name: ("point", values, {"units": "m", "long_name": f"position along {name}"})
+        for name, values in zip("xyz", body.points, strict=True)
+    }
+    shape = {"units": "1", "long_name": "mode shape along z, 1 where it is largest"}
+    hertz = {"units": "Hz", "long_name": "natural frequency"}
+    values = {
+        "shape": (("mode", "point"), body.shapes, shape),
+        "frequency": ("mode", body.frequencies, hertz),
+    }
+    numbers = {"mode": ("mode", np.array(modes), {"units": "1", "long_name": "mode number"})}
+    data = xr.Dataset(places | values, numbers, {"title": "Markers and mode shapes"})
+    return with_origin(data, f"thesis_lib.planning.structure_file, {kind}")
 
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:

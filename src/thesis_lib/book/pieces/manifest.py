@@ -25,7 +25,7 @@ from thesis_lib.measure.feasibility.assess import (
     format_error_share,
 )
 from thesis_lib.measure.feasibility.draft import draft_manifest
-from thesis_lib.measure.feasibility.prediction import alias_frequency
+from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.messages import (
     CHECK_GROUPS,
     CHECK_LIMITS,
@@ -284,7 +284,7 @@ def tabulate_alias() -> str:
         "film-alias",
         rate_hz=FRAME_RATE_HZ,
         frequency_hz=ALIASED_HZ,
-        alias_hz=alias_frequency(ALIASED_HZ, FRAME_RATE_HZ),
+        alias_hz=float(fold_frequency(ALIASED_HZ, FRAME_RATE_HZ)),
         turns=CHECK_LIMITS["alias"],
         turns_loss=_amplitude_loss(CHECK_LIMITS["alias"]),
         steady_interval_s=STEADY_S,

@@ -32,7 +32,6 @@ from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_st
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.laboratory.tracking import TrackedCentres, frame_times
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
-from thesis_lib.measure.radiation.between import Between, by_model
 from thesis_lib.measure.radiation.of_measurement import (
     SOUND_RATE_HZ,
     audible_pressure,
@@ -42,6 +41,8 @@ from thesis_lib.measure.radiation.of_measurement import (
 from thesis_lib.measure.radiation.radiated import (
     ALL_TONES,
     SURFACE_NODES,
+    Between,
+    by_model,
     count_nodes,
     radiate_sound,
 )

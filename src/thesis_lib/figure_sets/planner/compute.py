@@ -13,9 +13,8 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTION, THESIS_QUESTIONS, Planner
 from thesis_lib.planning import errors, sound
 from thesis_lib.planning.errors import layout_cost
-from thesis_lib.planning.planner import Plan, for_sound, plan
+from thesis_lib.planning.planner import Plan, as_cube, for_sound, plan
 from thesis_lib.planning.positions import first_most, visible_markers
-from thesis_lib.planning.results import as_cube
 from thesis_lib.studies.schema import label_values, read_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")

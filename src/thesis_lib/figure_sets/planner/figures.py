@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.planner.figure_set import (
     MACHINE_BOX_MM,
     THESIS_QUESTIONS,
 )
-from thesis_lib.planning import figures as plan_figures
+from thesis_lib.planning import report as plan_report
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.positions import MAX_TIE_RATIO
 from thesis_lib.plotting.style import (
@@ -175,7 +175,7 @@ def show_layouts(cube: xr.Dataset) -> HTML:
         question, found = one["question"].item(), np.flatnonzero(np.isfinite(one["cost"].values))
         first = int(np.searchsorted(found, nearest_option(cube, question, SHOWN_CAMERAS)))
         plans.append((str(question), one.isel(option=found), first))
-    return HTML(plan_figures.layout_view(plans))
+    return HTML(plan_report.layout_view(plans))
 
 
 __all__ = ["TEXTS", "front", "gain", "layouts"]
@@ -221,8 +221,8 @@ def layouts(cube: xr.Dataset) -> Figure:
     for column, question in zip(columns, shown, strict=False):
         at = nearest_option(cube, question, SHOWN_CAMERAS)
         part = cube.sel(question=question).isel(option=at)
-        for panel, (_, azimuth, elevation) in zip(column, plan_figures.LAYOUT_VIEWS, strict=False):
-            plan_figures.layout_panel(panel, part, azimuth, elevation)
+        for panel, (_, azimuth, elevation) in zip(column, plan_report.LAYOUT_VIEWS, strict=False):
+            plan_report.layout_panel(panel, part, azimuth, elevation)
             if question in BLOCKED_QUESTIONS:
                 _draw_wall(panel, part, BLOCKED_QUESTIONS[question], azimuth, elevation)
         column[0].set_title(question)
@@ -242,7 +242,7 @@ def _draw_wall(
     along, up = np.array([-1, 1, 1, -1]) * reach, np.array([0, 0, 1, 1]) * 0.6 * reach
     across = np.full(4, MACHINE_BOX_MM[0] / 1000 if obstacle == "machine" else 0.0)
     corners = (across, along, up) if obstacle == "machine" else (along, across, up)
-    face = plan_figures.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
+    face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
     panel.fill(*face.T, color=HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
     panel.annotate(obstacle, face[1], color=HIGHLIGHT_COLOR, fontsize=8, ha="center", va="top")
 
@@ -255,5 +255,5 @@ def front(cube: xr.Dataset) -> Figure:
     best = cheapest_option(one, target)
     chosen = 0 if best is None else int(np.sum(found[:best]))
     one = one.isel(option=found).assign(chosen=chosen)
-    plan_figures.front_panel(panel, one, None if best is None else target)
+    plan_report.front_panel(panel, one, None if best is None else target)
     return drawing

@@ -15,19 +15,9 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.feasibility.prediction import (
-    DEFAULT_STEADY_S,
-    OPTICS_FIELDS,
-    CameraPrediction,
-    PredictedView,
-    RigPrediction,
-    alias_frequency,
-    predict_camera,
-    predict_errors,
-    rms_and_worst,
-    steady_seconds,
-    view_markers,
-)
+from thesis_lib.measure.feasibility import prediction
+from thesis_lib.measure.feasibility.prediction import CameraPrediction, PredictedView, RigPrediction
+from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.messages import (
     ALL_MESSAGES,
@@ -128,12 +118,14 @@ def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> As
             + " or ".join(DETECTORS)
         )
     amplitude = float(manifest.excitation.amplitude_mm or np.nan) / 1000
-    steady, slowest = steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
+    steady, slowest = prediction.steady_seconds(manifest), min(c.rate_hz for c in manifest.cameras)
     with np.errstate(all="ignore"):  # what is not given is NaN
-        view = view_markers(manifest, float(np.nan_to_num(amplitude)))
-        table = [predict_camera(manifest, view, i, amplitude) for i in range(len(view.optics))]
-        errors = predict_errors(manifest, view, amplitude, noise_px)
-        one, fit, rounding = map(rms_and_worst, errors)
+        view = prediction.view_markers(manifest, float(np.nan_to_num(amplitude)))
+        table = [
+            prediction.predict_camera(manifest, view, i, amplitude) for i in range(len(view.optics))
+        ]
+        errors = prediction.predict_errors(manifest, view, amplitude, noise_px)
+        one, fit, rounding = map(prediction.rms_and_worst, errors)
         rig = RigPrediction(
             located=int(view.located.sum()),
             noise_px=noise_px,
@@ -188,7 +180,7 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
         yield _warn("few-rest-frames", where, rest=rest, frames=frames, rate=rate, seconds=seconds)
     if not given:
         return
-    where, steady = "excitation.steady_interval_s", steady_seconds(manifest)
+    where, steady = "excitation.steady_interval_s", prediction.steady_seconds(manifest)
     if (frames := steady * rate) < (least := limits["few-frames"]):
         seconds = least / rate
         yield _warn("few-frames", where, steady=steady, frames=frames, rate=rate, seconds=seconds)
@@ -201,10 +193,10 @@ def _check_times(manifest: Manifest) -> Iterator[Warning]:
 
 def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning]:
     """Check one frame rate against the vibration and the structure's own frequencies."""
-    steady, f = steady_seconds(manifest), manifest.excitation.frequency_hz
+    steady, f = prediction.steady_seconds(manifest), manifest.excitation.frequency_hz
     if f is None:
         return
-    seen = alias_frequency(f, rate)
+    seen = float(fold_frequency(f, rate))
     given = f"the frame rate is {rate:g} Hz, {rate / f:.3g} frames a period of {f:.6g} Hz"
     if f >= CHECK_LIMITS["undersampled"] * rate:
         if not manifest.excitation.undersampled:
@@ -226,7 +218,7 @@ def _check_rate(manifest: Manifest, rate: float, where: str) -> Iterator[Warning
     many = model.angular_frequencies(MAX_MODES) / (2 * np.pi)
     others = many[many > MIN_MODE_RATIO * f][:MAX_HIGHER_MODES]
     for k, own in enumerate(others):
-        rings = alias_frequency(own, rate)
+        rings = float(fold_frequency(own, rate))
         near = abs(rings - seen) * steady < CHECK_LIMITS["higher-modes"]
         if own >= rate / 2 and (k == 0 or near):
             mode: dict[str, object] = {"own": own, "rings": rings, "least": 2 * own}
@@ -304,10 +296,10 @@ def _check_rig(
 def list_unknowns(manifest: Manifest) -> Iterator[str]:
     """Yield the checks that could not be made, and the fields that they need."""
     needs = {
-        "ground sample distance": OPTICS_FIELDS[:3],
-        "view": OPTICS_FIELDS,
-        "errors": OPTICS_FIELDS,
-        "depth of field": (*OPTICS_FIELDS, "f_number"),
+        "ground sample distance": prediction.OPTICS_FIELDS[:3],
+        "view": prediction.OPTICS_FIELDS,
+        "errors": prediction.OPTICS_FIELDS,
+        "depth of field": (*prediction.OPTICS_FIELDS, "f_number"),
     }
     groups: dict[tuple[str, str], list[str]] = {}
     for camera in manifest.cameras:
@@ -333,7 +325,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     }
     for code, is_open in open_fields.items():
         if is_open:
-            yield format_message(UNCHECKED_MESSAGES[code], steady=DEFAULT_STEADY_S)
+            yield format_message(UNCHECKED_MESSAGES[code], steady=prediction.DEFAULT_STEADY_S)
 
 
 def _join(names: Sequence[str]) -> str:

@@ -10,16 +10,9 @@ import numpy as np
 
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.prediction import view_markers
+from thesis_lib.measure.recordings import template
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.recordings.template import (
-    ASKED_FIELDS,
-    list_asked,
-    list_assumed,
-    text_of,
-    validate_manifest,
-    with_given,
-)
 
 PHONE_CAMERA: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
     "width_px": 1920,
@@ -36,7 +29,7 @@ MARKER_COLUMNS, MARKER_ROWS = 6, 4  # of a plate's markers, unless they are give
 MAX_DIAMETER_MM = 12.0  # of a marker
 STEADY_INTERVAL_S = [5.0, 35.0]  # half a minute
 REPORTED_FIELDS = (
-    *(name for name in ASKED_FIELDS if name != "cameras.exposure_s"),
+    *(name for name in template.ASKED_FIELDS if name != "cameras.exposure_s"),
     "excitation.amplitude_mm",
     *(f"cameras.{name}" for name in (*PHONE_CAMERA, "distance_mm", "elevation_deg")),
 )
@@ -68,16 +61,16 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
     if path.exists():
         raise ManifestError(f"{path}: is there already, allowed: none; edit it, or remove it")
     manifest, own = draft_manifest(given), {k: v for k, v in given.items() if k != "cameras"}
-    asked = list_asked(manifest, REPORTED_FIELDS)
+    asked = template.list_asked(manifest, REPORTED_FIELDS)
     folder.mkdir(parents=True, exist_ok=True)
-    whole_text(path, text_of(manifest, own, asked))
+    whole_text(path, template.text_of(manifest, own, asked))
     places = ", ".join(f"{c.azimuth_deg:g}°" for c in manifest.cameras)
     first = manifest.cameras[0]
     where = (
         f"{len(manifest.cameras)} cameras, {first.distance_mm:g} mm from the structure's centre "
         f"and {first.elevation_deg:g}° above its plane, at azimuths {places}"
     )
-    return path, [where, *list_assumed(manifest, own, asked)]
+    return path, [where, *template.list_assumed(manifest, own, asked)]
 
 
 def draft_manifest(given: Mapping[str, Any]) -> Manifest:
@@ -106,19 +99,19 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         for i in range(count)
     ]
     filled = {"excitation.steady_interval_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
-    manifest = validate_manifest(with_given(cameras, filled))
+    manifest = template.validate_manifest(template.with_given(cameras, filled))
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count
     slender = min(1.0, 2 * size[0] / size[1])
     azimuths = np.degrees(np.arctan2(slender * np.sin(turn), np.cos(turn)))
     for camera, azimuth in zip(cameras, azimuths, strict=True):
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
-    values = with_given(cameras, filled)
+    values = template.with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
-        distance = _nearest_distance(validate_manifest(values))
+        distance = _nearest_distance(template.validate_manifest(values))
         for camera in cameras:
             camera["distance_mm"] = distance
-    return validate_manifest(values)
+    return template.validate_manifest(values)
 
 
 def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,28 +10,18 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.vision import pinhole
 from thesis_lib.vision.optics import blur_circle, depth_of_field
-from thesis_lib.vision.pinhole import (
-    CameraArray,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-    on_sensor,
-    project,
-)
 from thesis_lib.vision.rounding import deflection_variance
 from thesis_lib.vision.triangulation import image_jacobian, triangulation_gain
 
 DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
 OPTICS_FIELDS = (
-    "focal_length_mm",
-    "sensor_width_mm",
-    "distance_mm",
-    "azimuth_deg",
-    "elevation_deg",
-)
+    "focal_length_mm", "sensor_width_mm", "distance_mm", "azimuth_deg", "elevation_deg",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -112,10 +102,12 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     optics = np.array([[getattr(c, name) for name in OPTICS_FIELDS] for c in cameras], float)
     azimuth, elevation = np.radians(optics[:, 3:].T)
     focal_px = optics[:, 0] / optics[:, 1] * [c.width_px for c in cameras]
-    K = np.array([intrinsics(f, c.size) for f, c in zip(focal_px, cameras, strict=True)])
-    directions = hemisphere_directions(azimuth, elevation)
+    K = np.array([pinhole.intrinsics(f, c.size) for f, c in zip(focal_px, cameras, strict=True)])
+    directions = pinhole.hemisphere_directions(azimuth, elevation)
     centres = optics[:, 2:3] / 1000 * directions
-    P = CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, cameras[0].size).P
+    P = pinhole.CameraArray(
+        K, pinhole.hemisphere_rotations(azimuth, elevation), centres, cameras[0].size
+    ).P
     size = np.array([[s.length_mm], [s.width_mm]]) / 1000
     X, corners = (
         np.vstack([places - size / 2, np.zeros(places.shape[1])])
@@ -125,9 +117,9 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     swing[2] += amplitude * np.array([[-1.0], [0.0], [1.0]])
 
     def images(points: Array) -> tuple[Array, Array, Mask]:
-        uv, flat = project(P, points), points.reshape(3, -1)
+        uv, flat = pinhole.project(P, points), points.reshape(3, -1)
         depth = (P[:, 2, :3] @ flat + P[:, 2, 3:]).reshape(len(P), *points.shape[1:])
-        on = [on_sensor(own[None], c.size)[0] for own, c in zip(uv, cameras, strict=True)]
+        on = [pinhole.on_sensor(own[None], c.size)[0] for own, c in zip(uv, cameras, strict=True)]
         return depth, uv, (depth > 0) & np.array(on)
 
     depths, uv, seen = images(swing)
@@ -211,7 +203,7 @@ def predict_errors(
     exposures = np.array([c.exposure_s for c in manifest.cameras])[on]
     f = manifest.excitation.frequency_hz or 0.0
     fit = noise * np.sqrt(2 / (rates * steady_seconds(manifest))) / np.abs(np.sinc(f * exposures))
-    turn = 2 * np.pi * alias_frequency(f, rates.min()) / rates.min()
+    turn = 2 * np.pi * fold_frequency(f, rates.min()) / rates.min()
     return [
         1000 * noise_errors(P, X, np.full(len(P), noise), seen),
         1000 * noise_errors(P, X, fit, seen),
@@ -225,11 +217,6 @@ def rms_and_worst(errors: Array) -> tuple[float, float]:
     if len(known) == 0:
         return np.nan, np.nan
     return float(np.sqrt(np.mean(known**2))), float(known.max())
-
-
-def alias_frequency(frequency: float, rate: float) -> float:
-    """Return the frequency |f − r round(f/r)| in Hz at which frames of rate r show f."""
-    return float(abs(frequency - rate * np.rint(frequency / rate)))
 
 
 def noise_errors(

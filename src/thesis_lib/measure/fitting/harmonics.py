@@ -16,12 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray, IntArray
-from thesis_lib.measure.fitting.reconstruction import (
-    Frame,
-    fit_grid,
-    height_deviation,
-    triangulate_seen,
-)
+from thesis_lib.measure.fitting import reconstruction
+from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import lens
@@ -167,7 +163,7 @@ def harmonic_motion(
     """
     times = np.arange(instants) * 2 * np.pi / (omega * instants)
     uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
-    points, _ = triangulate_seen(P, uv)
+    points, _ = reconstruction.triangulate_seen(P, uv)
     turns = 2 / instants * np.exp(-1j * omega * times)
     return np.asarray([turns @ along for along in frame.to_beam(points)], complex)
 
@@ -203,15 +199,15 @@ class Fitted:
     @property
     def points(self) -> Array:
         """Return the markers at rest in the calibration's frame, shape (3, markers), m."""
-        return triangulate_seen(self.P, self.rest)[0]
+        return reconstruction.triangulate_seen(self.P, self.rest)[0]
 
 
 def combine_fit(
     cameras: list[Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
 ) -> Fitted:
     """Put harmonics and markers at rest together, in the frame of the markers' grid."""
-    points, _ = triangulate_seen(lens.projection_matrices(cameras), rest)
-    frame = fit_grid(points, markers.world[:, : markers.count])
+    points, _ = reconstruction.triangulate_seen(lens.projection_matrices(cameras), rest)
+    frame = reconstruction.fit_grid(points, markers.world[:, : markers.count])
     return Fitted(cameras, harmonics, rest, frame)
 
 
@@ -239,7 +235,7 @@ def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2
     """
     own = correct_exposure(fit, omega, exposures)
     spread = np.sqrt([0.5 * (h.covariance[1, 1] + h.covariance[2, 2]) for h in own])
-    return height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
+    return reconstruction.height_deviation(fit.P, fit.frame, fit.points, fit.sigma * spread, axis)
 
 
 def common_phase(shape: ComplexArray, force: complex = 0j, damping: float = 0.0) -> float:

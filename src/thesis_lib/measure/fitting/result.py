@@ -9,39 +9,12 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.measure.fitting import errors, harmonics
+from thesis_lib.measure.fitting import frequency as clocks
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.calibration_error import common_errors, with_common_errors
-from thesis_lib.measure.fitting.frequency import (
-    apply_paces,
-    estimate_paces,
-    lags_of,
-    look_for,
-    phase_advance,
-    phase_lags,
-    refine_frequency,
-    shift_starts,
-)
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    amplitude_std,
-    at_rest,
-    common_phase,
-    deflection_amplitude,
-    fit_tracks,
-    noise_near,
-)
+from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
-from thesis_lib.measure.fitting.residuals import (
-    check_explained,
-    explained_share,
-    find_frozen,
-    find_jump,
-    in_plane,
-    in_plane_excess,
-    restore_scatter,
-    without_each,
-)
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
@@ -77,7 +50,7 @@ def shape_result(
     covariance : ndarray, optional
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
         then the result has ``SHARED_VARIABLES`` of
-        :mod:`~thesis_lib.measure.fitting.calibration_error`, too, and standard errors hold it.
+        :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors hold it.
 
     Returns
     -------
@@ -95,52 +68,52 @@ def shape_result(
     markers, cameras = markers_of(manifest), [own.camera for own in recordings]
     excitation = manifest.excitation
     still_s = excitation.rest_duration_s or end  # if never at rest, their mean place
-    rest = np.array([at_rest(own, still_s) for own in recordings])
+    rest = np.array([harmonics.at_rest(own, still_s) for own in recordings])
     frame = check_frame(cameras, rest, markers)
     check_sides(frame, cameras)
     given = float(sound["frequency"])
-    start = given if np.isfinite(given) else look_for(recordings, begin, end)
+    start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
-    pace = estimate_paces(recordings, begin, end, start, order)
-    recordings = apply_paces(recordings, pace, 0.5 * (begin + end))
-    phases = phase_advance(recordings, begin, end, start, order)
-    frequency = refine_frequency(start, phases, sound)
+    pace = clocks.estimate_paces(recordings, begin, end, start, order)
+    recordings = clocks.apply_paces(recordings, pace, 0.5 * (begin + end))
+    phases = clocks.phase_advance(recordings, begin, end, start, order)
+    frequency = clocks.refine_frequency(start, phases, sound)
     omega = 2 * np.pi * frequency
     exposures = np.array([own.exposure for own in recordings])
-    raw = fit_tracks(recordings, rest, frame, omega, begin, end, order)
+    raw = harmonics.fit_tracks(recordings, rest, frame, omega, begin, end, order)
     scatter = np.sqrt(np.mean(raw.sigma**2, axis=1))
     near = [
-        noise_near(own, seen, omega, begin, end)
+        harmonics.noise_near(own, seen, omega, begin, end)
         for own, seen in zip(recordings, raw.harmonics, strict=True)
     ]
     softened = [
-        restore_scatter(replace(own, covariance=power * own.covariance), markers.centres)
+        errors.restore_scatter(replace(own, covariance=power * own.covariance), markers.centres)
         for own, power in zip(raw.harmonics, near, strict=True)
     ]
     fit = replace(raw, harmonics=[own for own, _ in softened])
-    lags, lag_errors = lags_of(fit, omega, exposures)
-    fit = shift_starts(fit, omega, lags)
-    complex_shape = deflection_amplitude(fit, omega, exposures)
+    lags, lag_errors = clocks.lags_of(fit, omega, exposures)
+    fit = clocks.shift_starts(fit, omega, lags)
+    complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
-    phase = common_phase(complex_shape, force, manifest.structure.damping)
+    phase = harmonics.common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
-    shape, error = turned.real, amplitude_std(fit, omega, exposures)
-    still = find_frozen(scatter)
-    moved, allowed = in_plane(
+    shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
+    still = errors.find_frozen(scatter)
+    moved, allowed = errors.in_plane(
         fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
     )
-    more = in_plane_excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
-    tone = explained_share(recordings, begin, end, frequency, order)
-    check_explained(tone, given)
+    more = errors.in_plane_excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
+    tone = errors.explained_share(recordings, begin, end, frequency, order)
+    errors.check_explained(tone, given)
     jumps = [
-        find_jump(own, fitted, omega, begin, end)
+        errors.find_jump(own, fitted, omega, begin, end)
         for own, fitted in zip(recordings, fit.harmonics, strict=True)
     ]
     alike, apart = _compare_aliases(recordings, raw, begin, end, frequency)
     if excitation.sound == "none":  # starts that are not known tell nothing
         apart = np.full_like(apart, np.nan)
 
-    without, differs = without_each(fit, omega, exposures, phase)
+    without, differs = errors.without_each(fit, omega, exposures, phase)
     said = {c.name: c.rate_hz for c in manifest.cameras}
     values = {
         "x": markers.centres[0],
@@ -204,8 +177,8 @@ def shape_result(
     data = xr.Dataset(label_values(values | beside, VARIABLES), coords, attrs)
     if covariance is None:
         return data
-    rows = common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
-    return with_common_errors(data, rows, np.exp(-1j * phase))
+    rows = errors.common_errors([fit], markers, [omega], exposures, covariance)[:, 0]
+    return errors.with_common_errors(data, rows, np.exp(-1j * phase))
 
 
 def _compare_aliases(
@@ -231,8 +204,8 @@ def _compare_aliases(
     apart = []
     for other in alike:
         omega = 2 * np.pi * other
-        own = fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
-        apart.append(np.degrees(np.abs(phase_lags(own, omega, exposures)[0]).max()))
+        own = harmonics.fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
+        apart.append(np.degrees(np.abs(clocks.phase_lags(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
 
 

@@ -13,37 +13,15 @@ from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
-from thesis_lib.measure.fitting.calibration_error import common_errors, with_common_errors
+from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.fitting.result import size_off
-from thesis_lib.measure.modes.poles import (
-    Poles,
-    Spectrum,
-    TrackBlock,
-    block_of,
-    fit_known,
-    fit_poles,
-    pole_columns,
-    residual_power,
-    residual_scatter,
-    residual_spectrum,
-    search_modes,
-    search_range,
-    span_of,
-)
-from thesis_lib.measure.modes.shapes import (
-    Rest,
-    Track,
-    camera_lags,
-    clock_rates,
-    estimate_shapes,
-    remove_nonlinearity,
-    tracks_of,
-    without_outliers,
-    without_strays,
-)
+from thesis_lib.measure.modes import poles as fits
+from thesis_lib.measure.modes import shapes as motions
+from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock
+from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
@@ -133,7 +111,7 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     """
     most = len(asked.given) or asked.count or MAX_MODES
     seen = np.array([np.count_nonzero(np.isfinite(track.uv)) for track in tracks])
-    tracks = [without_strays(track, rest.places) for track in tracks]
+    tracks = [motions.without_strays(track, rest.places) for track in tracks]
     _check(tracks, asked, most)
     zero = min(float(track.times[0]) for track in tracks)
     noise = [np.ones(2 * track.uv.shape[2]) for track in tracks]
@@ -143,21 +121,21 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     for turn in range(OUTLIER_ROUNDS + 1):
         blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
         further = FURTHER_MODES if turn == OUTLIER_ROUNDS else 0
-        orders = search_modes(blocks, asked.band, most + further, asked.damped, given)
+        orders = fits.search_modes(blocks, asked.band, most + further, asked.damped, given)
         _check_found(blocks, orders, asked)
         poles = orders[min(most, len(orders)) - 1]
         if turn == 0:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
-        found = estimate_shapes(own, blocks, poles, rest)
+        found = motions.estimate_shapes(own, blocks, poles, rest)
         if turn < OUTLIER_ROUNDS:
-            more, errors = camera_lags(found, poles)
+            more, errors = motions.camera_lags(found, poles)
             if turn:  # the first fit may rest on outliers
                 late = late + more
                 if not asked.damped:  # a decay is too short to tell how fast clocks run
-                    pace = pace / (1 + clock_rates(poles, span_of(blocks)))
+                    pace = pace / (1 + motions.clock_rates(poles, fits.span_of(blocks)))
             kept = [
-                without_outliers(track, block, poles.rates, rest.places)
+                motions.without_outliers(track, block, poles.rates, rest.places)
                 for track, block in zip(own, blocks, strict=True)
             ]
             tracks = [
@@ -165,14 +143,14 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
                 for track, one in zip(tracks, kept, strict=True)
             ]
             moved = [
-                track.shifted(float(by), float(rate), zero + span_of(blocks) / 2)
+                track.shifted(float(by), float(rate), zero + fits.span_of(blocks) / 2)
                 for track, by, rate in zip(tracks, late, pace, strict=True)
             ]
-            own = [remove_nonlinearity(track, found, poles, rest, zero) for track in moved]
+            own = [motions.remove_nonlinearity(track, found, poles, rest, zero) for track in moved]
             noise = [_scatter(block, poles) for block in blocks]
     noise = [_scatter(block, poles) for block in blocks]
-    after = residual_spectrum(blocks, poles.rates, asked.band)
-    most_left, mean_left = residual_power(after, poles, span_of(blocks))
+    after = fits.residual_spectrum(blocks, poles.rates, asked.band)
+    most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))
     wider = np.sqrt(np.maximum(mean_left, 1))  # by the noise that is near, not anywhere
     surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
@@ -196,7 +174,7 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in tracks]) / seen,
         aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
         orders=tuple(orders),
-        before=residual_spectrum(blocks, np.empty((0, 2)), asked.band),
+        before=fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band),
         after=after,
         noise=float(np.nanmedian(np.concatenate(noise))),
         fits=tuple(found[k].fit for k in order),
@@ -223,13 +201,13 @@ def _alike(told: list[list[tuple[float, float]]], hertz: float) -> tuple[tuple[f
 
 def _block(track: Track, zero: float, noise: Array) -> TrackBlock:
     values = track.uv.reshape(len(track.times), -1)
-    return block_of(track.times - zero, values, noise)
+    return fits.block_of(track.times - zero, values, noise)
 
 
 def _scatter(block: TrackBlock, poles: Poles) -> Array:
     """Return the scatter of each series about the modes, px."""
-    B = pole_columns(block.times, poles.rates)
-    return residual_scatter(block, B, fit_known(B, block)[0])
+    B = fits.pole_columns(block.times, poles.rates)
+    return fits.residual_scatter(block, B, fits.fit_known(B, block)[0])
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
@@ -274,7 +252,7 @@ def _nearest_in_step(
     """
     rates = poles.rates.copy()
     frames = np.array([(len(b.times) - 1) / np.ptp(b.times) for b in blocks])
-    near, told = 1 / span_of(blocks), []
+    near, told = 1 / fits.span_of(blocks), []
     for k, (alpha, omega) in enumerate(poles.rates):
         own = omega / (2 * np.pi)
         every = list_aliases(float(fold_frequency(own, frames[0])), float(frames[0]), asked.band[1])
@@ -289,14 +267,16 @@ def _nearest_in_step(
         for other in alike if len(alike) > 1 else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
             alone = np.vstack([trial, np.delete(poles.rates, k, axis=0)])
-            turned = estimate_shapes(tracks, blocks, replace(poles, rates=alone), rest)[0].turn
+            turned = motions.estimate_shapes(tracks, blocks, replace(poles, rates=alone), rest)[
+                0
+            ].turn
             apart.append((other, float(np.nanmax(np.abs(turned)))))
         apart.sort(key=lambda one: one[1])
         told.append(apart or [(own, 0.0)])
         rates[k, 1] = 2 * np.pi * told[k][0][0]
     if np.array_equal(rates, poles.rates):
         return poles, told
-    return fit_poles(blocks, rates, asked.damped), told
+    return fits.fit_poles(blocks, rates, asked.damped), told
 
 
 def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
@@ -328,11 +308,13 @@ def _check(tracks: Sequence[Track], asked: Asked, most: int) -> None:
 def _check_found(blocks: Sequence[TrackBlock], orders: Sequence[Poles], asked: Asked) -> None:
     """Refuse tracks in which no mode, or not one that is given, stands out."""
     rates = orders[-1].rates if orders else np.empty((0, 2))
-    hertz, seconds = rates[:, 1] / (2 * np.pi), span_of(blocks)
-    lost = [f for f in asked.given if not np.any(np.abs(hertz - f) <= search_range(f, seconds))]
+    hertz, seconds = rates[:, 1] / (2 * np.pi), fits.span_of(blocks)
+    lost = [
+        f for f in asked.given if not np.any(np.abs(hertz - f) <= fits.search_range(f, seconds))
+    ]
     if orders and not lost:
         return
-    at, over = residual_spectrum(blocks, rates, asked.band).peak
+    at, over = fits.residual_spectrum(blocks, rates, asked.band).peak
     band = f"from {asked.band[0]:.4g} to {asked.band[1]:.4g} Hz"
     what = f"no tone near {lost[0]:.6g} Hz" if lost else f"no mode {band}"
     raise ModalError(
@@ -359,7 +341,7 @@ def modes_result(
     xarray.Dataset
         Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
         covariance it has ``SHARED_VARIABLES`` of
-        :mod:`~thesis_lib.measure.fitting.calibration_error`, too, and standard errors of shapes
+        :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes
         hold it.
 
     Raises
@@ -371,7 +353,7 @@ def modes_result(
     """
     rest, frame_off = rest_of(manifest, recordings)
     begin, end = fit_window(manifest, sound, recordings)
-    seen = tracks_of(recordings, begin, end)
+    seen = motions.tracks_of(recordings, begin, end)
     found = identify_modes(seen, rest, requested_modes(manifest, recordings))
     turns = np.exp([[-1j * common_phase(own)] for own in found.shape])
     shape = found.shape * turns

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.fitting.errors import in_plane, in_plane_excess, restore_scatter
 from thesis_lib.measure.fitting.frequency import LEAST_TURN, MIN_CLOCK_SIGMAS, phase_lags
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -30,14 +31,8 @@ from thesis_lib.measure.fitting.harmonics import (
     deflection_amplitude,
 )
 from thesis_lib.measure.fitting.reconstruction import Frame
-from thesis_lib.measure.fitting.residuals import in_plane, in_plane_excess, restore_scatter
-from thesis_lib.measure.modes.poles import (
-    Poles,
-    TrackBlock,
-    fit_known,
-    pole_columns,
-    residual_scatter,
-)
+from thesis_lib.measure.modes import poles as fits
+from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.lens import Camera, projection_matrices, undistort_tracks
 from thesis_lib.vision.pinhole import project
@@ -105,13 +100,13 @@ def without_strays(track: Track, places: Array) -> Track:
 
 def without_outliers(track: Track, block: TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
-    B, known = pole_columns(block.times, rates), block.known
+    B, known = fits.pole_columns(block.times, rates), block.known
     with warnings.catch_warnings():  # of markers that are never seen
         warnings.simplefilter("ignore", RuntimeWarning)
         usual = np.nan_to_num(np.nanmedian(track.uv, axis=0))
     halfway = 0.5 * KDTree(usual.T).query(usual.T, k=2)[0][:, 1]
     for _ in range(MAX_LOOKS):
-        left = block.values - B @ fit_known(B, replace(block, known=known))[0]
+        left = block.values - B @ fits.fit_known(B, replace(block, known=known))[0]
         left = np.where(known, left * block.scale, np.nan).reshape(track.uv.shape)
         wrong = find_strays(left, places)
         off = np.hypot(left[:, 0], left[:, 1])
@@ -192,9 +187,9 @@ def blur_factor(rate: Array, exposure: float) -> complex:
 def mode_images(track: Track, block: TrackBlock, poles: Poles) -> list[Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
-    B = pole_columns(block.times, poles.rates)
-    fit, inverse = fit_known(B, block)
-    sigma = residual_scatter(block, B, fit).reshape(2, markers)
+    B = fits.pole_columns(block.times, poles.rates)
+    fit, inverse = fits.fit_known(B, block)
+    sigma = fits.residual_scatter(block, B, fit).reshape(2, markers)
     fit = fit * block.scale
     found = []
     for k, rate in enumerate(poles.rates):

@@ -17,16 +17,8 @@ from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
-from thesis_lib.measure.radiation import between as interpolation
-from thesis_lib.measure.radiation.between import Between
-from thesis_lib.measure.radiation.radiated import (
-    SCREEN_CELLS,
-    Tone,
-    complex_of,
-    count_nodes,
-    estimate_change,
-    radiate_sound,
-)
+from thesis_lib.measure.radiation import radiated
+from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
 from thesis_lib.measure.recordings.manifest_model import (
     MIN_SURFACE_MARKERS,
     Manifest,
@@ -79,19 +71,19 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     corners = asked.corners(size, structure.marker_points, diameter)
     tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
-    count = count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
+    count = radiated.count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)
     surface = Surface.from_outline(corners, count, (size[0] / 2, size[1] / 2))
     shapes = shapes_of(several, known)
-    screens = [Screen.from_outline(corners, cells) for cells in SCREEN_CELLS]
+    screens = [Screen.from_outline(corners, cells) for cells in radiated.SCREEN_CELLS]
     every = surface.places, *(screen.places for screen in screens)
     both = _choose_motion(asked, structure, np.concatenate(every, axis=1), corners, markers, shapes)
     ends = np.cumsum([one.shape[1] for one in every])
     moving, *others = np.split(both.moving, ends[:-1])
     between = replace(both, moving=moving)
-    made = radiate_sound(
+    made = radiated.radiate_sound(
         surface, between, tones, shapes, asked.points, _planes(asked, size), asked.medium
     )
-    change = estimate_change(
+    change = radiated.estimate_change(
         surface,
         moving,
         [*zip(screens, others, strict=True)],
@@ -101,7 +93,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         float(np.ptp(corners, axis=0).min()),
         structure.thickness_mm / 1000,
     )
-    step = interpolation.largest_gap(markers)
+    step = radiated.largest_gap(markers)
     told = {
         "between": between.kind,
         "modes": between.modes,
@@ -204,14 +196,14 @@ def _choose_motion(
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
         radius = structure.markers.diameter_mm / 2000
-        found = interpolation.by_model(model, markers, radius, places)
+        found = radiated.by_model(model, markers, radius, places)
         each = np.arange(len(shapes.value)).reshape(-1, markers.shape[1])
         left = np.array([found.left(shapes.part(own)) for own in each])
         if asked.between == "model" or np.all(left[:, 0] <= MAX_MODEL_CHI * left[:, 1]):
             return found
-    step = interpolation.largest_gap(markers)
-    held = interpolation.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
-    return interpolation.by_spline(markers, held, places)
+    step = radiated.largest_gap(markers)
+    held = radiated.edge_places(corners, asked.held_edges(structure.kind, len(corners)), step)
+    return radiated.by_spline(markers, held, places)
 
 
 def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:

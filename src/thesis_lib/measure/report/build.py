@@ -22,13 +22,7 @@ from thesis_lib.measure.radiation.of_measurement import absolute_pressure, forma
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.report import figures as draw
-from thesis_lib.measure.report.warnings import (
-    check_modes,
-    check_response,
-    check_shape,
-    check_sound,
-    no_wall_change,
-)
+from thesis_lib.measure.report import warnings
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.plotting.viewer_data import encode_field
 from thesis_lib.studies.cubes import iterate_slices
@@ -217,7 +211,7 @@ def build_shape(
         data,
         manifest,
         summarise_shape(data),
-        check_shape(data),
+        warnings.check_shape(data),
         pictures,
         sound,
         viewer=Markup(view_shape(data, _extent(manifest))),
@@ -275,7 +269,7 @@ def build_modes(
         data,
         manifest,
         summarise_modes(data),
-        list(check_modes(data, manifest)),
+        list(warnings.check_modes(data, manifest)),
         _save_svgs(figures),
         sound,
         response,
@@ -337,7 +331,7 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
         data,
         manifest,
         summarise_response(data),
-        list(check_response(data, manifest)),
+        list(warnings.check_response(data, manifest)),
         _save_svgs(figures, MATH_STYLE),
         markers=markers,
         roles=_MARKER_ROLES,
@@ -396,9 +390,9 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
         data,
         manifest,
         summarise_sound(data),
-        list(check_sound(data)),
+        list(warnings.check_sound(data)),
         {},
-        no_wall_change=no_wall_change,
+        no_wall_change=warnings.no_wall_change,
         tones=tones,
         whole=data.sel(band=ALL_TONES),
         viewers=[Markup(view_sound(one, manifest)) for one in tones],

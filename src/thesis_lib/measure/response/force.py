@@ -19,10 +19,9 @@ from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
 from thesis_lib.measure.recordings.excitation import Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest_model import Manifest
-from thesis_lib.measure.synchronisation.audio import AudioSource
-from thesis_lib.measure.synchronisation.decimation import cut_off, decimate_blocks, step_to
+from thesis_lib.measure.synchronisation import audio
+from thesis_lib.measure.synchronisation.audio import AudioSource, SynchronisationError
 from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
-from thesis_lib.measure.synchronisation.tones import FULL_SCALE, SynchronisationError
 
 # Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
 SETTLING_TIME_CONSTANTS = 4.0
@@ -133,14 +132,14 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     def noted(blocks: Iterator[Array]) -> Iterator[Array]:
         for block in blocks:
             largest.append(float(np.abs(block).max(initial=0.0)))
-            full.append(int(np.count_nonzero(np.abs(block) >= FULL_SCALE)))
+            full.append(int(np.count_nonzero(np.abs(block) >= audio.FULL_SCALE)))
             yield block
 
     with AudioSource("the force", path, given.channel).opened() as file:
-        step = step_to(file.rate, wanted)
+        step = audio.step_to(file.rate, wanted)
         rate = file.rate / step
-        values = np.concatenate([np.empty(0), *decimate_blocks(noted(file.blocks), step)])
-        start = file.start + cut_off(file.rate, rate)
+        values = np.concatenate([np.empty(0), *audio.decimate_blocks(noted(file.blocks), step)])
+        start = file.start + audio.cut_off(file.rate, rate)
     peak = max(largest, default=0.0)
     if peak < MAX_SILENT_RMS:
         raise ForceError(

@@ -1,40 +1,38 @@
-"""Audio tracks of any length, read block by block, of which a bounded part is held at a time."""
+"""Sounds of any length, read block by block and checked, of which a bounded part is held at a time.
+
+They are compared at lower sample rates, to which they are reduced block by block, too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from itertools import islice
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import firwin
+from scipy.special import i0
 
-from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.audio import AudioTrack, open_audio
-from thesis_lib.measure.synchronisation.decimation import (
-    LowRate,
-    common_rate,
-    cut_off,
-    decimate_blocks,
-    step_to,
-)
-from thesis_lib.measure.synchronisation.delays import (
-    CORRELATION_RATE,
-    ROOM_RATE,
-    Match,
-    force_match,
-    room_match,
-)
-from thesis_lib.measure.synchronisation.tones import TONE_RATE, check_blocks, check_rate
+from thesis_lib.arrays import Array, Signal
+from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, AudioTrack, open_audio
 
 Track = NDArray[np.float32]
 
 SPAN_SAMPLES = 1 << 21  # samples of each camera that are held at a time
-ROOM_SPANS = 8  # of them in which a room's sound is compared: ten minutes
-MIN_AUDIO_S = 0.5  # of a track in which a tone is sought
-BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
+FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
+MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
+TAP_PHASES = 512  # of a sample at which the resampler's taps are tabulated: -105 dB between them
+FILTER_REACH_SAMPLES = 10  # samples that the low-pass reaches to either side
+KAISER_BETA = 5.0  # shape of the low-pass's window: 50 dB beyond its edge
+RESAMPLED_SAMPLES = 1 << 13  # samples that are resampled at once
+FILTERED_SAMPLES = 1 << 17  # samples that are filtered at once
+
+
+class SynchronisationError(ValueError):
+    """Recordings that cannot be synchronised; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -50,29 +48,53 @@ class AudioSource:
         return open_audio(self.path, self.channel)
 
 
-@dataclass(frozen=True)
-class LoadedAudio:
-    """What was read of all recordings."""
+def check_blocks(
+    blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
+) -> Iterator[Array]:
+    """Yield the blocks of a recording as they come; refuse at its end one that cannot be used.
 
-    low: LowRate  #: At which the force is measured
-    #: Of the sound of each after its first frame, s, shape (recordings,)
-    starts: Array
-    ends: Array
-    #: Of each as much as is held, at some tens of samples per period; empty without a tone, shape
-    #: (samples,)
-    tones: list[Track]
-    tone_rate: float  #: Sample rate of the tones in Hz
-    tone_start: float  #: When the tones' first samples come after the first samples of the files, s
-    sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
+    Parameters
+    ----------
+    blocks : iterable of array_like, shape (samples,)
+        The recording, −1…1.
+    rate : float
+        Its sample rate in Hz.
+    shortest : float
+        Length in s that it must have.
+    name : str
+        Its name, for errors.
 
-
-def _sample_rates(recordings: Sequence[AudioSource]) -> list[float]:
-    """Return the sample rates of the recordings by their videos' clocks, Hz."""
-    rates = []
-    for recording in recordings:
-        with recording.opened() as audio:
-            rates.append(audio.rate)
-    return rates
+    Raises
+    ------
+    SynchronisationError
+        Naming it, if it is too short, clipped or silent.
+    """
+    count, mean, squares, clipped = 0, 0.0, 0.0, 0
+    for block in blocks:
+        x = np.asarray(block, float)
+        if x.ndim != 1 or not np.isfinite(x).all():
+            raise SynchronisationError(f"{name}: audio of shape {x.shape}, allowed: finite, mono")
+        if len(x):
+            off, n = float(x.mean()) - mean, count + len(x)
+            squares += float(np.var(x)) * len(x) + off**2 * count * len(x) / n
+            count, mean = n, mean + off * len(x) / n
+            clipped += int(np.count_nonzero(np.abs(x) >= FULL_SCALE))
+        yield x
+    if not count or count < shortest * rate:
+        raise SynchronisationError(
+            f"{name}: {count / rate:.3f} s of audio, allowed: at least {shortest:.3f} s"
+        )
+    level = float(np.sqrt(squares / count))
+    if level < MAX_SILENT_RMS:
+        raise SynchronisationError(
+            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least "
+            f"{MAX_SILENT_RMS}"
+        )
+    if clipped > MAX_CLIPPED_SHARE * count:
+        raise SynchronisationError(
+            f"{name}: clipped audio ({100 * clipped / count:.1f} % of the samples at full scale), "
+            f"allowed: at most {100 * MAX_CLIPPED_SHARE:g} %"
+        )
 
 
 def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
@@ -85,8 +107,8 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
             return
 
 
-def hold_signal(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, int]:
-    """Return the whole signal, or, if it is longer than `most` samples, so many from `skip` on.
+def hold_signal(blocks: Iterable[Array], skip: int) -> tuple[Track, int]:
+    """Return the whole signal, or, if it is too long, `SPAN_SAMPLES` samples from `skip` on.
 
     All blocks are taken.
 
@@ -97,7 +119,8 @@ def hold_signal(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, i
     int
         How many samples came before.
     """
-    kept, size, begin, count = np.empty(most, np.float32), 0, 0, 0
+    most, size, begin, count = SPAN_SAMPLES, 0, 0, 0
+    kept = np.empty(most, np.float32)
     for block in blocks:
         if not begin and skip and size + len(block) > most:
             begin, size = skip, max(size - skip, 0)
@@ -106,146 +129,6 @@ def hold_signal(blocks: Iterable[Array], skip: int, most: int) -> tuple[Track, i
         kept[size : size + len(part)] = part
         size, count = size + len(part), count + len(block)
     return kept[:size].copy(), begin
-
-
-def load_audio(
-    recordings: Sequence[AudioSource], frequency: float | None, skip: float
-) -> LoadedAudio:
-    """Read and check all tracks, and hold a tone of theirs.
-
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        The files.
-    frequency : float or None
-        Frequency of the tone in Hz; None if there is none to hold, as in a room.
-    skip : float
-        From when on the tone is held if it cannot be held from the start, s.
-
-    Raises
-    ------
-    MediaError, SynchronisationError
-        If a track is missing, too short, silent or clipped.
-    """
-    shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
-    rates = _sample_rates(recordings)
-    wanted = TONE_RATE * (frequency or 0.0)
-    low = common_rate(rates, max(CORRELATION_RATE, wanted))
-    step = step_to(low.rate, wanted) if frequency else 1
-    starts, ends, tones, skipped, sources = [], [], [], [], []
-    for recording in recordings:
-        with recording.opened() as audio:
-            lengths: list[int] = []
-            blocks = check_blocks(
-                _note_lengths(audio.blocks, lengths), audio.rate, shortest, recording.name
-            )
-            if frequency is None:
-                blocks = (block[:0] for block in blocks)
-            else:
-                check_rate(audio.rate, frequency)
-                blocks = decimate_blocks(low.reduce(blocks, audio.rate), step)
-            tone, before = hold_signal(blocks, round(skip * low.rate / step), SPAN_SAMPLES)
-            tones.append(tone)
-            skipped.append(before)
-            starts.append(audio.start)
-            ends.append(audio.start + sum(lengths) / audio.rate)
-            sources.append(audio.source)
-    later, tone_rate = max(skipped), low.rate / step
-    return LoadedAudio(
-        low=low,
-        starts=np.array(starts),
-        ends=np.array(ends),
-        tones=[tone[later - before :] for tone, before in zip(tones, skipped, strict=True)],
-        tone_rate=tone_rate,
-        tone_start=low.cut + cut_off(low.rate, tone_rate) + later / tone_rate,
-        sources=tuple(sources),
-    )
-
-
-def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
-    """Yield the blocks, and note their lengths."""
-    for block in blocks:
-        lengths.append(len(block))
-        yield block
-
-
-def low_track(recording: AudioSource, least: float, skip: float) -> tuple[Track, float, float]:
-    """Return a track that is checked and held, for looking for a tone.
-
-    Parameters
-    ----------
-    recording : AudioSource
-        The file.
-    least : float
-        Rate in Hz that the track must keep at least.
-    skip : float
-        From when on it is held if it cannot be held from the start, s.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        What is held.
-    float
-        Its sample rate in Hz.
-    float
-        Time of its first sample after the first frame, s.
-    """
-    with recording.opened() as audio:
-        step = step_to(audio.rate, max(CORRELATION_RATE, least))
-        rate = audio.rate / step
-        blocks = check_blocks(audio.blocks, audio.rate, MIN_AUDIO_S, recording.name)
-        track, before = hold_signal(decimate_blocks(blocks, step), round(skip * rate), SPAN_SAMPLES)
-        return track, rate, audio.start + cut_off(audio.rate, rate) + before / rate
-
-
-def low_part(recording: AudioSource, low: LowRate, first: int, last: int) -> Iterator[Array]:
-    """Yield samples `first` to `last` of a track at a lower rate, in blocks."""
-    with recording.opened() as audio:
-        yield from part_of(low.reduce(audio.blocks, audio.rate), first, last)
-
-
-def match_recordings(
-    recordings: Sequence[AudioSource], frequency: float | None
-) -> dict[int, Match]:
-    """Match each recording but the first to the first.
-
-    Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
-    which a recording matches without doubt counts, or else the one in which it matches best. Spans
-    overlap by half, so that what all heard is within one if they started less than that apart. In
-    a room only the first `ROOM_SPANS` are tried.
-
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        The files, which :func:`load_audio` has checked.
-    frequency : float or None
-        Frequency of the force's tone in Hz; None of tracks that hold what microphones hear.
-    """
-    room = frequency is None
-    low = common_rate(_sample_rates(recordings), ROOM_RATE if room else CORRELATION_RATE)
-    found: dict[int, Match] = {}
-    with ExitStack() as files:
-        tracks = []
-        for recording in recordings:
-            audio = files.enter_context(recording.opened())
-            blocks = low.reduce(audio.blocks, audio.rate)
-            tracks.append(
-                without_ends(blocks, round(BUTTON_SOUND_S * low.rate)) if room else blocks
-            )
-        for span in islice(joint_spans(tracks, SPAN_SAMPLES), ROOM_SPANS if room else None):
-            for i, other in enumerate(span[1:], 1):
-                if i in found and (found[i].certain or len(other) < SPAN_SAMPLES // 4):
-                    continue
-                match = (
-                    room_match(span[0], other, low.rate)
-                    if frequency is None
-                    else force_match(span[0], other, low.rate, frequency)
-                )
-                best = found.get(i, match)
-                found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
-            if all(match.certain for match in found.values()):
-                break
-    return found
 
 
 def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
@@ -258,12 +141,12 @@ def without_ends(blocks: Iterable[Array], n: int) -> Iterator[Array]:
         last = last[max(len(last) - n, 0) :]
 
 
-def joint_spans(tracks: Sequence[Iterable[Array]], length: int) -> Iterator[list[Track]]:
-    """Yield the same spans of some signals in blocks, each half a `length` after the one before.
+def joint_spans(tracks: Sequence[Iterable[Array]]) -> Iterator[list[Track]]:
+    """Yield the same `SPAN_SAMPLES` of some signals in blocks, each half a span after the last.
 
     The first is given in any case; others while the first signal and another one last.
     """
-    halves = [signal_pieces(track, length // 2) for track in tracks]
+    halves = [signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
     none = np.empty(0, np.float32)
     before = [next(half, none) for half in halves]
     first = True
@@ -292,3 +175,134 @@ def signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
                 yield full.pop()  # of which nothing is kept here
     if size:
         yield piece[:size]
+
+
+def step_to(rate: float, wanted: float) -> int:
+    """Return the decimation factor for the lowest rate that is not below `wanted`."""
+    return max(1, int(rate // wanted))
+
+
+@cache
+def _low_pass(step: int) -> Array:
+    """Return the taps of the low-pass before every `step`-th sample is kept, symmetric."""
+    return firwin(2 * FILTER_REACH_SAMPLES * step + 1, 1 / step, window=("kaiser", KAISER_BETA))
+
+
+def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
+    """Low-pass a signal in blocks, and yield every `step`-th sample.
+
+    The same as doing it to the whole signal: an FIR low-pass without delay, whose result is kept
+    where it does not reach beyond the signal's ends.
+
+    Parameters
+    ----------
+    blocks : iterable of ndarray, shape (samples,)
+        The signal, of any division; long blocks are faster.
+    step : int
+        Of how many samples one is kept.
+
+    Yields
+    ------
+    ndarray, shape (samples,)
+        The first sample lies `FILTER_REACH_SAMPLES` · `step` samples after that of the signal.
+    """
+    if step == 1:
+        yield from blocks
+        return
+    taps = _low_pass(step)
+    held = np.empty(0)
+    for block in blocks:
+        held = np.concatenate([held, block])
+        count = (len(held) - len(taps)) // step + 1
+        if count > 0:
+            # Taps and samples in rows of `step`: products of matrices are the fastest sums.
+            rows = held[: (count + 2 * FILTER_REACH_SAMPLES - 1) * step].reshape(-1, step)
+            sums = rows @ taps[:-1].reshape(-1, step).T
+            kept = taps[-1] * held[2 * FILTER_REACH_SAMPLES * step :: step][:count]
+            for k in range(2 * FILTER_REACH_SAMPLES):
+                kept += sums[k : k + count, k]
+            yield kept
+            held = held[count * step :]
+
+
+def decimate_signal(signal: ArrayLike, rate: float, wanted: float) -> tuple[Signal, float]:
+    """Low-pass a signal to the lowest rate above `wanted`; return it and that rate in Hz.
+
+    Where the filter reaches beyond its ends the signal is cut: it starts later, but that of all
+    recordings alike, which leaves their delays.
+    """
+    x, step = np.asarray(signal), step_to(rate, wanted)
+    if step == 1:
+        return (x if x.dtype.kind == "f" else x.astype(float)), rate
+    blocks = (x[k : k + FILTERED_SAMPLES] for k in range(0, len(x), FILTERED_SAMPLES))
+    return np.concatenate([np.empty(0), *decimate_blocks(blocks, step)]), rate / step
+
+
+def cut_off(rate: float, low_rate: float) -> float:
+    """Return the delay in s that :func:`decimate_signal` adds from one rate to another."""
+    return FILTER_REACH_SAMPLES / low_rate if low_rate < rate else 0.0
+
+
+@dataclass(frozen=True)
+class LowRate:
+    """A sample rate that several signals of their own rates are reduced to, and when they begin."""
+
+    rate: float  #: In Hz, not above any of the signals' own
+    cut: float  #: Time of its first sample after the first one of each signal, s
+
+    def reduce(self, blocks: Iterable[Array], rate: float) -> Iterator[Array]:
+        """Reduce a signal in blocks, of a rate in Hz, to this rate."""
+        ratio = rate / self.rate
+        step = round(ratio)
+        if abs(ratio - step) < 1e-12 * step and (step > 1) == (self.cut > 0):
+            return decimate_blocks(blocks, step)
+        return _resample_blocks(blocks, ratio, self.cut * rate)
+
+
+def common_rate(rates: Sequence[float], wanted: float) -> LowRate:
+    """Return the lowest rate above `wanted` that divides the lowest of some signals' rates."""
+    least = min(rates)
+    rate = least / step_to(least, wanted)
+    return LowRate(rate, cut_off(least, rate))
+
+
+@cache
+def _phases(ratio: float) -> Array:
+    """Tabulate the low-pass between samples, shape (phases + 1, taps)."""
+    reach = int(np.ceil(FILTER_REACH_SAMPLES * ratio))
+    shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
+    x = (np.arange(-reach, reach + 2) - shift) / ratio
+    window = i0(KAISER_BETA * np.sqrt(np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None))) / i0(
+        KAISER_BETA
+    )
+    taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
+    return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
+
+
+def _resample_blocks(blocks: Iterable[Array], ratio: float, first: float) -> Iterator[Array]:
+    """Low-pass a signal in blocks, and take a sample every `ratio` of its own, at any ratio.
+
+    As :func:`decimate_blocks` does it, with the low-pass between samples taken from a table; what
+    lies before the signal counts as 0. The first one lies at `first` samples of the signal.
+    """
+    table = _phases(ratio)
+    reach = table.shape[1] // 2 - 1
+    begin, held, count = -reach, np.zeros(reach), 0
+    for block in blocks:
+        held = np.concatenate([held, block])
+        last = int(np.floor((begin + len(held) - reach - 2 - first) / ratio))
+        if last < count:
+            continue
+        for start in range(count, last + 1, RESAMPLED_SAMPLES):
+            at = first + ratio * np.arange(start, min(start + RESAMPLED_SAMPLES, last + 1))
+            low = np.floor(at).astype(int)
+            phase = (at - low) * TAP_PHASES
+            near = phase.astype(int)
+            part = phase - near
+            rows = np.lib.stride_tricks.sliding_window_view(held, table.shape[1])
+            samples = rows[low - reach - begin]
+            before, after = (np.einsum("ij,ij->i", samples, table[near + k]) for k in (0, 1))
+            yield before + part * (after - before)
+        count = last + 1
+        keep = max(int(np.floor(first + ratio * count)) - reach - begin, 0)
+        begin, held = begin + keep, held[keep:]

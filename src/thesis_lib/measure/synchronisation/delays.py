@@ -22,17 +22,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks, oaconvolve, welch
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.decimation import decimate_signal
-from thesis_lib.measure.synchronisation.tones import (
-    MIN_SAMPLES_PER_PERIOD,
-    MIN_SETTLED_PERIODS,
-    TONE_RATE,
-    SynchronisationError,
-    check_rate,
-    settle_interval,
-    tone_at,
-    tone_frequency,
-)
+from thesis_lib.measure.synchronisation import tones
+from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 
 NORMALISED_LAGS = 1 << 18  # that are normalised at once
 CORRELATION_RATE = 4000  # Hz at which signals are correlated
@@ -251,12 +242,12 @@ def phase_delays(
         If the recordings have less than one period of the steady tone in common, or a period has
         too few samples.
     """
-    check_rate(rate, frequency)
+    tones.check_rate(rate, frequency)
     near = np.asarray(guess, float)
     near = near - near[0]
-    parts = [decimate_signal(x, rate, TONE_RATE * frequency) for x in signals]
+    parts = [decimate_signal(x, rate, tones.TONE_RATE * frequency) for x in signals]
     low_rate = parts[0][1]
-    start, end = steady or settle_interval(parts[0][0], low_rate, frequency)
+    start, end = steady or tones.settle_interval(parts[0][0], low_rate, frequency)
     start = max(start, float(near.max()))
     end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
     periods = int((end - start) * frequency)
@@ -271,7 +262,7 @@ def phase_delays(
         first = max(0, min(round((start - g) * low_rate), len(x) - length))
         centre = (first + (length - 1) / 2) / low_rate
         part = x[first : first + length]
-        phases.append(np.angle(tone_at(part, low_rate, frequency, centre - first / low_rate)))
+        phases.append(np.angle(tones.tone_at(part, low_rate, frequency, centre - first / low_rate)))
         centres.append(centre)
     turn = (np.array(phases) - phases[0]) / (2 * np.pi * frequency)
     delays = centres[0] - np.array(centres) + turn
@@ -388,15 +379,15 @@ def force_match(reference: ArrayLike, other: ArrayLike, rate: float, frequency: 
     a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
     b, _ = decimate_signal(other, rate, CORRELATION_RATE)
     whole = _compare_signals(a, b, low_rate)
-    if whole.certain or MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
+    if whole.certain or tones.MIN_SAMPLES_PER_PERIOD * frequency > low_rate:
         return whole
-    if min(len(a), len(b)) < 2 * MIN_SETTLED_PERIODS * low_rate / frequency:
+    if min(len(a), len(b)) < 2 * tones.MIN_SETTLED_PERIODS * low_rate / frequency:
         return whole
-    tone, tone_rate = decimate_signal(a, low_rate, TONE_RATE * frequency)
-    start, end = settle_interval(tone, tone_rate, frequency)
-    if (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
+    tone, tone_rate = decimate_signal(a, low_rate, tones.TONE_RATE * frequency)
+    start, end = tones.settle_interval(tone, tone_rate, frequency)
+    if (end - start) * frequency > tones.MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
-        frequency = tone_frequency(part, tone_rate, frequency)
+        frequency = tones.tone_frequency(part, tone_rate, frequency)
     loud_a, n_a = _keep_transients(without_tone(a, low_rate, frequency), low_rate)
     loud_b, n_b = _keep_transients(without_tone(b, low_rate, frequency), low_rate)
     if not n_a or not n_b:

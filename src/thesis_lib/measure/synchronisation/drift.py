@@ -19,17 +19,14 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from thesis_lib.arrays import Array, IntArray, Signal
-from thesis_lib.measure.synchronisation.audio import SPAN_SAMPLES, AudioSource, part_of
-from thesis_lib.measure.synchronisation.decimation import common_rate
-from thesis_lib.measure.synchronisation.delays import (
-    WHITENING_BINS,
-    WHITENING_DELAY,
-    correlation_coefficient,
-    design_whitening,
-    interpolate_peak,
-    room_match,
+from thesis_lib.measure.synchronisation import delays as matching
+from thesis_lib.measure.synchronisation.audio import (
+    SPAN_SAMPLES,
+    AudioSource,
+    SynchronisationError,
+    common_rate,
+    part_of,
 )
-from thesis_lib.measure.synchronisation.tones import SynchronisationError
 
 WINDOW_S = 1.0  # s of a window
 HOP_S = 0.005  # s of a step of loudness
@@ -91,14 +88,14 @@ def _match_loudness(reference: Signal, other: Signal, rate: float) -> tuple[list
     """
     a, b = (_loudness(sound, rate) for sound in (reference, other))
     most = max(len(a), len(b)) - min(len(a), len(b), round(MIN_COMMON_S / HOP_S))
-    lags, c = correlation_coefficient(a, b, most)
+    lags, c = matching.correlation_coefficient(a, b, most)
     overlap = np.minimum(lags + len(b), len(a)) - np.maximum(lags, 0)
     enough = overlap > round(MIN_COMMON_S / HOP_S) / 2
     height = np.where(enough, c * np.sqrt(np.maximum(overlap, 0)), 0.0)
     highest, found = float(height.max(initial=0.0)), list[float]()
     while len(found) < MAX_CANDIDATES and height.max(initial=0.0) > MAX_SECOND_PEAK_RATIO * highest:
         top = int(np.argmax(height))
-        found.append(float(HOP_S * interpolate_peak(lags, c, top)))
+        found.append(float(HOP_S * matching.interpolate_peak(lags, c, top)))
         height[np.abs(lags - lags[top]) <= round(MIN_PEAK_DISTANCE_S / HOP_S)] = 0.0
     return found, len(found) == 1 and highest >= MIN_CORRELATION_SIGMAS
 
@@ -132,28 +129,28 @@ def drift_of(
     -------
     Drift
     """
-    if min(len(reference), len(other)) <= 2 * WHITENING_BINS:
+    if min(len(reference), len(other)) <= 2 * matching.WHITENING_BINS:
         return _nothing(delay)
-    taps = design_whitening(reference, rate), design_whitening(other, rate)
+    taps = matching.design_whitening(reference, rate), matching.design_whitening(other, rate)
     n = round(WINDOW_S * rate)
     most = round((WINDOW_SEARCH_S + MAX_DRIFT * len(other) / rate) * rate)
     peaks: list[tuple[int, float, float]] = []  # window, delay, correlation
     times: list[float] = []
-    for first in range(0, len(other) - n - WHITENING_BINS + 2, n):
+    for first in range(0, len(other) - n - matching.WHITENING_BINS + 2, n):
         at = round((starts[1] + first / rate + delay - starts[0]) * rate)
-        low, high = at - most, at + n + WHITENING_BINS - 1 + most
+        low, high = at - most, at + n + matching.WHITENING_BINS - 1 + most
         if low < 0 or high > len(reference):
             continue
         one = oaconvolve(reference[low:high], taps[0], "valid")
-        two = oaconvolve(other[first : first + n + WHITENING_BINS - 1], taps[1], "valid")
-        lags, c = correlation_coefficient(one, two, 2 * most)
+        two = oaconvolve(other[first : first + n + matching.WHITENING_BINS - 1], taps[1], "valid")
+        lags, c = matching.correlation_coefficient(one, two, 2 * most)
         whole = (lags >= 0) & (lags <= 2 * most)  # where the window is inside
         lags, c = lags[whole], c[whole]
         for top in _tops(np.abs(c), MIN_CORRELATION_SIGMAS / np.sqrt(n)):
             here = low + int(lags[top]) + _vertex(np.sign(c[top]) * c, top)
             own = starts[0] + here / rate - (starts[1] + first / rate)
             peaks.append((len(times), own, float(c[top])))
-        times.append(starts[1] + (first + WHITENING_DELAY + n / 2) / rate)
+        times.append(starts[1] + (first + matching.WHITENING_DELAY + n / 2) / rate)
     if not peaks:
         return _nothing(delay)
     window = np.array([peak[0] for peak in peaks])
@@ -346,10 +343,10 @@ def _find_start(tracks: _Tracks, k: int) -> Drift | None:
     """
     one, other, rate = tracks[0], tracks[k], tracks.rate
     starts = tracks.starts[0], tracks.starts[k]
-    if min(len(one), len(other)) <= 2 * WHITENING_BINS:
+    if min(len(one), len(other)) <= 2 * matching.WHITENING_BINS:
         return None
     loud, is_clear = _match_loudness(one, other, rate)
-    room = room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
+    room = matching.room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
     delays = [room.delay] if room.certain else []
     delays += [
         delay for delay in loud if not room.certain or abs(delay - room.delay) > MIN_PEAK_DISTANCE_S

@@ -20,8 +20,10 @@ few kHz: memory does not grow with the length. What follows from that for long r
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -31,37 +33,166 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.manifest import ManifestError
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
+from thesis_lib.measure.synchronisation import audio, tones
+from thesis_lib.measure.synchronisation import delays as matching
 from thesis_lib.measure.synchronisation.audio import (
     AudioSource,
-    LoadedAudio,
-    load_audio,
-    low_part,
-    low_track,
-    match_recordings,
-)
-from thesis_lib.measure.synchronisation.delays import (
-    CORRELATION_RATE,
-    MIN_CORRELATION,
-    Match,
-    phase_delays,
-)
-from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
-from thesis_lib.measure.synchronisation.tones import (
-    MAX_SLIP_TURNS,
-    MIN_SAMPLES_PER_PERIOD,
-    Interval,
+    LowRate,
     SynchronisationError,
-    check_tone,
-    find_tone,
-    fit_tone,
-    frequency_deviation,
-    settle_interval,
-    tone_frequency,
+    Track,
 )
+from thesis_lib.measure.synchronisation.delays import Match
+from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
+from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.web.html import render_lines
 
+ROOM_SPANS = 8  # spans in which a room's sound is compared: ten minutes
+MIN_AUDIO_S = 0.5  # of a track in which a tone is sought
+BUTTON_SOUND_S = 0.5  # s at either end of a room's recording, in which buttons are pressed
 MIN_DRIFT_SIGMAS = 4.0  # standard errors from which on clocks drift apart
 MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of the whole
+
+
+@dataclass(frozen=True)
+class LoadedAudio:
+    """What was read of all recordings."""
+
+    low: LowRate  #: At which the force is measured
+    #: Of the sound of each after its first frame, s, shape (recordings,)
+    starts: Array
+    ends: Array
+    #: Of each as much as is held, at some tens of samples per period; empty without a tone, shape
+    #: (samples,)
+    tones: list[Track]
+    tone_rate: float  #: Sample rate of the tones in Hz
+    tone_start: float  #: When the tones' first samples come after the first samples of the files, s
+    sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
+
+
+def _lowest_rate(recordings: Sequence[AudioSource], wanted: float) -> LowRate:
+    """Return the lowest rate above one in Hz to which all recordings can be reduced."""
+    rates = []
+    for recording in recordings:
+        with recording.opened() as file:
+            rates.append(file.rate)
+    return audio.common_rate(rates, wanted)
+
+
+def load_audio(
+    recordings: Sequence[AudioSource], frequency: float | None, skip: float
+) -> LoadedAudio:
+    """Read and check all tracks, and hold a tone of theirs.
+
+    Parameters
+    ----------
+    recordings : sequence of AudioSource
+        The files.
+    frequency : float or None
+        Frequency of the tone in Hz; None if there is none to hold, as in a room.
+    skip : float
+        From when on the tone is held if it cannot be held from the start, s.
+
+    Raises
+    ------
+    MediaError, SynchronisationError
+        If a track is missing, too short, silent or clipped.
+    """
+    shortest = 4 * BUTTON_SOUND_S if frequency is None else 2.5 / frequency
+    wanted = tones.TONE_RATE * (frequency or 0.0)
+    low = _lowest_rate(recordings, max(matching.CORRELATION_RATE, wanted))
+    step = audio.step_to(low.rate, wanted) if frequency else 1
+    starts, ends, held, skipped, sources = [], [], [], [], []
+    for recording in recordings:
+        with recording.opened() as file:
+            lengths: list[int] = []
+            blocks = audio.check_blocks(
+                _note_lengths(file.blocks, lengths), file.rate, shortest, recording.name
+            )
+            if frequency is None:
+                blocks = (block[:0] for block in blocks)
+            else:
+                tones.check_rate(file.rate, frequency)
+                blocks = audio.decimate_blocks(low.reduce(blocks, file.rate), step)
+            tone, before = audio.hold_signal(blocks, round(skip * low.rate / step))
+            held.append(tone)
+            skipped.append(before)
+            starts.append(file.start)
+            ends.append(file.start + sum(lengths) / file.rate)
+            sources.append(file.source)
+    later, tone_rate = max(skipped), low.rate / step
+    return LoadedAudio(
+        low=low,
+        starts=np.array(starts),
+        ends=np.array(ends),
+        tones=[tone[later - before :] for tone, before in zip(held, skipped, strict=True)],
+        tone_rate=tone_rate,
+        tone_start=low.cut + audio.cut_off(low.rate, tone_rate) + later / tone_rate,
+        sources=tuple(sources),
+    )
+
+
+def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array]:
+    """Yield the blocks, and note their lengths."""
+    for block in blocks:
+        lengths.append(len(block))
+        yield block
+
+
+def _hold_track(recording: AudioSource, least: float, skip: float) -> tuple[Track, float, float]:
+    """Return a checked track for looking for a tone, its rate in Hz, and when it begins, s.
+
+    It keeps a rate of at least `least` in Hz, and is held from `skip` s on if it cannot be held
+    from the start.
+    """
+    with recording.opened() as file:
+        step = audio.step_to(file.rate, max(matching.CORRELATION_RATE, least))
+        rate = file.rate / step
+        blocks = audio.check_blocks(file.blocks, file.rate, MIN_AUDIO_S, recording.name)
+        blocks = audio.decimate_blocks(blocks, step)
+        track, before = audio.hold_signal(blocks, round(skip * rate))
+        return track, rate, file.start + audio.cut_off(file.rate, rate) + before / rate
+
+
+def match_recordings(
+    recordings: Sequence[AudioSource], frequency: float | None
+) -> dict[int, Match]:
+    """Match each recording but the first to the first.
+
+    Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
+    which a recording matches without doubt counts, or else the one in which it matches best. Spans
+    overlap by half, so that what all heard is within one if they started less than that apart. In
+    a room only the first `ROOM_SPANS` are tried.
+
+    Parameters
+    ----------
+    recordings : sequence of AudioSource
+        The files, which :func:`load_audio` has checked.
+    frequency : float or None
+        Frequency of the force's tone in Hz; None of tracks that hold what microphones hear.
+    """
+    room = frequency is None
+    low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
+    found: dict[int, Match] = {}
+    with ExitStack() as opened:
+        files = [opened.enter_context(recording.opened()) for recording in recordings]
+        tracks = [low.reduce(file.blocks, file.rate) for file in files]
+        if room:
+            ends = round(BUTTON_SOUND_S * low.rate)
+            tracks = [audio.without_ends(track, ends) for track in tracks]
+        for span in islice(audio.joint_spans(tracks), ROOM_SPANS if room else None):
+            for i, other in enumerate(span[1:], 1):
+                if i in found and (found[i].certain or len(other) < audio.SPAN_SAMPLES // 4):
+                    continue
+                match = (
+                    matching.room_match(span[0], other, low.rate)
+                    if frequency is None
+                    else matching.force_match(span[0], other, low.rate, frequency)
+                )
+                best = found.get(i, match)
+                found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
+            if all(match.certain for match in found.values()):
+                break
+    return found
 
 
 @dataclass(frozen=True)
@@ -102,7 +233,7 @@ class Synchronisation:
             starts=[*zip(names, self.delays, self.frames, strict=True)][1:],
             sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
             snr_db=10 * np.log10(self.snr),
-            below_hz=CORRELATION_RATE // 2,
+            below_hz=matching.CORRELATION_RATE // 2,
             shift_frames=self.frame_rate * coupling_delay(frequency) if frequency else np.nan,
         )
 
@@ -151,17 +282,17 @@ def synchronise_cameras(
     for i, one in matches.items():
         if frequency is None and not one.certain:
             raise unmatched_error(names[i], names[0])
-        if frequency is not None and one.peak < MIN_CORRELATION:
+        if frequency is not None and one.peak < matching.MIN_CORRELATION:
             raise SynchronisationError(
                 f"{names[i]}: correlation of {one.peak:.2f} with {names[0]}, allowed: "
-                f"at least {MIN_CORRELATION}; do both hold the same sound?"
+                f"at least {matching.MIN_CORRELATION}; do both hold the same sound?"
             )
     delays = np.array([0.0, *(matches[i].delay for i in range(1, len(recordings)))])
     if frequency is not None:
         for tone, name, delay in zip(heard.tones, names, delays, strict=True):
             own = steady and (steady[0] - float(delay), steady[1] - float(delay))
-            check_tone(tone, heard.tone_rate, frequency, name, own)
-        delays = phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
+            tones.check_tone(tone, heard.tone_rate, frequency, name, own)
+        delays = matching.phase_delays(heard.tones, heard.tone_rate, frequency, delays, steady)
     return Synchronisation(
         delays=delays - (heard.starts - heard.starts[0]),
         frame_rate=frame_rate,
@@ -261,31 +392,34 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     found = synchronise_cameras(recordings, heard, rate, frequency, own)
     _check_steady(manifest, *_common(found, heard))
     tone, rate = heard.tones[0], heard.tone_rate
-    begin, end = own or settle_interval(tone, rate, frequency)
+    begin, end = own or tones.settle_interval(tone, rate, frequency)
     part = tone[max(round(begin * rate), 0) : round(end * rate)]
-    measured = tone_frequency(part, rate, frequency)
+    measured = tones.tone_frequency(part, rate, frequency)
     used = excitation.frequency_hz or measured
     low_rate = heard.low.rate
     zero = float(heard.starts[0]) + heard.low.cut
     later = heard.tone_start - heard.low.cut
     first, last = max(round((begin + later) * low_rate), 0), round((end + later) * low_rate)
     begin, end = zero + first / low_rate, zero + (last - 1) / low_rate
-    blocks = low_part(recordings[0], heard.low, first, last)
-    force, _ = fit_tone(blocks, low_rate, used, -begin)
-    deviation = frequency_deviation(part, rate, measured)
+    with recordings[0].opened() as file:
+        part_blocks = audio.part_of(heard.low.reduce(file.blocks, file.rate), first, last)
+        force, _ = tones.fit_tone(part_blocks, low_rate, used, -begin)
+    deviation = tones.frequency_deviation(part, rate, measured)
     return Sound(found, used, force, steady or (begin, end), measured, deviation)
 
 
 def _tone_of_all(manifest: Manifest, recordings: list[AudioSource], skip: float) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
-    tones = []
+    found = []
     for recording in recordings:
-        track, rate, start = low_track(recording, MIN_SAMPLES_PER_PERIOD * slowest / 2, skip)
+        track, rate, start = _hold_track(
+            recording, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2, skip
+        )
         steady = excitation.steady_interval_s
         part = steady and (steady[0] - start, steady[1] - start)
-        tones.append(find_tone(track, rate, recording.name, part))
-        (first, _), (tone, seconds) = tones[0], tones[-1]
+        found.append(tones.find_tone(track, rate, recording.name, part))
+        (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
             raise SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "

@@ -1,24 +1,22 @@
 """A steady tone in a signal: its amplitude, frequency and share, and where it is steady.
 
-A tone is fitted at tens of samples per period, which keeps it cheap. Sound to synchronise by must
-be long enough, neither silent nor clipped, and hold such a tone.
+A tone is fitted at tens of samples per period, which keeps it cheap. The force's signal must hold
+such a tone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.arrays import Array, Signal
-from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
-from thesis_lib.measure.synchronisation.decimation import decimate_signal
+from thesis_lib.arrays import Signal
+from thesis_lib.measure.synchronisation.audio import SynchronisationError, decimate_signal
 
 Interval = tuple[float, float]
-
 
 TONE_RATE = 64  # samples per period at which a tone's phase is fitted
 MIN_SAMPLES_PER_PERIOD = 8  # samples per period from which on one is fitted
@@ -26,14 +24,8 @@ MIN_SETTLED_PERIODS = 3  # of the settled tone that a recording must hold
 MIN_EXPLAINED_SHARE = 0.8  # share of its variance, up to some harmonics, that the tone must explain
 MAX_FREQUENCY_ERROR = 0.01  # relative error of the frequency that is not refused
 MAX_SLIP_TURNS = 0.16  # turns over the length that are not, either
-FULL_SCALE = 1 - 1e-4  # from here on a sample counts as clipped
-MAX_CLIPPED_SHARE = 0.02  # share of such samples that is refused; a tone that just fits has 0.009
 FITTED_SAMPLES = 1 << 16  # samples that are fitted at once
 SPECTRUM_SAMPLES = 1 << 18  # samples of which a spectrum is taken at once
-
-
-class SynchronisationError(ValueError):
-    """Recordings that cannot be synchronised; the message is one line."""
 
 
 def check_rate(rate: float, frequency: float) -> None:
@@ -188,55 +180,6 @@ def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
     start, end = _longest_steady(x, rate, frequency)
     fades = end < len(x) / rate - 0.5 / frequency
     return start + 1 / frequency, end - fades / frequency
-
-
-def check_blocks(
-    blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
-) -> Iterator[Array]:
-    """Yield the blocks of a recording as they come; refuse at its end one that cannot be used.
-
-    Parameters
-    ----------
-    blocks : iterable of array_like, shape (samples,)
-        The recording, −1…1.
-    rate : float
-        Its sample rate in Hz.
-    shortest : float
-        Length in s that it must have.
-    name : str
-        Its name, for errors.
-
-    Raises
-    ------
-    SynchronisationError
-        Naming it, if it is too short, clipped or silent.
-    """
-    count, mean, squares, clipped = 0, 0.0, 0.0, 0
-    for block in blocks:
-        x = np.asarray(block, float)
-        if x.ndim != 1 or not np.isfinite(x).all():
-            raise SynchronisationError(f"{name}: audio of shape {x.shape}, allowed: finite, mono")
-        if len(x):
-            off, n = float(x.mean()) - mean, count + len(x)
-            squares += float(np.var(x)) * len(x) + off**2 * count * len(x) / n
-            count, mean = n, mean + off * len(x) / n
-            clipped += int(np.count_nonzero(np.abs(x) >= FULL_SCALE))
-        yield x
-    if not count or count < shortest * rate:
-        raise SynchronisationError(
-            f"{name}: {count / rate:.3f} s of audio, allowed: at least {shortest:.3f} s"
-        )
-    level = float(np.sqrt(squares / count))
-    if level < MAX_SILENT_RMS:
-        raise SynchronisationError(
-            f"{name}: silent audio (rms {level:.1e} of full scale), allowed: at least "
-            f"{MAX_SILENT_RMS}"
-        )
-    if clipped > MAX_CLIPPED_SHARE * count:
-        raise SynchronisationError(
-            f"{name}: clipped audio ({100 * clipped / count:.1f} % of the samples at full scale), "
-            f"allowed: at most {100 * MAX_CLIPPED_SHARE:g} %"
-        )
 
 
 def check_tone(

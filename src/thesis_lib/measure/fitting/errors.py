@@ -1,8 +1,14 @@
-"""Residuals of a fitted vibration: in the structure's plane, by other tones, by touched cameras.
+"""How far a fitted vibration may be off: residuals in the plane, other tones, and the calibration.
 
 A structure that bends moves along its normal. What its markers seem to do in its plane is therefore
 error: of centres, clocks or calibration. It needs no third camera, and tells how far the scatter of
 the centres falls short of the error.
+
+An error of a focal length or of a camera's place turns and stretches what the cameras measure, for
+all markers alike. Noise of the centres averages out where many markers are summed, as in sound;
+this does not. The amplitudes are triangulated again by cameras that are off by a standard deviation
+in each of the independent directions of the calibration's covariance. Where the world lies is free
+in it, and does not matter: the structure's frame comes from its markers at rest.
 """
 
 from __future__ import annotations
@@ -10,24 +16,21 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import numpy as np
+import xarray as xr
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, ComplexArray, Mask
+from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
+from thesis_lib.measure.fitting import harmonics
 from thesis_lib.measure.fitting.frequency import FrequencyError, liveliest_series
-from thesis_lib.measure.fitting.harmonics import (
-    Fitted,
-    Harmonics,
-    amplitude_std,
-    deflection_amplitude,
-    fit_harmonics,
-    harmonic_basis,
-    motion_amplitude,
-)
+from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
+from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
+from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.vision import lens
+from thesis_lib.vision.lens import Camera
 
 MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands still in the video
 MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
@@ -101,7 +104,7 @@ def in_plane(
     deviations : ndarray, shape (2, markers)
         Of each of its two parts, in phase and in quadrature, m.
     """
-    u, v, w = motion_amplitude(fit, omega, exposures)
+    u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
     moved = np.array([u, v])
     slope = _surface_slope(places, w)
     known = np.isfinite(moved + slope).all(axis=0)
@@ -109,7 +112,9 @@ def in_plane(
     if square:
         along = float(np.sum((slope.conj() * moved).real[:, known])) / square
         moved = moved - np.clip(along, -thickness, thickness) * np.nan_to_num(slope)
-    return moved, np.array([amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)])
+    return moved, np.array(
+        [harmonics.amplitude_std(fit, omega, exposures, axis) for axis in (0, 1)]
+    )
 
 
 def in_plane_excess(moved: ComplexArray, deviations: Array) -> float:
@@ -142,7 +147,7 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
     """
     count = len(fit.cameras)
     shapes = np.full((count, fit.rest.shape[2]), np.nan)
-    deviations, best = shapes.copy(), amplitude_std(fit, omega, exposures)
+    deviations, best = shapes.copy(), harmonics.amplitude_std(fit, omega, exposures)
     for left_out in range(count if count > 2 else 0):
         kept = [i for i in range(count) if i != left_out]
         part = Fitted(
@@ -151,9 +156,9 @@ def without_each(fit: Fitted, omega: float, exposures: Array, phase: float) -> t
             fit.rest[kept],
             fit.frame,
         )
-        turned = deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
+        turned = harmonics.deflection_amplitude(part, omega, exposures[kept]) * np.exp(-1j * phase)
         shapes[left_out] = turned.real
-        more = amplitude_std(part, omega, exposures[kept]) ** 2 - best**2
+        more = harmonics.amplitude_std(part, omega, exposures[kept]) ** 2 - best**2
         deviations[left_out] = np.sqrt(np.where(more > 0, more, np.nan))
     return shapes, deviations
 
@@ -194,7 +199,7 @@ def explained_share(
     grid = np.arange(1 / length, highest, 1 / (4 * length))
     power, counted = np.zeros_like(grid), 0
     for times, values in series:
-        fit = fit_harmonics(2 * np.pi * frequency, times, values, order)
+        fit = harmonics.fit_harmonics(2 * np.pi * frequency, times, values, order)
         rest = np.nan_to_num(values - fit.at(2 * np.pi * frequency, times))
         values = np.nan_to_num(values)
         total += float(np.sum((values - values.mean(axis=0)) ** 2)) / len(times)
@@ -202,7 +207,7 @@ def explained_share(
         step = (times[-1] - times[0]) / (len(times) - 1)
         n = 1 << int(np.ceil(np.log2(8 * len(times))))
         lines = (np.abs(np.fft.rfft(one, n)) ** 2 for one in rest.T)  # one at a time, for memory
-        spectrum = reduce(add, lines) / len(times) ** 2
+        spectrum = sum(lines) / len(times) ** 2
         power += np.interp(grid, np.fft.rfftfreq(n, step), spectrum)
         counted = max(counted, len(times))
     if not total or not len(grid):
@@ -220,12 +225,11 @@ def find_jump(
     own: Recording, fit: Harmonics, omega: float, begin: float, end: float
 ) -> tuple[float, float]:
     """Find how far all that a camera sees jumped, px, and when, s; 0 and NaN if it did not."""
-    order = (len(fit.coefficients) - 1) // 2
     first, last = own.between(begin, end)
     every = -(-(last - first) // MAX_JUMP_FRAMES)  # of a long recording some frames tell
     times, common = [], []
     for t, uv in ((t[::every], uv[::every]) for t, uv in own.parts(begin, end)):
-        rest = uv - np.tensordot(harmonic_basis(omega, t, order), fit.coefficients, axes=1)
+        rest = uv - fit.at(omega, t)
         seen = np.isfinite(rest).any(axis=(1, 2))
         times.append(t[seen])
         common.append(np.nanmedian(rest[seen], axis=2))
@@ -263,3 +267,113 @@ def check_explained(tone: Share, given: float) -> None:
             f"{max(tone.explained, 0):.1%} of the motion; most of it is near {tone.frequency:.3g} "
             "Hz: allowed: the frequency of the motion, or null"
         )
+
+
+MAX_DIRECTIONS = 16  # of the covariance that are kept, the largest ones
+SHARED_VARIABLES = read_variables(__file__, "shared_errors")
+
+
+def common_errors(
+    fits: Sequence[Fitted],
+    markers: Markers,
+    omegas: Sequence[float],
+    exposures: Array,
+    covariance: Array,
+) -> ComplexArray:
+    """Return the calibration's errors of amplitudes in m, independent rows of one std each.
+
+    Parameters
+    ----------
+    fits, omegas
+        One vibration or several by the cameras as calibrated, and their angular frequencies, rad/s.
+    markers : Markers
+        What is on the structure.
+    exposures : ndarray
+        Exposure times in s.
+    covariance : ndarray, shape (14 n, 14 n)
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
+
+    Returns
+    -------
+    ndarray, shape (rows, fits, markers)
+        As many rows as the covariance has directions that matter, at most :data:`MAX_DIRECTIONS`.
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
+    steps = [
+        scale * way * np.sqrt(value)
+        for value, way in zip(values, ways.T, strict=True)
+        if value > 1e-9 * values[-1]
+    ]
+
+    def perturb_amplitudes(step: Array) -> ComplexArray:
+        every = zip(fits, omegas, strict=True)
+        moved = [
+            harmonics.deflection_amplitude(_refit_images(fit, markers, step), omega, exposures)
+            for fit, omega in every
+        ]
+        return np.concatenate(moved)
+
+    rows = [perturb_amplitudes(step / 2) - perturb_amplitudes(-step / 2) for step in steps]
+    fewer = _keep_largest(np.nan_to_num(np.array(rows)))
+    return fewer.reshape(len(fewer), len(fits), -1)
+
+
+def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray) -> xr.Dataset:
+    """Return a result with :data:`SHARED_VARIABLES`; its standard errors hold them.
+
+    `rows` are of :func:`common_errors`, of all fits or of one; `turns` multiply complex amplitudes
+    to those at the maximum of the vibration.
+    """
+    own = data["standard_error"]
+    shared = np.sqrt(np.sum(np.real(rows * turns) ** 2, axis=0))
+    own.values[:] = np.hypot(own.values, shared)
+    values = {"shared_real": rows.real, "shared_imag": rows.imag}
+    return data.assign(label_values(values, SHARED_VARIABLES, ("row", *map(str, own.dims[:-1]))))
+
+
+def _keep_largest(rows: ComplexArray) -> ComplexArray:
+    """Return at most :data:`MAX_DIRECTIONS` rows with the covariance of the largest directions.
+
+    Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
+    """
+    parts = np.concatenate([rows.real, rows.imag], axis=1)
+    _, size, mixed = np.linalg.svd(parts, full_matrices=False)
+    kept = size[:MAX_DIRECTIONS, None] * mixed[:MAX_DIRECTIONS]
+    real, imag = np.split(kept, 2, axis=1)
+    return np.asarray(real + 1j * imag)
+
+
+def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
+    """Fit the same images with cameras that are off by a step."""
+    network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    cameras = step_network(network, step).cameras
+    pairs = list(zip(fit.cameras, cameras, strict=True))
+    seen = [
+        _undistort_again(old, new, own)
+        for (old, new), own in zip(pairs, fit.harmonics, strict=True)
+    ]
+    rest = [_undistort_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)]
+    return harmonics.combine_fit(list(cameras), seen, np.array(rest), markers)
+
+
+def _undistort_anew(old: Camera, new: Camera, uv: Array) -> Array:
+    """Return places without distortion by one camera, as another one has them, (2, ...)."""
+    return lens.undistort_pixels(new, lens.distort_pixels(old, uv))
+
+
+def _undistort_again(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
+    """Undistort harmonics by another camera, to first order about their mean."""
+    mean = own.coefficients[0]
+    moved = _undistort_anew(old, new, mean)
+    reach = 0.5  # px
+    slopes = [
+        (
+            _undistort_anew(old, new, mean + shift[:, None])
+            - _undistort_anew(old, new, mean - shift[:, None])
+        )
+        / (2 * reach)
+        for shift in reach * np.eye(2)
+    ]
+    rest = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
+    return replace(own, coefficients=np.concatenate([moved[None], rest]))
