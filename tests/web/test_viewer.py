@@ -299,7 +299,7 @@ def parts_of(front: str) -> set[str]:
 
 FRONTS = [
     "corners", "explorer", "layout", "ledger", "measured", "radiated", "recompute_worker", "rerun",
-    "rounding_beam", "rounding_marker", "rounding_point", "viewer",
+    "rounding", "viewer",
 ]  # fmt: skip
 
 
