@@ -75,8 +75,8 @@ function render({ model, el }) {
     });
     errors.forEach((node, i) => {
       const [low, high] = [-2, 2].map((k) => at(i, w[i] + k * error[i]));
-      const cap = ([x, y]) => `M${xy([x - 3, y])}h6`;
-      fill(node, { d: whiskers.checked ? lines([low, high]) + cap(low) + cap(high) : "" });
+      const cap = ([x, y]) => `M${xy([x - 3, y])}h6`, stem = `M${xy(low)}V${high[1].toFixed(1)}`;
+      fill(node, { d: whiskers.checked ? stem + cap(low) + cap(high) : "" });
     });
   }
 

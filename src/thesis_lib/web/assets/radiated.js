@@ -1,6 +1,7 @@
 // The sound field of a measured shape on the planes above it, playing.
 // Front end of thesis_lib.measure.report.build in the form that static_html runs.
-import { amplitude, colourBar, coloursOf, createPressure, decode, paletteOf } from "./maps.js";
+import { amplitude, coloursOf, createPressure, decode } from "./field.js";
+import { colourBar, paletteOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import { figure, followWidth, html } from "./parts.js";
 

@@ -1,8 +1,7 @@
 // Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the
 // worst setting, at any instant of the period.
-import {
-  amplitude, colourBar, coloursOf, createPressure, decode, mapWidth, paletteOf,
-} from "./maps.js";
+import { amplitude, coloursOf, createPressure, decode } from "./field.js";
+import { colourBar, mapWidth, paletteOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import { KINDS, entitle, figure, html, isNumber, swatch } from "./parts.js";
 
