@@ -63,7 +63,7 @@ const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, 
 // Padding that puts the units of numbers below each other, in digits.
 const pad = (words, widest) => {
   const digits = /^\d+/.exec(words)?.[0].length;
-  return digits && digits < widest ? `--pad: ${widest - digits}` : null;
+  return digits && digits < widest ? `; --pad: ${widest - digits}` : "";
 };
 function claimOf(row, widest) {
   const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
@@ -84,7 +84,7 @@ function claimOf(row, widest) {
   const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
     class: `tl-ledger-${name}`, "data-label": label, role: name === "what" ? "rowheader" : "cell",
     "data-number": name in widest && SHORT.test(row[name]) ? "" : null,
-    style: name in widest ? pad(row[name], widest[name]) : null,
+    style: `--area: ${name}${name in widest ? pad(row[name], widest[name]) : ""}`,
   }, ...shown[name].filter((part) => part !== "")));
   body.append(html("tr", { role: "row" }, ...cells));
   const words = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");

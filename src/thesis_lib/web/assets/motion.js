@@ -83,8 +83,8 @@ export function createImage() {
   const canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
   const box = select([], { "data-testid": "camera" }, () => { tell(); draw(); });
   const words = html("p", { class: "tl-foot" }), label = html("label", {}, "Image of camera", box);
-  const node = html("figure", { class: "tl-panel-m", "data-testid": "image" },
-    html("figcaption", {}, label), canvas, words);
+  const names = { class: "tl-panel-m", style: "--area: m", "data-testid": "image" };
+  const node = html("figure", names, html("figcaption", {}, label), canvas, words);
   const context = canvas.getContext("2d");
   let P, rest, moved, size, shifts, name, phase = 0, seen = null;
 

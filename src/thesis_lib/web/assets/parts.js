@@ -86,7 +86,8 @@ export function figure(letter, canvas, letters = letter) {
   const caption = html("span"), foot = html("div", { class: "tl-foot" });
   fill(canvas, { "data-testid": `panel-${letter}` });
   const heading = html("figcaption", {}, ...(letters ? [html("b", {}, letters)] : []), caption);
-  const node = html("figure", { class: `tl-panel-${letter}` }, heading, canvas, foot);
+  const names = { class: `tl-panel-${letter}`, style: `--area: ${letter}` };
+  const node = html("figure", names, heading, canvas, foot);
   return { node, canvas, caption, foot };
 }
 export function entitle({ canvas, caption }, study, role, words, strong = "", help = "") {
