@@ -310,27 +310,6 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
 
 
 @pytest.mark.slow
-def test_every_setup_of_the_thesis_gives_the_published_nominal_run(
-    conforms, chromium: Browser, path: Path
-) -> None:
-    """All cases, modes and both structures, symmetric as they are, with their ties."""
-    script = """() => { const { explorer } = document.querySelector('.tl-explorer'), found = [];
-      for (const [s, { setups, reading }] of Object.entries(explorer.structures))
-        for (const { d, w, c, errors } of setups) for (const m of [1, 2, 3]) {
-          explorer.app.update({ s, m, d, w, c, ...reading });
-          const { mean, largest } = explorer.compute().errors;
-          found.push([mean, errors.mean_error[m - 1][0]],
-            [largest, errors.max_point_error[m - 1][0]]);
-        }
-      return found; }"""
-    with open_offline(chromium, path) as opened:
-        found = np.array(opened.page.evaluate(script))
-        assert opened.trouble == []
-    assert found.shape == (2 * 56 * 3 * 2, 2)
-    conforms.independent(found[:, 0], found[:, 1], rtol=6e-6)
-
-
-@pytest.mark.slow
 def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
     """Other draws, but the same distribution; and the numbers shown are those computed."""
     with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:
