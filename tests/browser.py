@@ -42,6 +42,18 @@ FLAGS = [
 ]
 
 
+HEAD = (
+    '<!doctype html><html lang="en"><meta charset="utf-8"><title>Page</title>'
+    '<meta name="viewport" content="width=device-width">'
+)
+
+
+def write_page(file: Path, *fragments: str) -> Path:
+    """Write fragments of HTML as a page, and return its file."""
+    file.write_text(f"{HEAD}<body>{''.join(fragments)}", encoding="utf-8")
+    return file
+
+
 def find_browser() -> str | None:
     """Path of Chromium or Chrome on this machine, or None."""
     names = (
@@ -107,6 +119,30 @@ def server(folder: Path) -> Iterator[str]:
         finally:
             running.shutdown()
             thread.join()
+
+
+FOCUSED = """name => { const e = document.activeElement, style = getComputedStyle(e);
+  const ring = getComputedStyle(e.querySelector('circle') ?? e);
+  const after = e.type === 'radio' && getComputedStyle(e.nextElementSibling).boxShadow;
+  const outlined = style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) >= 2;
+  if (!outlined && ring.stroke === 'none' && (after || 'none') === 'none') return 'no outline';
+  return e.closest('[data-parameter]')?.dataset.parameter ?? e.getAttribute('aria-label') ??
+    e.closest('fieldset')?.querySelector('legend').innerText ??
+    (e.labels?.[0] ?? e).innerText.split('\\n')[0]; }"""
+
+
+def focused(opened: Opened) -> str:
+    """Name of what has the focus, or that it is not seen to have it."""
+    return str(opened.page.evaluate(FOCUSED))
+
+
+def tab_through(opened: Opened, times: int) -> list[str]:
+    """Names of what gets the focus when Tab is pressed."""
+    seen = []
+    for _ in range(times):
+        opened.page.keyboard.press("Tab")
+        seen.append(focused(opened))
+    return seen
 
 
 def drag(opened: Opened, name: str, x: float, y: float = 0) -> None:

@@ -1,4 +1,5 @@
-// Figures grow: a click, a tap or the button beside them opens them as large as the window.
+// Figures grow: a click, a tap or the button beside them opens them as large as the window; those of
+// one case stand one behind the other.
 (() => {
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;
@@ -6,7 +7,9 @@
   let open = null;
 
   const make = () => {
-    const box = dialog("tl-zoom", "Figure"), view = element("div", "tl-zoom-view");
+    const box = dialog("tl-zoom", "Figure");
+    const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
+      ariaLabel: "Figure: plus and minus change its size, arrows move it" });
     const caption = element("p", "tl-zoom-caption");
     let content = null, scale = 1, fit = () => 1; // px at which the content fits the window
     // Sizes, not transforms: drawings are drawn again at each size, and so stay sharp.
@@ -19,10 +22,8 @@
     };
     const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
       ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
-    const buttons = tools.map(([words, name, act]) =>
-      Object.assign(button("", words, act), { ariaLabel: name }));
-    Object.assign(view, { tabIndex: 0, role: "group",
-      ariaLabel: "Figure: plus and minus change its size, arrows move it" });
+    const buttons = tools.map(([words, ariaLabel, act]) =>
+      Object.assign(button("", words, act), { ariaLabel }));
     box.append(element("div", "tl-zoom-tools", ...buttons), view, caption);
 
     view.addEventListener("wheel", (event) => {
@@ -108,17 +109,16 @@
     const [width, height] = [image.getAttribute("width"), image.getAttribute("height")];
     const panels = image.dataset.panels.split(";").map((box) => {
       const [x, y, w, h] = box.split(" ").map(Number);
-      const copy = element("img", ""), panel = element("span", "tl-panel", copy);
-      Object.assign(copy, { src: image.src, alt: "", loading: "lazy", draggable: false });
+      const copy = element("img", { src: image.src, alt: "", loading: "lazy", draggable: false });
+      const panel = element("span", "tl-panel", copy);
       Object.assign(panel.style, { width: `min(100%, ${1.2 * w * width / 100}px)`,
         aspectRatio: `${w * width} / ${h * height}` });
       Object.assign(copy.style, { width: `${10000 / w}%`, left: `${-100 * x / w}%`,
         top: `${-100 * y / h}%` });
       return panel;
     });
-    const all = element("span", "tl-panels", ...panels);
-    all.addEventListener("click", () => show(image));
-    image.closest(".tl-frame").append(all);
+    const all = { className: "tl-panels", onclick: () => show(image) };
+    image.closest(".tl-frame").append(element("span", all, ...panels));
   };
   const whole = ".tl-frame:not(:has(.tl-panels)) img[data-panels][width]";
   const divide = () => {
@@ -126,4 +126,47 @@
   };
   phone.addEventListener("change", divide);
   divide();
+})();
+
+// Figures of one case, with a switch of the mode. Without this script, and in print, all are seen.
+(() => {
+  const { element } = window.thesisBook, cases = new Map();
+  for (const line of document.querySelectorAll(".tl-under-figure[data-case]")) {
+    const { case: name, mode } = line.dataset, cell = line.previousElementSibling;
+    const figure = cell?.querySelector("figure");
+    if (!figure) continue;
+    if (!cases.has(name)) cases.set(name, []);
+    cases.get(name).push({ mode, figure, parts: [cell.querySelector(".cell_output"), line] });
+  }
+  const plates = [...cases].filter(([, shown]) => shown.length > 1).map(([label, shown], n) => {
+    const choose = (chosen) => shown.forEach((one) => {
+      one.input.checked = one === chosen;
+      for (const part of one.parts) part.classList.toggle("tl-behind", one !== chosen);
+    });
+    const labels = shown.map((one) => {
+      const radio = { type: "radio", name: `tl-atlas-${n}`, onchange: () => choose(one) };
+      one.input = element("input", radio);
+      return element("label", "", one.input, one.mode);
+    });
+    const words = element("legend", "", `Case ${label.replaceAll("'", "′")}, mode`);
+    shown[0].figure.closest(".cell_output").before(element("fieldset", "tl-atlas", words, ...labels));
+    choose(shown[0]);
+    return { shown, choose };
+  });
+  function follow() { // a link to a figure leads to its mode
+    let id = location.hash.slice(1);
+    try { id = decodeURIComponent(id); } catch { return; }
+    for (const { shown, choose } of plates) {
+      const one = id && shown.find(({ figure }) => figure.id === id);
+      if (!one) continue;
+      choose(one);
+      one.figure.scrollIntoView();
+    }
+  }
+  addEventListener("hashchange", follow);
+  document.addEventListener("click", (event) => { // of the same address again, too
+    const link = event.target.closest?.('a[href*="#"]');
+    if (link && link.href === location.href) follow();
+  });
+  follow();
 })();

@@ -1,37 +1,247 @@
-// What the scripts of every page share.
+// What every page offers its readers: tables that fit, links that tell what they lead to, how to
+// cite; and what the scripts of the search and the figures share with these.
 window.thesisBook = (() => {
   const root = new URL(document.documentElement.dataset.content_root ?? "./", location.href).href;
   const loading = {};
-  const load = (file) => (loading[file] ??= new Promise((resolve, reject) => {
+  const load = (file) => (loading[file] ??= new Promise((onload, onerror) => {
     const script = document.createElement("script");
-    Object.assign(script, { src: root + file, onload: resolve, onerror: reject });
-    document.head.append(script);
+    document.head.append(Object.assign(script, { src: root + file, onload, onerror }));
   }));
-  const element = (tag, className, ...children) => {
-    const made = Object.assign(document.createElement(tag), { className });
+  const element = (tag, properties, ...children) => {
+    const given = typeof properties === "string" ? { className: properties } : properties;
+    const made = Object.assign(document.createElement(tag), given);
     made.append(...children);
     return made;
   };
-  const button = (className, words, act) => {
-    const made = element("button", className, words);
-    made.type = "button";
-    made.addEventListener("click", act);
-    return made;
-  };
+  const button = (className, words, onclick) =>
+    element("button", { className, type: "button", onclick }, words);
   const closes = (dialog) => dialog.addEventListener("keydown", (event) => { // the page has another use for Escape
     if (event.key === "Escape") event.stopPropagation();
   });
   const dialog = (className, name) => { // Escape closes it, and so does a click beside it
-    const made = element("dialog", className);
-    made.setAttribute("aria-label", name);
-    made.addEventListener("click", (event) => event.target === made && made.close());
+    const made = element("dialog", { className, ariaLabel: name,
+      onclick: (event) => event.target === made && made.close() });
     closes(made);
     document.body.append(made);
     return made;
   };
   const entries = async () => {
     await load("_static/entries.js");
-    return window.thesisEntries.map(([page, kind, places, title, text, picture]) => ({ page, kind, places, title, text, picture }));
+    return window.thesisEntries.map(([page, kind, places, title, text, picture]) =>
+      ({ page, kind, places, title, text, picture }));
   };
   return { root, load, element, button, dialog, closes, entries };
+})();
+
+// Tables wider than their place become tighter, on a phone cards, a row each; what still is too
+// wide says that it scrolls.
+addEventListener("load", async () => {
+  const { element } = window.thesisBook;
+  await window.MathJax?.startup?.promise;
+  const phone = matchMedia("(max-width: 600px)"), MOST = 6; // rows that become cards: of more a page would have no end
+  const ROLES = { THEAD: "rowgroup", TBODY: "rowgroup", TR: "row", TH: "columnheader", TD: "cell" };
+  const SPANS = "[colspan]:not([colspan='1']), [rowspan]:not([rowspan='1'])";
+
+  // A card says the heads of its columns; the roles stay those of a table, which the style takes away.
+  const name = (table) => {
+    if (table.role) return;
+    table.role = "table";
+    const heads = [...table.tHead.rows[0].cells];
+    for (const part of table.querySelectorAll("thead, tbody, tr, th, td"))
+      part.role = part.matches("tbody th") ? "rowheader" : ROLES[part.tagName];
+    for (const cell of table.querySelectorAll("tbody > tr > *")) {
+      const head = heads[cell.cellIndex].cloneNode(true);
+      if (!cell.textContent.trim()) cell.classList.add("tl-empty");
+      if (head.textContent.trim())
+        cell.prepend(element("span", { className: "tl-label", ariaHidden: true }, ...head.childNodes));
+    }
+  };
+  const isRegular = ({ tHead, rows }) => tHead?.rows.length === 1 && rows.length <= MOST;
+  const isWide = (box) => box.scrollWidth > box.clientWidth + 1;
+  const fit = (box) => { // what holds a table, or an equation
+    const table = box.querySelector("table"), scrolled = box.classList.contains("tl-scrolls");
+    table?.classList.remove("tl-tight", "tl-cards");
+    box.classList.remove("tl-scrolls");
+    if (table && isWide(box)) {
+      if (!phone.matches) table.classList.add("tl-tight");
+      else if (isRegular(table) && !table.querySelector(SPANS)) {
+        name(table);
+        table.classList.add("tl-cards");
+      }
+    }
+    if (box.classList.toggle("tl-scrolls", isWide(box))) box.tabIndex = 0;
+    else if (scrolled) box.removeAttribute("tabindex");
+  };
+  const widths = new Map();
+  const watch = new ResizeObserver((seen) => {
+    for (const { target, contentRect: { width } } of seen) {
+      if (!width || widths.get(target) === width) continue;
+      widths.set(target, width);
+      requestAnimationFrame(() => fit(target)); // at once would be told as a loop
+    }
+  });
+  for (const one of document.querySelectorAll(".bd-article div.math mjx-container, .bd-article table"))
+    if (!one.closest(".tl-fragment")) watch.observe(one.matches("table") ? one.parentElement : one);
+});
+
+// Links tell what they lead to: pointed at, focused, or at a first tap.
+(() => {
+  const { root, element, entries } = window.thesisBook;
+  const LINKS = ".bd-article a.reference.internal", WAIT = 250, LONGEST = 320; // ms, characters
+  let places = null, box = null, of = null, timer = 0, touched = false;
+
+  const known = () => (places ??= entries().then((all) => {
+    const found = new Map(); // of two in one place the first
+    for (const entry of all.toReversed()) {
+      for (const place of entry.places) found.set(`${entry.page}#${place}`, entry);
+      found.set(entry.page, entry);
+    }
+    return found;
+  }));
+  const hide = () => {
+    clearTimeout(timer);
+    of?.removeAttribute("aria-describedby");
+    of = null;
+    if (box) box.hidden = true;
+  };
+  const later = () => { clearTimeout(timer); timer = setTimeout(hide, WAIT); };
+  const make = () => {
+    const made = element("div", { className: "tl-preview", id: "tl-preview", role: "tooltip" });
+    made.addEventListener("pointerenter", () => clearTimeout(timer));
+    made.addEventListener("pointerleave", later);
+    document.body.append(made);
+    return made;
+  };
+  const shorten = (text) => {
+    if (text.length <= LONGEST) return text;
+    const cut = text.slice(0, LONGEST), math = cut.lastIndexOf("\\("); // an equation is not cut
+    return `${cut.slice(0, math > cut.lastIndexOf("\\)") ? math : cut.lastIndexOf(" "))} …`;
+  };
+  const show = async (link) => {
+    const entry = (await known().catch(() => null))?.get(decodeURI(link.href.slice(root.length)));
+    if (!(entry?.text || entry?.picture) || !link.isConnected || of !== link) return;
+    box ??= make();
+    const { kind, title, picture, page } = entry;
+    const text = element("p", "", kind === "equation" ? entry.text : shorten(entry.text));
+    box.replaceChildren(element("p", "tl-preview-title", title));
+    if (picture) box.append(element("img", { src: new URL(picture, root + page).href, alt: "" }));
+    box.append(text);
+    box.hidden = false;
+    link.setAttribute("aria-describedby", box.id);
+    window.MathJax?.typesetPromise?.([text]).catch(() => null);
+    const at = link.getClientRects()[0], width = box.offsetWidth, height = box.offsetHeight;
+    const below = at.bottom + 6 + height < innerHeight || at.top < height;
+    const left = Math.max(8, Math.min(at.left, innerWidth - width - 16));
+    const top = below ? at.bottom + 6 : at.top - height - 6;
+    Object.assign(box.style, { left: `${scrollX + left}px`, top: `${scrollY + top}px` });
+  };
+  const soon = (link) => {
+    if (link === of) return clearTimeout(timer);
+    hide();
+    of = link;
+    timer = setTimeout(() => show(link), WAIT);
+  };
+  const on = (type, act, wanted = () => true) => document.addEventListener(type, (event) => {
+    const link = event.target.closest?.(LINKS), isInner = link?.href.startsWith(root) &&
+      !link.querySelector("img") && !link.closest(".tl-fragment, .toctree-wrapper");
+    if (isInner && wanted(event)) act(link, event);
+  });
+  const byMouse = (event) => event.pointerType !== "touch";
+
+  on("pointerover", soon, byMouse);
+  on("pointerout", later, byMouse);
+  on("focusin", soon, () => !touched);
+  on("focusout", later);
+  on("click", async (link, event) => { // a first tap shows, a second goes
+    event.preventDefault();
+    hide();
+    of = link;
+    await show(link);
+    if (!box || box.hidden) location.href = link.href;
+  }, ({ target }) => touched && !(of === target.closest(LINKS) && box && !box.hidden));
+  document.addEventListener("keydown", (event) => event.key === "Escape" && hide());
+  document.addEventListener("pointerdown", (event) => {
+    touched = event.pointerType === "touch";
+    if (!event.target.closest?.(`.tl-preview, ${LINKS}`)) hide();
+  });
+})();
+
+// How to cite this page, a figure or the data on it, with the edition that was read.
+(() => {
+  const { root, load, element, button, dialog } = window.thesisBook;
+  const tools = document.querySelector(".article-header-buttons");
+  if (!tools || !document.querySelector(".bd-article h1")) return;
+
+  const list = () => { // what can be cited here: a name, an anchor, a key
+    const page = location.href.slice(root.length).split(/[?#]/)[0];
+    const [title] = document.title.split(" — "), keyOf = (text) => text.replace(/\W+/g, "-");
+    const made = [{ name: title, at: page, key: keyOf(page.replace(/\.html$/, "")) }];
+    for (const figure of document.querySelectorAll(".bd-article figure[id]")) {
+      const caption = figure.querySelector(".caption-text")?.textContent.trim();
+      const name = caption?.split(/ of the thesis|\. |\.$/)[0].slice(0, 90);
+      if (name) made.push({ name: `${name} (${title})`, at: `${page}#${figure.id}`, key: figure.id });
+    }
+    for (const cube of document.querySelectorAll(".tl-provenance a[href$='.nc']")) {
+      const file = cube.getAttribute("href").split("/").pop();
+      const facts = cube.closest(".tl-provenance").textContent;
+      const [, commit] = facts.match(/commit (\w{7,40})/) ?? [];
+      const [, hash] = facts.match(/hash (\w{6,})/) ?? [];
+      const name = `Cube ${file}${hash ? `, parameters ${hash}` : ""}`;
+      made.push({ name, at: `data/${file}`, key: keyOf(file), commit });
+    }
+    return made;
+  };
+  const tex = (text) => text.replace(/[\\{}]/g, "").replace(/[%&#_$]/g, "\\$&");
+  const FORMS = {
+    "Plain": ({ name, at }, { authors, title, version, date }, commit) =>
+      `${authors}: ${title}. ${name}. Version ${version}, commit ${commit}, ${date}. ${at}`,
+    "APA": ({ name, at }, { authors, title, version, date }, commit) =>
+      `${authors}. (${date.slice(0, 4)}). ${name}. In ${title} (Version ${version}, commit ` +
+      `${commit}; ${date}) [Computer software]. ${at}`,
+    "BibTeX": ({ name, at, key }, { authors, title, version, date }, commit) =>
+      `@misc{vibration-${key},
+  author = {{${tex(authors)}}},
+  title = {${tex(name)}},
+  howpublished = {In: ${tex(title)}, ${tex(at)}},
+  year = {${date.slice(0, 4)}},
+  note = {Version ${tex(version)}, commit ${commit}, ${date}}
+}`,
+  };
+
+  let open = null;
+  const make = (edition) => {
+    const made = dialog("tl-cites", "Cite"), all = list();
+    const fill = () => {
+      const one = all[chosen.value];
+      Object.values(FORMS).forEach((form, i) => {
+        shown[i].textContent = form(one, edition, one.commit ?? edition.commit);
+      });
+    };
+    const said = element("p", { role: "status" });
+    const chosen = element("select", { onchange: fill }, ...all.map((one, i) =>
+      new Option(i ? one.name : `This page: ${one.name}`, i)));
+    made.append(element("label", "", "What ", chosen));
+    const shown = Object.keys(FORMS).map((form) => {
+      const text = element("pre", { tabIndex: 0 }), copy = button("", "copy", async () => {
+        await navigator.clipboard.writeText(text.textContent)
+          .catch(() => getSelection().selectAllChildren(text));
+        said.textContent = `${form}: copied.`;
+      });
+      copy.ariaLabel = `Copy ${form}`;
+      made.append(element("h2", "", form), copy, text);
+      return text;
+    });
+    made.append(said, button("", "close", () => made.close()));
+    return () => { // of a figure that the address names, that figure
+      const named = all.findIndex((one) => location.hash && one.at.endsWith(location.hash));
+      if (named > 0) chosen.value = named;
+      said.textContent = "";
+      fill();
+      made.showModal();
+    };
+  };
+  const cite = button("btn btn-sm pst-navbar-icon tl-cite",
+    element("i", { className: "fa-solid fa-quote-right", ariaHidden: "true" }),
+    () => load("_static/edition.js").then(() => (open ??= make(window.thesisEdition))()));
+  tools.prepend(Object.assign(cite, { ariaLabel: "Cite this page", title: "Cite" }));
 })();

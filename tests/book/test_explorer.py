@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import CONTRAST, Opened, open_offline
+from browser import CONTRAST, Opened, focused, open_offline, tab_through, write_page
 from numpy.typing import NDArray
 
 from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
@@ -45,18 +45,7 @@ STRUCTURES = {s: STUDIES_OF[s][0].structure for s in SUBJECTS}
 TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
 
 
-def page(*fragments: str) -> str:
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-    return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
-
-
 # --- the data
-
-
-def test_data_are_small_and_plain() -> None:
-    assert len(json.dumps(DATA, separators=(",", ":"))) < 80_000
-    assert len(explorer_html()) < 150_000
-    assert json.loads(json.dumps(DATA)) == DATA
 
 
 @pytest.mark.parametrize("subject", SUBJECTS)
@@ -132,8 +121,7 @@ def test_bundle_has_view_page_and_line() -> None:
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("explorer") / "the explorer.html"
-    file.write_text(page("<h1 id='top'>Explorer</h1>", explorer_html()), encoding="utf-8")
-    return file
+    return write_page(file, "<h1 id='top'>Explorer</h1>", explorer_html())
 
 
 def state(opened: Opened) -> dict[str, Any]:
@@ -322,27 +310,6 @@ def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> No
 
 
 @pytest.mark.slow
-def test_every_setup_of_the_thesis_gives_the_published_nominal_run(
-    conforms, chromium: Browser, path: Path
-) -> None:
-    """All cases, modes and both structures, symmetric as they are, with their ties."""
-    script = """() => { const { explorer } = document.querySelector('.tl-explorer'), found = [];
-      for (const [s, { setups, reading }] of Object.entries(explorer.structures))
-        for (const { d, w, c, errors } of setups) for (const m of [1, 2, 3]) {
-          explorer.app.update({ s, m, d, w, c, ...reading });
-          const { mean, largest } = explorer.compute().errors;
-          found.push([mean, errors.mean_error[m - 1][0]],
-            [largest, errors.max_point_error[m - 1][0]]);
-        }
-      return found; }"""
-    with open_offline(chromium, path) as opened:
-        found = np.array(opened.page.evaluate(script))
-        assert opened.trouble == []
-    assert found.shape == (2 * 56 * 3 * 2, 2)
-    conforms.independent(found[:, 0], found[:, 1], rtol=6e-6)
-
-
-@pytest.mark.slow
 def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
     """Other draws, but the same distribution; and the numbers shown are those computed."""
     with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:
@@ -464,20 +431,9 @@ def test_the_view_turns_and_the_wheel_changes_the_distance(chromium: Browser, pa
 
 
 def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
-    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
-      const ring = getComputedStyle(e.querySelector('circle') ?? e);
-      const sibling = e.nextElementSibling && getComputedStyle(e.nextElementSibling);
-      if (style.outlineStyle === 'none' && ring.stroke === 'none' &&
-        !(e.type === 'radio' && sibling.boxShadow !== 'none')) return 'no outline';
-      return e.getAttribute('aria-label') ??
-        e.closest('fieldset')?.querySelector('legend').innerText ??
-        e.labels?.[0]?.innerText.split('\\n')[0] ?? e.innerText; }"""
     with open_offline(chromium, path, query=TWO) as opened:
         state(opened)
-        seen = []
-        for _ in range(25):
-            opened.page.keyboard.press("Tab")
-            seen.append(opened.page.evaluate(focused))
+        seen = tab_through(opened, 25)
         each = [
             words
             for i in (1, 2)
@@ -500,7 +456,7 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert len(state(opened)["c"]) == 2  # two are the least
         opened.page.get_by_role("button", name="Add a camera").press("Enter")
         assert len(state(opened)["c"]) == 3
-        assert opened.page.evaluate(focused) == "Add a camera"
+        assert focused(opened) == "Add a camera"
         camera(opened, 3).press("Delete")
         assert state(opened)["c"] == [[11, 32], [-60, 40]]
         assert opened.page.evaluate("document.activeElement.dataset.camera") == "1"
@@ -574,8 +530,8 @@ def test_a_page_that_begins_elsewhere_does_so_for_silly_addresses(
     chromium: Browser, tmp_path: Path
 ) -> None:
     """As the first page does, whose default is not the explorer's own."""
-    file = tmp_path / "home.html"
-    file.write_text(page(explorer_html("s=beam&m=3&t=4a-6", compact=True)), encoding="utf-8")
+    home = explorer_html("s=beam&m=3&t=4a-6", compact=True)
+    file = write_page(tmp_path / "home.html", home)
     with open_offline(chromium, file) as opened:
         default = state(opened)
         for query in ("s=cube&m=4&t=9z-1", "m=&r=maybe", "t=constructor&c=1"):
@@ -741,9 +697,8 @@ def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None
     for setup in data["structures"]["beam"]["setups"]:
         setup |= {"title": EVIL, "label": EVIL, "case": EVIL}
         setup["stated"] = {error: [EVIL] * 3 for error in setup["stated"]}
-    file = tmp_path / "evil.html"
     bundle, _ = Explorer(EVIL, data=data)._repr_mimebundle_()
-    file.write_text(page(str(bundle["text/html"])), encoding="utf-8")
+    file = write_page(tmp_path / "evil.html", str(bundle["text/html"]))
     query = "s=%3Cimg%20src=x%20onerror=alert(3)%3E&t=4a-4&c=%3Cb%3E"
     for asked in ("", query):
         with open_offline(chromium, file, query=asked) as opened:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -14,13 +13,10 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 import axe
 from book.test_book_pages import BOOK, PAGES, needs_book
-from browser import browser, find_browser, open_offline, server
+from browser import open_offline, server
 from PIL import Image
 from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.skipif(
-    find_browser() is None, reason="no Chromium or Chrome on this machine"
-)
 RESULTS = BOOK / "executed" / "beam-aperture.html"
 WIDTH = "() => document.querySelector('.tl-zoom img').getBoundingClientRect().width"
 CORNER = """async (image) => { image.loading = 'eager'; await image.decode();
@@ -28,15 +24,9 @@ CORNER = """async (image) => { image.loading = 'eager'; await image.decode();
             getComputedStyle(image).colorScheme]; }"""
 
 
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    with browser() as one:
-        yield one
-
-
 @needs_book
-def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
-    with open_offline(running, RESULTS) as opened:
+def test_a_figure_grows_by_keyboard_and_by_mouse(chromium: Browser) -> None:
+    with open_offline(chromium, RESULTS) as opened:
         page = opened.page
         grow = page.locator("#fig-3-7 .tl-grow")
         assert grow.get_attribute("aria-label") == "Enlarge: Figure 3.7"
@@ -81,8 +71,8 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(running: Browser) -> None:
         ("glossary.html", "a[href$='#equation-eq-angle-of-view']", r"Equation"),
     ],
 )
-def test_a_link_tells_what_it_leads_to(running: Browser, name: str, link: str, says: str) -> None:
-    with open_offline(running, BOOK / name) as opened:
+def test_a_link_tells_what_it_leads_to(chromium: Browser, name: str, link: str, says: str) -> None:
+    with open_offline(chromium, BOOK / name) as opened:
         page = opened.page
         one = page.locator(f".bd-article {link}").first
         one.focus()
@@ -100,8 +90,8 @@ def test_a_link_tells_what_it_leads_to(running: Browser, name: str, link: str, s
 
 
 @needs_book
-def test_a_first_tap_shows_and_a_second_goes(running: Browser) -> None:
-    with open_offline(running, BOOK / "how-to.html", width=390) as opened:
+def test_a_first_tap_shows_and_a_second_goes(chromium: Browser) -> None:
+    with open_offline(chromium, BOOK / "how-to.html", width=390) as opened:
         page = opened.page
         link = page.locator(".bd-article a[href$='#fig-3-8']").first
         link.tap()
@@ -120,8 +110,8 @@ PANELS = """() => [...document.querySelectorAll('#fig-3-7 .tl-panel')].map((one)
 
 
 @needs_book
-def test_on_a_phone_panels_stand_one_below_the_other(running: Browser) -> None:
-    with open_offline(running, RESULTS, width=390) as opened:
+def test_on_a_phone_panels_stand_one_below_the_other(chromium: Browser) -> None:
+    with open_offline(chromium, RESULTS, width=390) as opened:
         page = opened.page
         boxes = page.evaluate(PANELS)
         assert len(boxes) == 4
@@ -144,14 +134,14 @@ def test_on_a_phone_panels_stand_one_below_the_other(running: Browser) -> None:
 
 @needs_book
 def test_a_page_that_is_saved_alone_has_its_text_and_figures(
-    running: Browser, tmp_path: Path
+    chromium: Browser, tmp_path: Path
 ) -> None:
     """Saved by the browser as one file from where it is served, and opened when that is gone."""
     loaded = """() => [...document.querySelectorAll('.bd-article img')]
         .every((one) => one.complete && one.naturalWidth)"""
     with (
         server(BOOK) as address,
-        open_offline(running, RESULTS, served=f"{address}/executed/beam-aperture.html") as opened,
+        open_offline(chromium, RESULTS, served=f"{address}/executed/beam-aperture.html") as opened,
     ):
         opened.page.wait_for_function(loaded, timeout=120_000)
         text = opened.page.locator(".bd-article p").all_text_contents()
@@ -160,18 +150,18 @@ def test_a_page_that_is_saved_alone_has_its_text_and_figures(
         session.detach()
     file = tmp_path / "saved.mhtml"
     file.write_bytes(saved.encode())
-    with open_offline(running, file, fresh=True) as opened:
+    with open_offline(chromium, file, fresh=True) as opened:
         opened.page.wait_for_function(loaded)
         assert opened.page.locator(".bd-article img").count() > 10
         assert opened.page.locator(".bd-article p").all_text_contents() == text
 
 
 @needs_book
-def test_a_page_that_is_copied_alone_has_its_text(running: Browser, tmp_path: Path) -> None:
+def test_a_page_that_is_copied_alone_has_its_text(chromium: Browser, tmp_path: Path) -> None:
     """Without styles, scripts and pictures: what figures show is told in words."""
     file = tmp_path / "copied.html"
     file.write_bytes(RESULTS.read_bytes())
-    with open_offline(running, file, fresh=True) as opened:
+    with open_offline(chromium, file, fresh=True) as opened:
         said = opened.page.locator(".bd-article").inner_text()
         assert "Mean error" in said
         assert "Figure 3.7 of the thesis" in said
@@ -183,9 +173,9 @@ def test_a_page_that_is_copied_alone_has_its_text(running: Browser, tmp_path: Pa
 
 @needs_book
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_drawings_follow_the_page(running: Browser, dark: bool) -> None:
+def test_drawings_follow_the_page(chromium: Browser, dark: bool) -> None:
     """Also against the browser's own wish: the page's switch decides."""
-    with open_offline(running, RESULTS, dark=not dark) as opened:
+    with open_offline(chromium, RESULTS, dark=not dark) as opened:
         page = opened.page
         switch = page.locator(".theme-switch-button")
         for _ in range(3):
@@ -207,8 +197,8 @@ def test_drawings_follow_the_page(running: Browser, dark: bool) -> None:
 
 
 @needs_book
-def test_pages_figures_and_cubes_are_cited_with_their_edition(running: Browser) -> None:
-    with open_offline(running, RESULTS) as opened:
+def test_pages_figures_and_cubes_are_cited_with_their_edition(chromium: Browser) -> None:
+    with open_offline(chromium, RESULTS) as opened:
         page = opened.page
         page.locator("button.tl-cite").click()
         said = page.locator(".tl-cites pre")

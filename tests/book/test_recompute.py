@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline
+from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 
 from thesis_lib.book import demos
@@ -29,10 +29,6 @@ from thesis_lib.vision.pinhole import hemisphere_directions
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-HEAD = (
-    '<!doctype html><html lang="en"><meta charset="utf-8"><title>Rerun</title>'
-    '<meta name="viewport" content="width=device-width">'
-)
 FORM = ".tl-rerun"
 PUT = """([set, texts]) => {
   const root = document.querySelector('.tl-rerun');
@@ -65,15 +61,13 @@ def atlas(name: str, **values: Any) -> str:
 @pytest.fixture(scope="module")
 def form(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("recompute") / "a form.html"
-    file.write_text(HEAD + demos.rerun_form_html(), encoding="utf-8")
-    return file
+    return write_page(file, demos.rerun_form_html())
 
 
 @pytest.fixture(scope="module")
 def distance(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("recompute") / "beam distance.html"
-    file.write_text(HEAD + "<h1 id='top'>x</h1>" + atlas("beam-distance"), encoding="utf-8")
-    return file
+    return write_page(file, "<h1 id='top'>x</h1>", atlas("beam-distance"))
 
 
 def until(opened: Opened, what: str) -> None:
@@ -209,22 +203,6 @@ def typed(request: CameraStudy) -> dict[str, Any]:
     return {key: one for key, one in request.request.items() if key not in left}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["beam-distance", "plate-arrays"])
-def test_a_request_is_what_the_library_makes_of_it(
-    conforms: Any, chromium: Browser, form: Path, name: str
-) -> None:
-    rng = random.Random(name)
-    with open_offline(chromium, form, query=f"set={name}") as opened:
-        for _ in range(2):
-            request = drawn_request(rng, name)
-            held(conforms, request, asked(opened, name, typed(request)))
-            words = shlex.split(said(opened, CODE))
-            again = validate_request(name, {**parse_assignments(words[4::2]), "trials": 0})
-            assert again == request
-        assert opened.trouble == []
-
-
 def held_at_random(
     conforms: Any, chromium: Browser, form: Path, seed: int, requests_of_each: int
 ) -> None:
@@ -233,6 +211,9 @@ def held_at_random(
         for name in COMPUTED_SETS * requests_of_each:
             request = drawn_request(rng, name)
             held(conforms, request, asked(opened, name, typed(request)))
+            words = shlex.split(said(opened, CODE))
+            again = validate_request(name, {**parse_assignments(words[4::2]), "trials": 0})
+            assert again == request
             times.append(opened.page.evaluate(f"document.querySelector('{FORM}').recompute.times"))
         assert opened.trouble == []
     print("ms to the nominal run and the law:", sorted(round(one["literal"]) for one in times))
@@ -368,8 +349,7 @@ def test_a_parameter_that_the_page_does_not_know_is_left_to_the_command(
 ) -> None:
     """As one that is added to all camera studies."""
     monkeypatch.setattr(in_page, "KNOWN_FIELDS", in_page.KNOWN_FIELDS - {"azimuth_zero", "modes"})
-    file = tmp_path / "form.html"
-    file.write_text(HEAD + demos.rerun_form_html(), encoding="utf-8")
+    file = write_page(tmp_path / "form.html", demos.rerun_form_html())
     with open_offline(chromium, file) as opened:
         asked(opened, "beam-distance", {"azimuth_deg": 31})
         until(opened, "literal")
@@ -428,10 +408,8 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium: Browser, distan
 
 
 def test_a_page_of_other_parameters_begins_with_them(chromium: Browser, tmp_path: Path) -> None:
-    file = tmp_path / "run.html"
-    file.write_text(
-        HEAD + atlas("beam-resolution", widths_px=[640], rest="known", trials=20), "utf-8"
-    )
+    own = atlas("beam-resolution", widths_px=[640], rest="known", trials=20)
+    file = write_page(tmp_path / "run.html", own)
     with open_offline(chromium, file) as opened:
         words = shlex.split(said(opened, CODE))
         assert words[:3] == ["thesis", "run", "beam-resolution"]
@@ -519,17 +497,11 @@ def test_it_fits_and_its_result_is_in_sight(
 
 
 def test_everything_by_keyboard(chromium: Browser, distance: Path) -> None:
-    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
-      if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
-      return e.closest('[data-parameter]')?.dataset.parameter ?? e.innerText; }"""
     with open_offline(chromium, distance) as opened:
-        page, seen = opened.page, []
-        for _ in range(12):
-            page.keyboard.press("Tab")
-            seen.append(page.evaluate(focused))
-        assert seen == [
+        page = opened.page
+        assert tab_through(opened, 12) == [
             "distances_mm", "azimuth_deg", "elevation_deg", "resolution_px", "focal_length_mm",
-            "amplitude_mm", "All parameters", "See the result", "Copy",
+            "amplitude_mm", "All parameters", "See the result", "Copy the command",
             "The same with papermill", "Reset", "Copy link",
         ]  # fmt: skip
         page.get_by_label("azimuth_deg").focus()
@@ -537,7 +509,7 @@ def test_everything_by_keyboard(chromium: Browser, distance: Path) -> None:
         page.keyboard.press("Control+A")
         page.keyboard.type("50")
         until(opened, "drawn")
-        assert page.evaluate(focused) == "azimuth_deg"  # not moved by what is drawn
+        assert focused(opened) == "azimuth_deg"  # not moved by what is drawn
         assert "azimuth_deg=50.0" in said(opened, CODE)
         assert opened.trouble == []
 

@@ -6,11 +6,11 @@ import json
 import math
 import random
 import shlex
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
@@ -26,7 +26,6 @@ from thesis_lib.web.fragment import static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 if TYPE_CHECKING:
-    from browser import Opened
     from playwright.sync_api import Browser
 
 EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)> & '\" \u2028"
@@ -170,34 +169,12 @@ def test_a_chapter_offers_what_its_sets_agree_in() -> None:
     assert "cases" in data["chapters"]["ch3"]["differ"]
 
 
-def test_the_piece_stands_alone_and_is_small() -> None:
-    text = demos.rerun_form_html()
-    assert text.count("<script") == 1
-    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
-    assert len(text) < 230_000
-
-
 # --- in a browser
-
-
-def open_offline(*arguments: Any, **options: Any) -> AbstractContextManager[Opened]:
-    from browser import open_offline
-
-    return open_offline(*arguments, **options)
-
-
-def document(fragment: str) -> str:
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-    return (
-        f'<!doctype html><html lang="en"><head>{head}<title>Rerun</title></head>{fragment}</html>'
-    )
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("rerun") / "a form.html"
-    file.write_text(document(demos.rerun_form_html()), encoding="utf-8")
-    return file
+    return write_page(tmp_path_factory.mktemp("rerun") / "a form.html", demos.rerun_form_html())
 
 
 # Fill the form as a reader does, and tell what it says: messages by parameter, status, commands.
@@ -475,17 +452,13 @@ def test_copying(chromium: Browser, path: Path, allowed: bool) -> None:
 
 
 def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
-    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
-      if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
-      return e.closest('[data-parameter]')?.dataset.parameter ?? e.innerText.split('\\n')[0]; }"""
     with open_offline(chromium, path, query="set=claims") as opened:
-        seen, page = [], opened.page
+        page = opened.page
         page.get_by_label("Figure set or chapter").focus()
-        for _ in range(25):
-            page.keyboard.press("Tab")
-            seen.append(page.evaluate(focused))
-        assert seen == ["Reset", "Copy link", *["readings"] * 19, "trials", "seed", "Copy",
-                        "The same with papermill"]  # fmt: skip
+        assert tab_through(opened, 25) == [
+            "Reset", "Copy link", *["readings"] * 19, "trials", "seed", "Copy the command",
+            "The same with papermill",
+        ]  # fmt: skip
         page.get_by_role("checkbox", name="1 N", exact=True).focus()
         page.keyboard.press("Space")
         assert "1 N" not in page.locator("pre code").first.inner_text()
@@ -497,7 +470,7 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         described = page.get_by_label("trials").get_attribute("aria-describedby") or ""
         assert problem.get_attribute("id") in described.split()
         assert page.locator(".tl-rerun-status").get_attribute("aria-live") == "polite"
-        assert page.evaluate(focused) == "trials"
+        assert focused(opened) == "trials"
         assert opened.trouble == []
 
 
@@ -531,10 +504,9 @@ def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None
     n = next(k for k in listed if data["fields"][k]["name"] == "distances_mm")
     data["fields"][n] |= {"meaning": EVIL, "unit": EVIL, "allowed": EVIL, "permitted": EVIL}
     data["sets"][DISTANCE]["title"] = data["chapters"]["ch3"]["title"] = EVIL
-    file = tmp_path / "evil.html"
     state = {"form": data, "page": True}
     form = static_html(form_esm("beam", "plate"), FORM_CSS, state)
-    file.write_text(document(form * 2), "utf-8")
+    file = write_page(tmp_path / "evil.html", form * 2)
     query = "set=beam-distance&distances_mm=%3Cimg%20src%3Dx%20onerror%3Dalert(3)%3E"
     with open_offline(chromium, file, query=query) as opened:
         opened.page.on("dialog", lambda dialog: opened.console.append(dialog.message))

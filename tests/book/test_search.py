@@ -11,22 +11,13 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 import axe
 from book.test_book_pages import BOOK, needs_book
-from browser import browser, find_browser, open_offline
+from browser import open_offline
 from lxml.html import document_fromstring
 from playwright.sync_api import Browser, Page
 
 from thesis_lib.book.search_index import index_page
 
-pytestmark = pytest.mark.skipif(
-    find_browser() is None, reason="no Chromium or Chrome on this machine"
-)
 TITLES = ".tl-found-title"
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    with browser() as one:
-        yield one
 
 
 def ask(page: Page, words: str) -> list[str]:
@@ -40,9 +31,9 @@ def ask(page: Page, words: str) -> list[str]:
 
 
 @contextmanager
-def searching(running: Browser, name: str = "intro.html") -> Iterator[Page]:
+def searching(chromium: Browser, name: str = "intro.html") -> Iterator[Page]:
     """A page of the book whose search is open; nothing may be amiss on it."""
-    with open_offline(running, BOOK / name) as opened:
+    with open_offline(chromium, BOOK / name) as opened:
         opened.page.keyboard.press("Control+k")
         yield opened.page
         assert opened.trouble == []
@@ -63,16 +54,16 @@ FIRST = {
 
 
 @needs_book
-def test_what_is_meant_comes_first_or_nearly(running: Browser) -> None:
-    with searching(running, "executed/beam-aperture.html") as page:
+def test_what_is_meant_comes_first_or_nearly(chromium: Browser) -> None:
+    with searching(chromium, "executed/beam-aperture.html") as page:
         first = {words: ask(page, words)[:3] for words in FIRST}
         wrong = {words: first[words] for words in FIRST if FIRST[words] not in first[words]}
         assert wrong == {}
 
 
 @needs_book
-def test_prose_comes_before_the_library(running: Browser) -> None:
-    with searching(running) as page:
+def test_prose_comes_before_the_library(chromium: Browser) -> None:
+    with searching(chromium) as page:
         for words in ("triangulation", "rounding", "pixels", "planner", "sound"):
             ask(page, words)
             where = page.locator(".tl-found").evaluate_all("all => all.map((one) => one.pathname)")
@@ -82,12 +73,12 @@ def test_prose_comes_before_the_library(running: Browser) -> None:
 
 
 @needs_book
-def test_endings_typos_and_words_too_many_are_no_hindrance(running: Browser) -> None:
+def test_endings_typos_and_words_too_many_are_no_hindrance(chromium: Browser) -> None:
     typed = {
         "roundign": "rounding", "roundinng": "rounding", "triangulating": "triangulation",
         "apertures": "aperture",
     }  # fmt: skip
-    with searching(running) as page:
+    with searching(chromium) as page:
         for words, meant in typed.items():
             found = ask(page, words)
             assert set(found[:5]) & set(ask(page, meant)[:10]), words
@@ -104,8 +95,8 @@ def test_endings_typos_and_words_too_many_are_no_hindrance(running: Browser) -> 
 
 
 @needs_book
-def test_a_program_is_words_and_a_book_of_letters_is_cut(running: Browser) -> None:
-    with searching(running) as page:
+def test_a_program_is_words_and_a_book_of_letters_is_cut(chromium: Browser) -> None:
+    with searching(chromium) as page:
         ask(page, "<script>alert(1)</script>")
         ask(page, "<img src=x onerror=alert(1)>")
         assert page.locator("#pst-search-dialog :is(script, img)").count() == 0
@@ -116,8 +107,8 @@ def test_a_program_is_words_and_a_book_of_letters_is_cut(running: Browser) -> No
 
 
 @needs_book
-def test_it_is_used_by_keyboard_and_loads_when_opened(running: Browser) -> None:
-    with open_offline(running, BOOK / "executed" / "beam-aperture.html", fresh=True) as opened:
+def test_it_is_used_by_keyboard_and_loads_when_opened(chromium: Browser) -> None:
+    with open_offline(chromium, BOOK / "executed" / "beam-aperture.html", fresh=True) as opened:
         page = opened.page
         loaded = "() => 'thesisEntries' in window || 'MiniSearch' in window"
         assert not page.evaluate(loaded)
@@ -145,8 +136,8 @@ def test_it_is_used_by_keyboard_and_loads_when_opened(running: Browser) -> None:
 
 
 @needs_book
-def test_a_key_is_answered_within_a_tenth_of_a_second(running: Browser) -> None:
-    with searching(running) as page:
+def test_a_key_is_answered_within_a_tenth_of_a_second(chromium: Browser) -> None:
+    with searching(chromium) as page:
         ask(page, "camera")
         took = page.evaluate("""async () => {
             const field = document.querySelector('#pst-search-dialog input'), took = [];

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser import browser, find_browser, open_offline
+from browser import open_offline, write_page
 
 from conftest import PROJECT
 
-pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
 ASSETS = PROJECT / "book" / "assets"
 FIGURE = """<div class="cell"><div class="cell_output"><figure id="fig-{name}"><svg height="700">
 </svg></figure></div></div><p class="tl-under-figure" data-case="{case}" data-mode="{mode}">CSV</p>
@@ -28,26 +26,19 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for case, modes in cases.items()
         for mode in modes
     ]
-    style = (ASSETS / "book.css").read_text(encoding="utf-8")
+    style = f"<style>{(ASSETS / 'book.css').read_text(encoding='utf-8')}</style>"
+    scripts = [
+        f'<script defer src="{(ASSETS / name).as_uri()}"></script>'
+        for name in ("reader.js", "figures.js")
+    ]
+    link, other = '<a href="#fig-4a-2">figure 4a, 2</a>', '<figure id="else">x</figure>'
     file = tmp_path_factory.mktemp("atlas") / "page.html"
-    file.write_text(
-        f'<!doctype html><meta charset="utf-8"><style>{style}</style>'
-        f'<script defer src="{(ASSETS / "atlas.js").as_uri()}"></script>'
-        f'<a href="#fig-4a-2">figure 4a, 2</a>{"".join(figures)}<figure id="else">x</figure>',
-        encoding="utf-8",
-    )
-    return file
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator:
-    with browser() as one:
-        yield one
+    return write_page(file, style, *scripts, link, *figures, other)
 
 
 @pytest.mark.slow
-def test_one_mode_of_each_case_is_seen_and_the_keyboard_changes_it(running, page):
-    with open_offline(running, page, fresh=True) as opened:
+def test_one_mode_of_each_case_is_seen_and_the_keyboard_changes_it(chromium, page):
+    with open_offline(chromium, page, fresh=True) as opened:
         seen = opened.page
         assert seen.evaluate(SHOWN) == ["fig-2a-1", "fig-4a-1", "fig-own-1", "else"]
         assert seen.get_by_role("group").count() == 2
@@ -62,8 +53,8 @@ def test_one_mode_of_each_case_is_seen_and_the_keyboard_changes_it(running, page
         assert opened.trouble == []
 
 
-def test_a_link_to_a_figure_leads_to_its_mode(running, page):
-    with open_offline(running, page, fresh=True) as opened:
+def test_a_link_to_a_figure_leads_to_its_mode(chromium, page):
+    with open_offline(chromium, page, fresh=True) as opened:
         seen = opened.page
         for _ in range(2):  # the same address again, too
             seen.get_by_role("link").click()
@@ -79,15 +70,15 @@ def test_a_link_to_a_figure_leads_to_its_mode(running, page):
         assert opened.trouble == []
 
 
-def test_all_modes_are_printed(running, page):
-    with open_offline(running, page, fresh=True) as opened:
+def test_all_modes_are_printed(chromium, page):
+    with open_offline(chromium, page, fresh=True) as opened:
         opened.page.emulate_media(media="print")
         assert len(opened.page.evaluate(SHOWN)) == 7
         assert opened.page.locator(".tl-atlas:visible").count() == 0
 
 
-def test_without_scripts_all_modes_are_seen(running, page):
-    context = running.new_context(java_script_enabled=False)
+def test_without_scripts_all_modes_are_seen(chromium, page):
+    context = chromium.new_context(java_script_enabled=False)
     seen = context.new_page()
     seen.goto(page.as_uri())
     assert seen.locator("figure:visible").count() == 7

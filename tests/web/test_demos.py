@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline
+from browser import Opened, open_offline, write_page
 
 from thesis_lib.book import demos
 from thesis_lib.facts import setups
@@ -21,17 +21,13 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 Show = Callable[..., Any]
-HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
 
 
 @pytest.fixture
 def show(chromium: Browser, tmp_path: Path) -> Show:
     @contextmanager
     def opened(name: str, width: int = 900) -> Iterator[Opened]:
-        file = tmp_path / f"{name}.html"
-        file.write_text(
-            f"{HEAD}<body style='margin: 0'>{demos.write_experiment(name)}", encoding="utf-8"
-        )
+        file = write_page(tmp_path / f"{name}.html", demos.write_experiment(name))
         with open_offline(chromium, file, width) as page:
             yield page
             assert page.trouble == []
@@ -165,8 +161,7 @@ STATES = [
 def test_a_link_shows_the_same_experiment(
     chromium: Browser, tmp_path: Path, name: str, label: str, value: float, told: str, rubbish: str
 ) -> None:
-    file = tmp_path / "page.html"
-    file.write_text(f"{HEAD}{demos.write_experiment(name)}", encoding="utf-8")
+    file = write_page(tmp_path / "page.html", demos.write_experiment(name))
     with open_offline(chromium, file, query="other=1#top") as opened:
         page = opened.page
         usual = run(opened, "return { ...demo.state }")

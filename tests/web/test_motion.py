@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline
+from browser import Opened, open_offline, write_page
 
 from thesis_lib.book.explorer import explorer_html
 from thesis_lib.figure_sets.registry import validate_request
@@ -27,7 +27,6 @@ KINDS = {
     "plate": ("plate-aperture", {"cases": ["2a"]}),
     "holes": ("shape-holes", {"cases": ["4c"]}),
 }
-HEAD = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
 Show = Callable[..., Any]
 
 
@@ -50,8 +49,7 @@ def show(chromium: Browser, cubes: dict[str, xr.Dataset], tmp_path: Path) -> Sho
 
     @contextmanager
     def opened(kind: str, query: str = "", still: bool = False) -> Iterator[Opened]:
-        file = tmp_path / f"{kind}.html"
-        file.write_text(f"{HEAD}<body style='margin: 0'>{fragment(kind)}", encoding="utf-8")
+        file = write_page(tmp_path / f"{kind}.html", fragment(kind))
         with open_offline(chromium, file, 900, query=query, still=still) as page:
             yield page
             assert page.trouble == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from io import BytesIO
 
 import pytest
@@ -10,10 +9,9 @@ import pytest
 pytest.importorskip("playwright", reason="the browser tests need the playwright package")
 
 from book.test_book_pages import BOOK, needs_book
-from browser import Opened, browser, find_browser, open_offline
+from browser import Opened, open_offline
 from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")
 WITH_FIGURES = [
     "beam", "conclusions", "design-law", "introduction", "laboratory", "motions", "planner",
     "plate", "rounding", "sound",
@@ -34,17 +32,11 @@ PRESSED = """() => [...document.querySelectorAll(
   .filter(one => one.checkVisibility({ visibilityProperty: true })).map(one => one.outerHTML)"""
 
 
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    with browser() as one:
-        yield one
-
-
 @needs_book
-def test_buttons_that_enlarge_lie_on_top_on_a_phone(running: Browser) -> None:
+def test_buttons_that_enlarge_lie_on_top_on_a_phone(chromium: Browser) -> None:
     total = 0
     for name in WITH_FIGURES:
-        with open_offline(running, BOOK / f"{name}.html", 390, 844) as opened:
+        with open_offline(chromium, BOOK / f"{name}.html", 390, 844) as opened:
             count, covered = opened.page.evaluate(COVERED)
             assert covered == [], name
             total += count
@@ -66,9 +58,9 @@ def enlarge(opened: Opened, figure: str) -> tuple[list[float], list[tuple[float,
 @pytest.mark.parametrize(
     ("name", "figure"), [("executed/beam-aperture", "#fig-3-7"), ("introduction", "figure")]
 )
-def test_a_phone_enlarges_to_twice_the_width(running: Browser, name: str, figure: str) -> None:
+def test_a_phone_enlarges_to_twice_the_width(chromium: Browser, name: str, figure: str) -> None:
     """Panels stay one below the other."""
-    with open_offline(running, BOOK / f"{name}.html", 390, 844) as opened:
+    with open_offline(chromium, BOOK / f"{name}.html", 390, 844) as opened:
         opened.page.locator(figure).first.scroll_into_view_if_needed()
         before, after = enlarge(opened, figure)
         assert len(before) == len(after) > 0
@@ -82,9 +74,9 @@ def test_a_phone_enlarges_to_twice_the_width(running: Browser, name: str, figure
     ("name", "sheets"),
     [("executed/beam-arrays", 18), ("rounding", 7), ("rerun", 7), ("explorer", 2)],
 )
-def test_nothing_to_press_is_printed(running: Browser, name: str, sheets: int) -> None:
+def test_nothing_to_press_is_printed(chromium: Browser, name: str, sheets: int) -> None:
     pypdf = pytest.importorskip("pypdf", reason="sheets are counted with pypdf")
-    with open_offline(running, BOOK / f"{name}.html", 1280, 800) as opened:
+    with open_offline(chromium, BOOK / f"{name}.html", 1280, 800) as opened:
         opened.page.emulate_media(media="print")
         assert opened.page.evaluate(PRESSED) == []
         margin = dict.fromkeys(("top", "right", "bottom", "left"), "10mm")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import CONTRAST, Opened, open_offline
+from browser import CONTRAST, Opened, open_offline, write_page
 
 from thesis_lib.web import fragment as widgets
 from thesis_lib.web.fragment import static_html
@@ -226,9 +226,9 @@ def sound_study() -> dict[str, Any]:
     return data
 
 
-def page(*fragments: str) -> str:
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-    return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
+def html_of(data: dict[str, Any], **asked: Any) -> str:
+    """The page's part of a viewer."""
+    return str(Viewer(data=data, **asked)._repr_mimebundle_()[0]["text/html"])
 
 
 def test_state_cannot_break_out_of_its_script() -> None:
@@ -270,49 +270,13 @@ def test_bundle_has_view_page_and_line() -> None:
     assert set(data) == {"application/vnd.jupyter.widget-view+json", "text/html", "text/plain"}
     assert data["text/plain"] == ("Viewer(varied: aperture; cases: 2a, 4a'; shown: 2a, mode 2)")
     assert "export default" not in data["text/html"]
-    assert data["text/html"] == Viewer(data=study(), case="2a", mode=2)._repr_mimebundle_()[0]["text/html"]  # fmt: skip  # noqa: E501
-
-
-def test_a_page_is_small() -> None:
-    data = study()
-    case = data["cases"][1]
-    data["cases"] = [{**case, "name": f"4{i}"} for i in range(6)]
-    assert len(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]) < 160_000
+    assert data["text/html"] == html_of(study(), case="2a", mode=2)
 
 
 ASSETS = Path(widgets.__file__).parent / "assets"
 MODULES = {file.stem: file.read_text(encoding="utf-8") for file in ASSETS.glob("*.js")}
 IMPORT = re.compile(r'^import (?:\{([^}]*)\} from |\w+ from )?"\./(\w+)\.js";$', re.MULTILINE)
-WHOLE = re.compile(r'^import (\w+) from "\./(?:\w+)\.js";$', re.MULTILINE)
 TOP = re.compile(r"^(export )?(?:const|let|function|class) (\w+)", re.MULTILINE)
-
-
-def parts_of(front: str) -> set[str]:
-    """A front end and all that it imports; what a worker imports is in the worker's own text."""
-    found, waiting = set(), [front]
-    while waiting:
-        found.add(part := waiting.pop())
-        needed = {name for _, name in IMPORT.findall(MODULES[part])} - found
-        waiting += [name for name in needed if not name.endswith("_worker")]
-    return found
-
-
-FRONTS = [
-    "corners", "explorer", "layout", "ledger", "measured", "radiated", "recompute_worker", "rerun",
-    "rounding_beam", "rounding_marker", "rounding_point", "viewer",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("front", FRONTS)
-def test_the_parts_join_without_clashes(front: str) -> None:
-    parts = parts_of(front)
-    names = [name for part in parts for _, name in TOP.findall(MODULES[part])]
-    names += {name for part in parts for name in WHOLE.findall(MODULES[part])}
-    assert len(names) == len(set(names)) > 25
-    whole = widgets.join_modules(front, *widgets.VIEWER_KINDS)
-    assert sorted(name for _, name in TOP.findall(whole)) == sorted(names)
-    rest = re.findall(r"^(?:import|export).*", whole, re.M)
-    assert [one[:16] for one in rest] == ([] if "worker" in front else ["export default {"])
 
 
 def test_the_parts_import_what_they_use() -> None:
@@ -339,7 +303,7 @@ def test_the_parts_import_what_they_use() -> None:
 @pytest.mark.parametrize("kind", ["beam", "plate", "sound"])
 def test_a_page_carries_the_panels_of_its_kind_only(kind: str) -> None:
     data = {"structure": {"kind": kind}, "cases": []}
-    text = Viewer(data=data)._repr_mimebundle_()[0]["text/html"]
+    text = html_of(data)
     assert re.findall(r"^KINDS\.(\w+) = ", text, re.MULTILINE) == [kind]
     assert len(text) < 70_000
     assert len(re.findall(r"^KINDS\.\w+ = ", Viewer._esm, re.MULTILINE)) == 3
@@ -354,14 +318,12 @@ PATHS = """e => [...e.querySelectorAll('path, rect')].map(p => ['d', 'x', 'y', '
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with two viewers of the same state, and one whose words try to break it."""
-    file = tmp_path_factory.mktemp("viewer") / "two viewers.html"
-    same = Viewer(data=study(), case="2a", mode=1)._repr_mimebundle_()[0]["text/html"]
+    same = html_of(study(), case="2a", mode=1)
     data = study()
     data["cases"] = data["cases"][:1]
     data["cases"][0]["title"] = data["cases"][0]["settings"][0]["label"] = EVIL
-    hostile = Viewer(data=data)._repr_mimebundle_()[0]["text/html"]
-    file.write_text(page(same, same, hostile), encoding="utf-8")
-    return file
+    file = tmp_path_factory.mktemp("viewer") / "two viewers.html"
+    return write_page(file, same, same, html_of(data))
 
 
 def viewers(opened: Opened) -> list[Locator]:
@@ -390,8 +352,7 @@ def test_numbers_of_bars_do_not_touch(chromium: Browser, tmp_path: Path) -> None
     data = study()
     many = [setting(f"{a}°", [(a / 2, 10), (-a / 2, 10)], 0.012, 1.0) for a in range(10, 130, 10)]
     data["cases"] = [{**data["cases"][0], "settings": many}]
-    file = tmp_path / "many.html"
-    file.write_text(page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8")
+    file = write_page(tmp_path / "many.html", html_of(data))
     with open_offline(chromium, file, width=390) as opened:
         opened.page.locator(".tl-bar").first.wait_for()
         assert opened.page.evaluate(TOUCHING) == [12, 0]
@@ -475,9 +436,8 @@ def test_best_and_worst_go_by_the_median(chromium: Browser, tmp_path: Path) -> N
     shown = [one["modes"][0] for one in data["cases"][0]["settings"]]
     for one, median in zip(shown, (5.0, 1.0, 9.0, 3.0), strict=True):
         one["median"] = median  # by the run alone the first would be worst, the last best
-    path = tmp_path / "page.html"
-    path.write_text(page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8")
-    with open_offline(chromium, path, width=1100) as opened:
+    file = write_page(tmp_path / "page.html", html_of(data))
+    with open_offline(chromium, file, width=1100) as opened:
         viewer = opened.page.get_by_test_id("viewer")
         assert words(viewer).startswith(
             "Mode 1, case 2a: mean error from 1.0 % (best, 60°) to 9.0 % (worst, 110°), "
@@ -495,15 +455,12 @@ def test_errors_far_apart_stand_on_a_logarithmic_axis(chromium: Browser, tmp_pat
                 one["modes"][0][name] = size
             one["modes"][0]["stated"] = None
             size *= factor
-        path.write_text(
-            page(Viewer(data=data)._repr_mimebundle_()[0]["text/html"]), encoding="utf-8"
-        )
-        with open_offline(chromium, path, width=1100) as opened:
+        file = write_page(tmp_path / "page.html", html_of(data))
+        with open_offline(chromium, file, width=1100) as opened:
             boxes = opened.page.locator(".tl-bar .tl-box")
             boxes.last.wait_for()
             return [float(boxes.nth(i).get_attribute("y") or "nan") for i in range(4)]
 
-    path = tmp_path / "page.html"
     near, far = np.diff(tops(2.0)), np.diff(tops(10.0))
     np.testing.assert_allclose(near, near[0] * np.array([1, 2, 4]), rtol=1e-6)
     np.testing.assert_allclose(far, far[0], rtol=1e-6)
@@ -533,8 +490,6 @@ def test_turning_the_cameras(chromium: Browser, path: Path) -> None:
 @pytest.fixture(scope="module")
 def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with two plates, the second one without the errors of its markers."""
-    file = tmp_path_factory.mktemp("viewer") / "plates.html"
-    first = Viewer(data=plate_study(), case="2a", mode=1)._repr_mimebundle_()[0]["text/html"]
     data = plate_study()
     for setting in data["cases"][0]["settings"]:
         for one in setting["modes"]:
@@ -542,18 +497,15 @@ def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
             one["measured_mm"] = [z * 1e-6 for z in one["measured_mm"]]
     for one in data["modes"]:
         one["reference_mm"] = [z * 1e-6 for z in one["reference_mm"]]
-    second = Viewer(data=data, case="2a", mode=1)._repr_mimebundle_()[0]["text/html"]
-    file.write_text(page(first, second), encoding="utf-8")
-    return file
+    pair = (html_of(one, case="2a", mode=1) for one in (plate_study(), data))
+    return write_page(tmp_path_factory.mktemp("viewer") / "plates.html", *pair)
 
 
 @pytest.fixture(scope="module")
 def sounds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with two viewers of a sound study."""
     file = tmp_path_factory.mktemp("viewer") / "sounds.html"
-    one = Viewer(data=sound_study(), case="2a", mode=1)._repr_mimebundle_()[0]["text/html"]
-    file.write_text(page(one, one), encoding="utf-8")
-    return file
+    return write_page(file, *[html_of(sound_study(), case="2a", mode=1)] * 2)
 
 
 def two(opened: Opened) -> list[Locator]:
@@ -840,16 +792,3 @@ def test_text_has_contrast_in_every_theme(
             ground, *ratios = viewer.evaluate(script)
             assert (ground < 0.1) is dark
             assert min(ratios) >= 4.5
-
-
-def test_a_viewer_copies_the_link_to_what_it_shows(chromium: Browser, tmp_path: Path) -> None:
-    file = tmp_path / "page.html"
-    file.write_text(page(Viewer(data=study())._repr_mimebundle_()[0]["text/html"]), "utf-8")
-    with open_offline(chromium, file) as opened:
-        opened.page.get_by_test_id("mode-2").click()
-        opened.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        opened.page.get_by_role("button", name="Copy link").click()
-        opened.page.get_by_text("Copied").wait_for()
-        link = opened.page.evaluate("navigator.clipboard.readText()")
-        assert link == f"{file.as_uri()}?case=2a&mode=2"
-        assert opened.trouble == []

@@ -26,9 +26,9 @@ def write_experiment(name: str) -> str:
     data = explorer_data()
     state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
     state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
-    traits = {"data": state} if name == "rounding_beam" else {}
-    css = VIEWER_CSS + read_asset("demo.css")
-    return static_html(join_modules(name), css, traits, NO_SCRIPT_TEXT, prints=True)
+    traits = {"experiment": name} | ({"data": state} if name == "rounding_beam" else {})
+    css = VIEWER_CSS + read_asset("rounding.css")
+    return static_html(join_modules("rounding"), css, traits, NO_SCRIPT_TEXT, prints=True)
 
 
 def rerun_form_html() -> str:

@@ -33,7 +33,7 @@ KNOWN_FIELDS = {
     "half_apertures_deg", "layouts", "modes", "noise_px", "pair_order", "principal_offset_px",
     "resolution_px", "rest", "seed", "sensor_width_mm", "trials", "widths_px",
 }  # fmt: skip
-"""Parameters that ``web/assets/setups.js`` computes with; it leaves others to the command."""
+"""Parameters that ``web/assets/recompute.js`` computes with; it leaves others to the command."""
 MAX_MODE = 30  # the highest mode that a request may have
 
 

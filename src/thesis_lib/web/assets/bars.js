@@ -1,37 +1,46 @@
-// Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin, walk.
-import { MARGIN, frame, spread } from "./chart.js";
+// Panel (d): the mean error of each setting as a bar, or one per plane of the sound; point, pin,
+// walk.
+import { MARGIN, axes, spread } from "./chart.js";
 import { entitle, html, icon, isNumber, mark, path, show, svg, text } from "./parts.js";
+
+const MOVES = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 
 export function createBars(panel, study, uid, highlight, remember) { // returns what draws them
   const hatched = (box) => svg("rect", { ...box, fill: `url(#${uid}-hatch)` });
 
   function draw() {
-    const { data } = study, width = study.ofBars, settings = study.settings(), { label, unit } = data.parameter;
+    const { data } = study, width = study.ofBars, settings = study.settings();
+    const { label, unit } = data.parameter;
     const every = settings.map((_, i) => study.errors(i)), count = every[0].length;
-    const errors = every.flat(), axis = `error (% of the largest ${data.planes ? "pressure" : "deflection"})`;
-    const [least, most] = spread(errors.map(
-      (r) => [r.mean, r.low, r.high, r.median, r.predicted, ...(r.stated ?? []).filter(Boolean), r.published?.high]));
+    const errors = every.flat(), [least, most] = spread(errors.map((r) => [r.mean, r.low, r.high,
+      r.median, r.predicted, ...(r.stated ?? []).filter(Boolean), r.published?.high]));
     const had = panel.canvas.contains(document.activeElement) ? study.focused : null;
     const slotWidth = (width - MARGIN.left - MARGIN.right) / every.length;
-    const staggered = settings.some((one) => one.label.length * 7.5 + 2 > slotWidth), room = staggered ? 15 : 0;
-    const { x, y, bottom } = frame(panel, width, [0, every.length], [least, most],
-      unit ? `${label} (${unit})` : label, axis, room);
-    const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" };
-    panel.canvas.append(svg("pattern", { id: `${uid}-hatch`, ...tile }, path("tl-hatch", "M0 0V6")));
+    const staggered = settings.some((one) => one.label.length * 7.5 + 2 > slotWidth);
+    const { x, y, bottom } = axes(panel, width, [0, every.length], [least, most],
+      unit ? `${label} (${unit})` : label,
+      `error (% of the largest ${data.planes ? "pressure" : "deflection"})`,
+      { columns: 0, room: staggered ? 15 : 0 });
+    const tile = { width: 6, height: 6, patternUnits: "userSpaceOnUse" };
+    panel.canvas.append(svg("pattern", { id: `${uid}-hatch`, ...tile,
+      patternTransform: "rotate(45)" }, path("tl-hatch", "M0 0V6")));
     const gap = Math.max(10, Math.min(22, slotWidth * 0.18)); // between the two of a setting
     const wide = count > 1 ? Math.min(34, slotWidth / 2 - gap) : Math.min(44, slotWidth * 0.46);
     const stub = count > 1 ? gap / 2 + 4 : Math.min(14, slotWidth / 4);
-
     const middleOf = (i, n) => x(i + 0.5) + (n - (count - 1) / 2) * (wide + gap);
 
     function column(setting, i, r, n) { // one bar with its band, median, prediction and statement
-      const middle = middleOf(i, n), left = middle - wide / 2;
+      const middle = middleOf(i, n), left = middle - wide / 2, was = r.published;
       if (!isNumber(r.mean) && r.name) return [svg("g", { class: "tl-nodal" },
-        svg("title", {}, `${r.name}: ${data.nodal_note}`), path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
+        svg("title", {}, `${r.name}: ${data.nodal_note}`),
+        path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
-      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })], was = r.published;
-      if (was) parts.unshift(path("tl-published", `M${left - 7} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
-        `M${left - 7} ${y(was.low)}v${y(was.high) - y(was.low)}m-3 0h6m-6 ${y(was.low) - y(was.high)}h6${mark(0, left - 7, y(was.median), 3)}`));
+      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })];
+      if (was) { // beside it, as an outline
+        const at = left - 7, high = y(was.low) - y(was.high);
+        parts.unshift(path("tl-published", `M${at} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
+          `M${at} ${y(was.low)}v${-high}m-3 0h6m-6 ${high}h6${mark(0, at, y(was.median), 3)}`));
+      }
       if (setting.in_view < 1) parts.push(hatched(box));
       const add = (values, cls, outline) => {
         if (values.every(isNumber)) parts.push(path(cls, outline(...values.map(y))));
@@ -40,29 +49,30 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
         (low, high) => `M${middle} ${low}V${high}m-4 0h8M${middle - 4} ${low}h8`);
       add([r.median], "tl-median", (at) => mark(0, middle, at, 3));
       add([r.predicted], "tl-predicted", (at) => `M${left + wide - 5} ${at}h${stub}`);
-      if (r.stated) add([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated",
-        (low, high) => (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
+      if (r.stated) add([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated", (low, high) =>
+        (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
       return parts;
     }
     // Numbers stand right above their bars, the smaller the closer these are.
-    const longest = Math.max(...errors.map((r) => show(r.mean).length)), near = count > 1 ? wide + gap : slotWidth;
-    const size = Math.min(12, Math.min(near, slotWidth - (count - 1) * near) / (0.62 * longest));
+    const longest = Math.max(...errors.map((r) => show(r.mean).length));
+    const near = count > 1 ? wide + gap : slotWidth, free = slotWidth - (count - 1) * near;
+    const size = Math.min(12, Math.min(near, free) / (0.62 * longest));
     const number = (r, middle) => text(middle,
       y(Math.max(...[0, r.mean, r.high, r.stated?.[1]].filter(isNumber))) - 6, show(r.mean));
-    // Beside the buttons, not in them: a button's own text is its setting, and its name begins with it.
-    const values = settings.map((_, i) => svg("g", {
-      class: `tl-value${size < 12 ? " tl-tight" : ""}`, style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
-      ...every[i].map((r, n) => (isNumber(r.mean) || !r.name ? number(r, middleOf(i, n)) : ""))));
+    // Beside the buttons, not in them: a button's own text is its setting, and its name begins with
+    // it.
+    const values = settings.map((_, i) => svg("g", { class: `tl-value${size < 12 ? " tl-tight" : ""}`,
+      style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
+    ...every[i].map((r, n) => (isNumber(r.mean) || !r.name ? number(r, middleOf(i, n)) : ""))));
     const bars = settings.map((setting, i) => {
-      const drop = staggered && i % 2 ? 15 : 0;
-      const height = bottom - MARGIN.top + 36 + drop;
+      const drop = staggered && i % 2 ? 15 : 0, height = bottom - MARGIN.top + 36 + drop;
       const area = { x: x(i) + 2, y: MARGIN.top - 12, width: slotWidth - 4, height, rx: 4 };
-      const names = { role: "button", "data-setting": i, "aria-label": study.describe(i) };
-      const bar = svg("g", { class: "tl-bar", ...names, style: study.tint(i) },
-        svg("rect", { class: "tl-hit", ...area }), ...every[i].flatMap((r, n) => column(setting, i, r, n)),
-        text(x(i + 0.5), bottom + 17 + drop, setting.label));
-      listen(bar, i, () => bars);
-      return bar;
+      const bar = svg("g", { class: "tl-bar", role: "button", "data-setting": i,
+        "aria-label": study.describe(i), style: study.tint(i) },
+      svg("rect", { class: "tl-hit", ...area }),
+      ...every[i].flatMap((r, n) => column(setting, i, r, n)),
+      text(x(i + 0.5), bottom + 17 + drop, setting.label));
+      return listen(bar, i, () => bars);
     });
     panel.canvas.append(...bars, ...values);
     if (had !== null) bars[had]?.focus();
@@ -77,32 +87,34 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     on("blur", () => { study.focused = null; });
     on("click", () => { study.pinned = study.pinned === i ? null : i; remember(); });
     on("keydown", (event) => {
-      const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-      const next = { Home: 0, End: -1 }[event.key] ?? i + step;
+      const next = { Home: 0, End: -1 }[event.key] ?? i + MOVES[event.key];
       if (isNumber(next)) bars().at(next % bars().length).focus();
       else if (event.key === "Enter" || event.key === " ") bar.dispatchEvent(new Event("click"));
       else if (event.key === "Escape") study.pinned = null;
       else return;
       event.preventDefault();
     });
+    return bar;
   }
 
   function drawKey(settings, errors) {
     const box = { x: 4, y: 2, width: 10, height: 10 };
     const grey = (cls = "") => svg("rect", { class: `tl-box${cls}`, ...box });
-    const entry = (words, ...parts) => panel.foot.append(html("span", {}, icon(18, ...parts), words));
-    const { planes, nodal_note: note } = study.data;
-    panel.foot.replaceChildren();
-    if (planes) planes.forEach(({ name }, n) => entry(`${name}: mean (rms)`, grey(n ? " tl-second" : "")));
-    else entry("mean (rms)", grey());
-    entry(`5–95 % over ${study.data.words.draws}`, path("tl-band", "M9 1V13M5 1h8M5 13h8"));
-    entry("their median", path("tl-median", mark(0, 9, 7, 3)));
-    entry(study.data.words.predicts, path("tl-predicted", "M2 7h14"));
-    if (errors.some((r) => r.published)) entry("as published", path("tl-published", "M2 13V4h14V13Z"));
+    const { planes, nodal_note: note, words: { draws, predicts } } = study.data;
+    const bars = planes?.map(({ name }, n) => [`${name}: mean (rms)`, grey(n ? " tl-second" : "")]);
     const stated = path("tl-stated", mark(3, 5, 7, 4) + "M17 2h-4V12h4");
-    if (errors.some((r) => r.stated)) entry("stated in the thesis", stated);
-    if (errors.some((r) => r.name && !isNumber(r.mean))) entry(note, path("tl-band", "M4 7h10"));
-    if (settings.some((one) => one.in_view < 1)) entry("markers leave the image", grey(), hatched(box));
+    const entries = [
+      ...(bars ?? [["mean (rms)", grey()]]),
+      [`5–95 % over ${draws}`, path("tl-band", "M9 1V13M5 1h8M5 13h8")],
+      ["their median", path("tl-median", mark(0, 9, 7, 3))],
+      [predicts, path("tl-predicted", "M2 7h14")],
+      errors.some((r) => r.published) && ["as published", path("tl-published", "M2 13V4h14V13Z")],
+      errors.some((r) => r.stated) && ["stated in the thesis", stated],
+      errors.some((r) => r.name && !isNumber(r.mean)) && [note, path("tl-band", "M4 7h10")],
+      settings.some((one) => one.in_view < 1) && ["markers leave the image", grey(), hatched(box)],
+    ];
+    panel.foot.replaceChildren(...entries.filter(Boolean).map(([words, ...parts]) =>
+      html("span", {}, icon(18, ...parts), words)));
   }
 
   return {

@@ -1,4 +1,4 @@
-// Axes for curves and bars.
+// Axes of curves and bars.
 import { heightOf, isNumber, path, resize, text, ticks } from "./parts.js";
 
 export const MARGIN = { left: 46, right: 14, top: 30, bottom: 44 };
@@ -15,23 +15,28 @@ export function spread(rows) {
 function decades(low, high) { // 1, 2, 5, 10, …; powers of ten alone if there are many
   const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
   const steps = last - first > 3 ? [1] : [1, 2, 5];
-  return Array.from({ length: last - first + 1 }, (_, i) => steps.map((step) => step * 10 ** (first + i)))
+  return Array.from({ length: last - first + 1 }, (_, i) => steps.map((one) => one * 10 ** (first + i)))
     .flat().filter((v) => v >= low && v <= high).map((v) => [v, `${Number(v.toPrecision(1))}`]);
 }
 
-// Draws the axes in a panel and returns the scales; one that begins above 0 is logarithmic.
-export function frame(panel, width, [left, right], [low, high], xTitle, yTitle, room = 0) {
-  const height = heightOf(width) + room, bottom = height - MARGIN.bottom - room;
-  const log = low > 0, at = log ? Math.log : (v) => v;
+// Draws axes in a panel and returns the scales; the one upwards is logarithmic if it begins above 0.
+// About as many numbers as `columns` and `rows` stand at them, and below them are `room` px more.
+export function axes(panel, width, [left, right], [low, high], xTitle, yTitle, more = {}) {
+  const { height = heightOf(width), margin = MARGIN, columns = 6, rows = 6, room = 0 } = more;
+  const bottom = height - margin.bottom, log = low > 0, at = log ? Math.log : (v) => v;
   const top = log ? high * 1.3 : high + (high - low) * 0.05;
   const base = log ? low / 1.5 : low < 0 ? low - (high - low) * 0.05 : 0;
-  const x = (v) => MARGIN.left + ((v - left) / (right - left)) * (width - MARGIN.left - MARGIN.right);
+  const end = width - margin.right, last = height + room;
+  const x = (v) => margin.left + ((v - left) / (right - left)) * (end - margin.left);
   const share = (v) => (at(log ? Math.max(v, base) : v) - at(base)) / (at(top) - at(base));
-  const y = (v) => bottom - share(v) * (bottom - MARGIN.top);
-  resize(panel, width, height).replaceChildren(text(2, 14, yTitle, "tl-muted", "start"),
-    text(width - MARGIN.right, height - 6, xTitle, "tl-muted", "end"));
-  (log ? decades(base, top) : ticks(base, top, 6)).forEach(([value, words]) => panel.canvas.append(
-    text(MARGIN.left - 7, y(value) + 4, words, null, "end"),
-    path(value ? "tl-gridline" : "tl-axis", `M${MARGIN.left} ${y(value)}H${width - MARGIN.right}`)));
-  return { x, y, bottom };
+  const y = (v) => bottom - share(v) * (bottom - margin.top);
+  const across = columns ? ticks(left, right, columns) : [];
+  resize(panel, width, last).replaceChildren(text(2, 14, yTitle, "tl-muted", "start"),
+    text(end, margin.title ?? last - 6, xTitle, "tl-muted", "end"),
+    ...(log ? decades(base, top) : ticks(base, top, rows)).flatMap(([value, words]) => [
+      text(margin.left - 7, y(value) + 4, words, null, "end"),
+      path(value ? "tl-gridline" : "tl-axis", `M${margin.left} ${y(value)}H${end}`)]),
+    ...across.flatMap(([value, words]) => [
+      path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]));
+  return { x, y, bottom, right: end };
 }

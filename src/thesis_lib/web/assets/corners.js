@@ -1,11 +1,9 @@
 // First frames of cameras, in which the structure's corners are clicked; the manifest's lines come out.
-import { copyButton } from "./copy.js";
-import { button, followDrag, html, svg } from "./parts.js";
+import { ARROWS, button, clamp, copyButton, followDrag, html, svg } from "./parts.js";
 
 const PLACES = ["(0, 0)", "(length, 0)", "(length, width)", "(0, width)"];
 const NEAR = 20; // px of the screen from which on a corner is taken hold of: a finger is no finer
 const ZOOM = 8, LENS = 272; // magnification, and side of the magnified part, px
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 // Whether four corners go around a convex quadrilateral, as the manifest wants them.
 function isConvex(points) {
@@ -80,7 +78,7 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     });
   }
   function put(k, [u, v], follow = true) { // never beyond the picture
-    own.points[k] = [Math.min(Math.max(u, 0), width), Math.min(Math.max(v, 0), height)];
+    own.points[k] = [clamp(u, [0, width]), clamp(v, [0, height])];
     chosen = k;
     if (follow) centre = own.points[k];
     draw();
@@ -125,10 +123,10 @@ function camera({ name, size: [width, height], image, corners }, changed) {
   marks.forEach((mark, k) => {
     mark.addEventListener("focus", () => { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } });
     mark.addEventListener("keydown", (event) => {
-      const step = ARROWS[event.key], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
-      if (!step) return;
+      const [x, y] = ARROWS[event.key] ?? [], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
+      if (x === undefined) return;
       event.preventDefault();
-      put(k, own.points[k].map((value, i) => value + by * step[i]));
+      put(k, [own.points[k][0] + by * x, own.points[k][1] - by * y]);
     });
   });
   picture.addEventListener("load", draw);

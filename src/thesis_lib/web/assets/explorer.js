@@ -1,20 +1,101 @@
 // The explorer: cameras to drag around a beam or a plate, and at once the accuracy that they give.
 // Front end of thesis_lib.book.explorer.Explorer in the form anywidget expects; static_html runs it
 // without a kernel.
-import { asked, keep } from "./address.js";
-import { copyButton, linkButton } from "./copy.js";
-import { createShapes } from "./explorer_shapes.js";
-import {
-  STATE_KEYS, TRIALS, apart, compute, fromAddress, isLayout, limits, refused, setupOf,
-  sixteenToNine, toAddress, toCommand,
-} from "./explorer_state.js";
-import { createView } from "./explorer_view.js";
+import { createShapes, createView } from "./explorer_view.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  button, clamp, field, fill, followWidth, html, isNumber, options, radios, select, show,
+  asked, button, clamp, copyButton, field, fill, followWidth, html, isNumber, keep, linkButton,
+  options, radios, select, show,
 } from "./parts.js";
-import { MOST_CAMERAS, bandOf } from "./physics.js";
+import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
+import { rint, towards } from "./pinhole.js";
 
+// --- what it shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d
+// distance and a amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees,
+// t the thesis's setup last chosen
+const TRIALS = 100;
+const STATE_KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
+const FIRST_SETUP = "4a-4";
+const apart = (one, two) =>
+  Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
+const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
+
+// What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of
+// which are in one place.
+const limits = ({ a }, { length, width }) => ({
+  d: [Math.floor(500 * Math.hypot(length, width) + a) + 1, 10000],
+  f: [1, 1000], a: [0.01, 100], w: [16, 8192],
+});
+const isLayout = (cameras) => cameras.length >= 2 && cameras.length <= MOST_CAMERAS &&
+  cameras.every(([azimuth, elevation], i) =>
+    Math.abs(azimuth) <= 360 && elevation > 0 && elevation <= 90 &&
+    cameras.slice(0, i).every((other) => apart(cameras[i], other) > 1e-5));
+
+const refused = (what, given, [low, high], unit, then) =>
+  `${what}: ${given} is out of range, ${low} to ${high}${unit}; it ${then}${unit}.`;
+
+function setupOf(state, { setups, reading }) { // the thesis's setup that a state is, if any
+  const known = Object.keys(reading).every((key) => state[key] === reading[key]);
+  const same = setups.filter((one) => known &&
+    ["d", "w", "c"].every((key) => `${one[key]}` === `${state[key]}`));
+  return same.find(({ id }) => id === state.t) ?? same[0];
+}
+
+// --- as text: ?s=beam&m=3&w=320&f=24&d=500&c=7,15;-7,15, and ?s=beam&m=1&t=4a-6 for a setup of the
+// thesis; what is unknown or makes no sense is as `otherwise` has it
+function fromAddress(query, structures, otherwise = "") {
+  const given = new URLSearchParams(query), other = new URLSearchParams(otherwise);
+  const either = (key, allowed) =>
+    [given, other].map((one) => one.get(key)).find((value) => allowed.includes(value));
+  const number = (words) =>
+    (/^-?\d+(\.\d+)?$/.test(words) ? Math.round(1000 * words) / 1000 : NaN);
+  const s = either("s", Object.keys(structures)) ?? "beam", { setups, reading } = structures[s];
+  const named = (name) => setups.find(({ id }) => id === name?.replace("′", "'"));
+  const { id: t, d, w, c } = named(given.get("t")) ?? named(other.get("t")) ?? named(FIRST_SETUP);
+  const state = { s, m: Number(either("m", ["1", "2", "3"]) ?? 1), d, w, c, ...reading, t };
+  state.r = either("r", ["rebuilt", "known"]) ?? state.r;
+  for (const key of ["a", "f", "d"]) {
+    const value = number(given.get(key)), range = limits(state, structures[s])[key];
+    state[key] = value === clamp(value, range) ? value : clamp(state[key], range);
+  }
+  const size = (given.get("w") ?? "").split("x").map(number);
+  const range = limits(state, structures[s]).w;
+  if (size.length < 3 && size.every((n) => Number.isInteger(n) && n === clamp(n, range)))
+    state.w = size.length === 2 ? size : sixteenToNine(size[0]);
+  const cameras = (given.get("c") ?? "").split(";").map((pair) => pair.split(",").map(number));
+  const pairs = cameras.every((pair) => pair.length === 2 && pair.every(Number.isFinite));
+  if (pairs && isLayout(cameras)) state.c = cameras;
+  return state;
+}
+function toAddress(state, structure) {
+  const { s, m, w, f, d, a, r, c } = state, { reading } = structure;
+  const setup = setupOf(state, structure);
+  if (setup) return `s=${s}&m=${m}&t=${setup.id}`;
+  const size = `${w}` === `${sixteenToNine(w[0])}` ? w[0] : w.join("x");
+  const rare = (a === reading.a ? "" : `&a=${a}`) + (r === reading.r ? "" : `&r=${r}`);
+  return `s=${s}&m=${m}&w=${size}&f=${f}&d=${d}${rare}&c=${c.join(";")}`;
+}
+function toCommand({ s, w, f, d, a, r, c }, { reading }) {
+  const values = { cases: [], layouts: { mine: [c] }, distance_mm: d, resolution_px: w };
+  if (f !== reading.f) values.focal_length_mm = f;
+  if (a !== reading.a) values.amplitude_mm = a;
+  if (r !== reading.r) values.rest = r;
+  const words = Object.entries(values).map(([key, value]) =>
+    `${key}=${typeof value === "string" ? value : JSON.stringify(value)}`);
+  const quoted = words.map((one) => `-p ${/^[\w=.]+$/.test(one) ? one : `'${one}'`}`);
+  return `thesis run ${s}-arrays ${quoted.join(" ")}`;
+}
+
+// What the cameras measure: the nominal run and the prediction, then one trial after the other.
+function compute({ m, w, f, d, a, r, c }, structure, sensorWidth) {
+  const focal = (f * w[0]) / sensorWidth;
+  const setting = { distance: d, cameras: c, focal, size: w, known: r === "known" };
+  const shapes = [{ mode: m, peak: a / 1000 }];
+  const { P, rest, modes: [one], draw } = simulateSetting(setting, structure, shapes);
+  return { P, rest, ...one, groundSampleDistance: d / 1000 / focal, tryOne: draw };
+}
+
+// --- its elements
 const WIDTHS = [320, 640, 1280, 1920];
 const ERRORS = [["mean_error", "Mean error"], ["max_point_error", "Largest error"]];
 const HINT = matchMedia("(pointer: coarse)").matches
@@ -77,10 +158,9 @@ function render({ model: traits, el }) {
       html("div", { class: "tl-ex-beside" }, compact ? "" : image.node,
         html("div", {}, legend, list))),
     html("div", {}, shapes.node, compact ? image.node : "", table.node, facts));
-  const root = html("section", { class: "tl-viewer tl-explorer",
+  const root = html("section", { class: `tl-viewer tl-explorer${compact ? " tl-ex-compact" : ""}`,
     "aria-label": "Explorer of camera layouts" }, controls, refusal, status, columns, bottom);
   fill(view.node, { "aria-describedby": uid });
-  root.classList.toggle("tl-ex-compact", Boolean(compact));
   if (compact) {
     const whole = html("a", {}, "All its controls and numbers");
     bottom.replaceChildren(whole);
@@ -90,8 +170,11 @@ function render({ model: traits, el }) {
   } else if (onPage) bottom.append(...linkButton(settle));
 
   // --- controls
-  const add = (label, node, cls = "") =>
+  function add(label, node, refresh, cls = "") {
     controls.append(field(label, node, { class: `tl-field ${cls}` }));
+    refreshers.push(refresh);
+    return node;
+  }
   function choice(words, key, choices, write) {
     const node = radios(words, `${uid}-${key}`, choices, write);
     controls.append(node);
@@ -100,14 +183,13 @@ function render({ model: traits, el }) {
   }
   function choose(label, pairs, read, write, cls) {
     const box = select(pairs, {}, write);
-    add(label, box, cls);
-    refreshers.push(() => { box.value = read(); });
-    return box;
+    return add(label, box, () => { box.value = read(); }, cls);
   }
   // Taken while it is typed; refused when it is left, or at once if no further digit could make it
   // right.
   function numeric(what, unit, read, range, write, attributes) {
-    const box = html("input", { type: "number", step: "any", ...attributes });
+    const box = html("input", { type: "number", step: "any", ...attributes,
+      oninput: () => take(false), onchange: () => take(true) });
     const take = (last) => {
       const value = box.value === "" ? NaN : Math.round(1000 * box.value) / 1000;
       const [low, high] = range();
@@ -115,27 +197,25 @@ function render({ model: traits, el }) {
       if (value === read()) refuse("");
       else if (value === clamp(value, [low, high])) write(value);
       else if (last || hopeless)
-        refuse(refused(what, box.value || "nothing", [low, high], unit, read()));
+        refuse(refused(what, box.value || "nothing", [low, high], unit, `stays ${read()}`));
       if (last) box.value = read();
     };
-    box.addEventListener("input", () => take(false));
-    box.addEventListener("change", () => take(true));
     return [box, () => { if (box !== document.activeElement) box.value = read(); }];
   }
   function number(what, unit, read, key, write, cls) {
     const range = () => limits(app.state, app.structure)[key];
     const [box, refresh] = numeric(what, ` ${unit}`, read, range, write, { min: 0 });
-    add(`${what} (${unit})`, box, cls);
-    refreshers.push(refresh);
+    add(`${what} (${unit})`, box, refresh, cls);
   }
+  const named = ({ setups }, name) => setups.find(({ id }) => id === name) ?? app.state;
   choice("Structure", "s", [["beam", "Beam"], ["plate", "Plate"]], (s) => {
     const other = structures[s], { a } = app.state;
-    const { d, w, c } = other.setups.find(({ id }) => id === setup?.id) ?? app.state;
+    const { d, w, c } = named(other, setup?.id);
     update({ s, d, w, c, a: a === app.structure.reading.a ? other.reading.a : a });
   });
   const modes = choice("Mode", "m", [1, 2, 3].map((m) => [m, `${m}`]), (m) => update({ m }));
   const setupBox = choose("Setup of the thesis", [], () => setup?.id ?? "", (t) => {
-    const { d, w, c } = app.structure.setups.find(({ id }) => id === t) ?? app.state;
+    const { d, w, c } = named(app.structure, t);
     update({ d, w, c, ...(t ? { t, ...app.structure.reading } : {}) });
   });
   const common = () => WIDTHS.find((width) => `${sixteenToNine(width)}` === `${app.state.w}`);
@@ -255,8 +335,8 @@ function render({ model: traits, el }) {
     if (!isLayout(next.c)) return refuse("No two cameras may stand in one place.");
     const [low, high] = limits(next, structures[next.s]).d, given = next.d;
     next.d = clamp(given, [low, high]);
-    refuse(next.d === given ? "" : `Distance: ${given} mm is out of range, ${low} to ${high} mm; ` +
-      `it is now ${next.d} mm.`);
+    refuse(next.d === given ? ""
+      : refused("Distance", `${given} mm`, [low, high], " mm", `is now ${next.d}`));
     Object.assign(app, { state: next, result: null });
     request();
   }

@@ -1,42 +1,46 @@
-// The explorer's view: the structure, bent, and cameras around it to be dragged along their
-// hemisphere. World coordinates are in units of the cameras' distance and looked at from far away.
-// `app` is what explorer.js offers.
-import { bent } from "./motion.js";
-import { clamp, fill, followDrag, lines, path, svg, text } from "./parts.js";
-import { modeShape, towards } from "./physics.js";
+// What the explorer draws: the structure, bent, with cameras around it to be dragged along their
+// hemisphere, and its shapes, curves along a beam or maps of a plate. `app` is what explorer.js
+// offers.
+import { axes } from "./chart.js";
+import { paletteOf, rgb, stepOf } from "./maps.js";
 import {
-  RAD, SQUARE, baseOf, dot, drawAxes, drawClamp, drawHemisphere, edgesOf, orbit, plus, times, trace,
+  ARROWS, circle, clamp, fill, html, lines, mark, path, show, svg, text,
+} from "./parts.js";
+import { markers, modeShape } from "./physics.js";
+import { towards } from "./pinhole.js";
+import {
+  RAD, SQUARE, baseOf, bent, dot, drawAxes, drawClamp, drawHemisphere, edgesOf, orbitHemisphere,
+  plus, times, trace, turnable,
 } from "./space.js";
 
 const STEP = 0.5; // degrees, of a dragged camera, and its least elevation
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const PERCENT = [10, 20, 50, 100, 200, 500, 1000, 1e4, 1e5];
+const above = (value, steps) => steps.find((step) => step >= value) ?? value; // seldom changes
+const SMALL = { left: 47, right: 8, top: 22, bottom: 20, title: 14 }; // margins of a chart
 
+// --- the view; world coordinates are in units of the cameras' distance and looked at from far away
 export function createView(app) {
   const sight = { azimuth: 158, elevation: 33 };
   const scene = svg("g"), shape = path("tl-mesh"), cameras = svg("g");
-  const node = svg("svg", { class: "tl-ex-view", role: "group", tabindex: 0,
+  const node = svg("svg", { class: "tl-ex-view", role: "group",
     "aria-label": "The cameras around the structure; arrow keys turn the view" },
   scene, shape, cameras);
   let curves = [], phase = 0;
   let size = null; // px; asking for it in every frame would lay out the page in between
 
-  function projection() {
-    const [width, height] = (size ??= [node.clientWidth || 480, node.clientHeight || 360]);
-    const sine = Math.sin(sight.elevation * RAD);
-    const unit = Math.min((width - 50) / 2, (height - 44) / (1 + sine));
-    const centre = [width / 2, height / 2 + (unit * (1 - sine)) / 2];
-    return { width, height, unit, centre, ...orbit(sight, unit, centre) };
+  function orbitCameras() {
+    size ??= [node.clientWidth || 480, node.clientHeight || 360];
+    return orbitHemisphere(sight, 1, ...size, 50);
   }
-
   function draw() {
-    const { state, structure, sensorWidth } = app, space = projection();
+    const { state, structure, sensorWidth } = app, space = orbitCameras();
     const { flat, line, unit } = space;
     const sides = [structure.length, structure.width], [long, wide] = times(sides, 1000 / state.d);
     const isBeam = structure.kind === "beam", [along, across] = isBeam ? [24, 1] : [12, 8];
     const rise = 0.06 * long * unit * Math.cos(sight.elevation * RAD); // drawn larger than it is
     const place = (s, t) => [...flat([(s - 0.5) * long, (t - 0.5) * wide, 0]),
       rise * modeShape(structure, state.m, s * sides[0], t * sides[1])];
-    fill(node, { viewBox: `0 0 ${space.width} ${space.height}` });
+    fill(node, { viewBox: `0 0 ${size.join(" ")}` });
     scene.replaceChildren(
       ...drawHemisphere(space, 1), ...drawAxes(space, [long / 2, wide / 2, 0], 0.16),
       line("tl-ex-rest", SQUARE.map(([u, v]) => [(u * long) / 2, (v * wide) / 2, 0]), "Z"),
@@ -48,30 +52,27 @@ export function createView(app) {
     const spread = 2 * Math.min(1.2, sensorWidth / 2 / state.f); // as wide as what they see
     [...cameras.children].forEach((group, i) => {
       const [azimuth, elevation] = state.c[i], tip = towards(state.c[i]);
-      const base = baseOf(tip, azimuth, elevation, 0.16, spread, state.w[1] / state.w[0]);
-      const paths = [[tip, [0, 0, 0]], [tip, [tip[0], tip[1], 0]], base];
+      const base = baseOf(tip, state.c[i], 0.16, spread, state.w[1] / state.w[0]);
       const [cx, cy] = flat(tip), [x, y] = flat(times(tip, 1.08));
-      [...paths.map((points, n) => lines(points.map(flat), n > 1 ? "Z" : "")),
-        edgesOf(space, tip, base)].forEach((d, n) => fill(group.children[n], { d }));
-      fill(group.children[4], { cx, cy });
-      fill(group.children[5], { x, y: y + 4 });
+      const stem = [tip, [tip[0], tip[1], 0]], trail = (points) => lines(points.map(flat));
+      [{ d: trail([tip, [0, 0, 0]]) }, { d: trail(stem) }, { d: `${trail(base)}Z` },
+        { d: edgesOf(space, tip, base) }, { cx, cy }, { x, y: y + 4 },
+      ].forEach((shown, n) => fill(group.children[n], shown));
       fill(group, { "aria-valuenow": azimuth,
         "aria-valuetext": `azimuth ${azimuth}°, elevation ${elevation}°` });
     });
   }
-
   function move(now) { // the phase in rad
     phase = now;
     fill(shape, { d: bent(curves, Math.cos(phase)) });
   }
-
   function build() { // a drawing for each camera, which keeps the focus while it moves
     const focused = Number(document.activeElement?.dataset.camera);
     cameras.replaceChildren(...app.state.c.map((_, i) => svg("g", {
       class: "tl-camera", role: "slider", tabindex: 0, style: app.tint(i), "data-camera": i,
       "aria-label": `Camera ${i + 1}`, "aria-valuemin": -360, "aria-valuemax": 360,
-    }, path("tl-sight"), path("tl-ex-stem"), path("tl-base"), path(),
-    svg("circle", { class: "tl-ex-hit" }), text(0, 0, `${i + 1}`, "tl-note"))));
+    }, path("tl-sight"), path("tl-ex-stem"), path("tl-base"), path(), circle("tl-ex-hit"),
+    text(0, 0, `${i + 1}`, "tl-note"))));
     const next = cameras.children[Math.min(focused, app.state.c.length - 1)];
     if (focused >= 0) next.focus({ preventScroll: true });
   }
@@ -79,16 +80,10 @@ export function createView(app) {
   // --- by pointer: a camera follows it on its side of the hemisphere, and changes sides at the rim
   function turn(i, azimuth, elevation) {
     const turned = azimuth > 180 ? azimuth - 360 : azimuth < -180 ? azimuth + 360 : azimuth;
-    const pair = [turned, clamp(elevation, [STEP, 90])];
-    app.update({ c: app.state.c.with(i, pair) });
-  }
-  function look(azimuth, elevation) {
-    sight.azimuth += azimuth;
-    sight.elevation = clamp(sight.elevation + elevation, [0, 90]);
-    app.request();
+    app.update({ c: app.state.c.with(i, [turned, clamp(elevation, [STEP, 90])]) });
   }
   function place(held, x, y) {
-    const { unit, centre, right, up, viewer } = projection();
+    const { unit, centre, right, up, viewer } = orbitCameras();
     const a = (x - centre[0]) / unit, b = (centre[1] - y) / unit, off = Math.hypot(a, b);
     if (off > 1 && !held.beyond) held.side *= -1;
     held.beyond = off > 1;
@@ -104,16 +99,13 @@ export function createView(app) {
     };
     return [...cameras.children].reduce((a, b) => (away(b) < away(a) ? b : a));
   }
-  followDrag(node, (event) => {
+  turnable(node, sight, 0, app.request, (event) => {
     const { clientX: x, clientY: y } = event;
     const group = event.target.closest("[data-camera]") && nearest(x, y);
     (group ?? node).focus({ preventScroll: true });
     event.preventDefault();
-    if (!group) return (now) => {
-      look((now.clientX - event.clientX) * 0.5, (now.clientY - event.clientY) * 0.4);
-      event = now;
-    };
-    const { flat, viewer } = projection(), camera = Number(group.dataset.camera);
+    if (!group) return null;
+    const { flat, viewer } = orbitCameras(), camera = Number(group.dataset.camera);
     const tip = towards(app.state.c[camera]), [tipX, tipY] = flat(tip);
     const held = { camera, side: Math.sign(dot(tip, viewer)) || 1, beyond: false };
     return (now) => place(held, now.clientX - x + tipX, now.clientY - y + tipY);
@@ -123,17 +115,88 @@ export function createView(app) {
     event.preventDefault();
     app.update({ d: Math.round((app.state.d * 1.04 ** Math.sign(event.deltaY)) / 5) * 5 });
   }, { passive: false });
-
-  // --- by keyboard
-  node.addEventListener("keydown", (event) => {
-    const [x, y] = ARROWS[event.key] ?? [0, 0], step = event.shiftKey ? 10 : 1;
-    const group = event.target.closest("[data-camera]"), i = Number(group?.dataset.camera);
-    if (group && event.key === "Delete") app.remove(i);
-    else if (!x && !y) return;
-    else if (group) turn(i, app.state.c[i][0] + x * step, app.state.c[i][1] + y * step);
-    else look(8 * x, 6 * y);
+  cameras.addEventListener("keydown", (event) => {
+    const i = Number(event.target.dataset.camera), [x, y] = ARROWS[event.key] ?? [];
+    const step = event.shiftKey ? 10 : 1, [azimuth, elevation] = app.state.c[i];
+    if (event.key === "Delete") app.remove(i);
+    else if (x === undefined) return;
+    else turn(i, azimuth + x * step, elevation + y * step);
     event.preventDefault();
   });
 
   return { node, draw, move, build, remeasure() { size = null; } };
+}
+
+// --- the shapes: reference, measured, errors
+export function createShapes(app) {
+  const node = html("div", { class: "tl-ex-shapes" }), palette = paletteOf(app.colormap);
+  const drawing = (name, more) => svg("svg", { role: "img", "aria-label": name, ...more });
+  let draw, width = 0; // of a chart in px
+
+  function curves() {
+    const sample = (cls, words, d = "M1 6H21") => html("span", { style: app.tint(0) },
+      svg("svg", { width: 22, height: 12, "aria-hidden": "true" }, path(cls, d)), words);
+    const shape = drawing("Deflection of the beam"), bars = drawing("Error of each marker");
+    node.replaceChildren(html("p", { class: "tl-ex-key" }, sample("tl-reference", "reference"),
+      sample("tl-mark", "measured, pixels as in the thesis", mark(0, 11, 6, 3)),
+      sample("tl-ex-band", "expected: ± 2 σ by the law of rounding")), shape, bars);
+    const chart = (canvas, height, range, words, title = "") => axes({ canvas }, width,
+      [0, 1000 * app.structure.length], range, title, words, { height, margin: SMALL, rows: height / 40 });
+    return ({ reference, measured, variance, errors: { point } }, amplitude) => {
+      width ||= shape.clientWidth || 380;
+      const at = markers(app.structure)[0].map((x) => 1000 * x), style = app.tint(0);
+      const [low, high] = [-2, 2].map((k) =>
+        reference.map((w, i) => w + k * Math.sqrt(variance[i])));
+      const most = (1000 * Math.max(...[...measured, ...low, ...high].map(Math.abs))) / amplitude;
+      const limit = amplitude * above(most, [1.25, 1.5, 2, 3, 5, 10, 30, 100, 1000]);
+      const upper = chart(shape, width < 480 ? 150 : 200, [-limit, limit], "deflection (mm)");
+      const trail = (values) => at.map((x, i) => [upper.x(x), upper.y(1000 * values[i])]);
+      shape.append(path("tl-ex-band", lines([...trail(high), ...trail(low).reverse()], "Z")),
+        path("tl-reference", lines(trail(reference))),
+        svg("g", { style }, path("tl-line", lines(trail(measured))),
+          path("tl-mark", trail(measured).map((one) => mark(0, ...one, 2.6)).join(""))));
+      const { x, y } = chart(bars, 130, [0, above(Math.max(...point), PERCENT)],
+        "error of each marker (%)", `${width < 360 ? "" : "distance "}from the clamp (mm)`);
+      const columns = at.map((v, i) => `M${x(v)} ${y(0)}V${y(point[i])}`).join("");
+      bars.append(path("tl-ex-bars", columns, { style }));
+    };
+  }
+
+  function maps() {
+    const [nx, ny] = app.structure.grid;
+    const shown = ["reference", "measured", "marker errors"].map((name, n) => {
+      const cells = Array.from({ length: nx * ny }, (_, i) => // a little wider: no gaps show
+        svg("rect", { x: i % nx, y: ny - 1 - Math.floor(i / nx), width: 1.03, height: 1.03 }));
+      const canvas = drawing(`Map: ${name}`,
+        { viewBox: `0 0 ${nx} ${ny}`, preserveAspectRatio: "none" });
+      canvas.append(...cells);
+      // From the least, or from zero.
+      const colors = palette.filter((_, i) => i % 127 === 0 && (n < 2 || i)).map(rgb);
+      const ends = [html("i"), html("i")];
+      const bar = html("i", { style: `background: linear-gradient(90deg, ${colors})` });
+      return { cells, ends, node: html("figure", {}, html("figcaption", {}, name), canvas,
+        html("span", { class: "tl-ex-scale" }, ends[0], bar, ends[1])) };
+    });
+    node.replaceChildren(...shown.map((map) => map.node));
+    return ({ reference, measured, errors: { point, largest } }) => {
+      const most = Math.max(...reference.map(Math.abs)), limit = above(largest, PERCENT);
+      const words = [show(-1000 * most), `${show(1000 * most)} mm`];
+      [[reference, most, words], [measured, most, words], [point, limit, ["0", `${limit} %`]]]
+        .forEach(([values, full, labels], n) => {
+          const { cells, ends } = shown[n];
+          cells.forEach((cell, i) => fill(cell, { fill: rgb(palette[stepOf(values[i] || 0, full)]) }));
+          ends.forEach((end, i) => { end.textContent = labels[i]; });
+        });
+    };
+  }
+
+  return {
+    node,
+    remeasure() { width = 0; },
+    build() {
+      node.dataset.kind = app.structure.kind;
+      draw = app.structure.kind === "beam" ? curves() : maps();
+    },
+    draw: () => draw(app.result, app.state.a),
+  };
 }

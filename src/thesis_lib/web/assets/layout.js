@@ -1,28 +1,31 @@
 // Planned cameras around a structure, to be turned; options of one or more plans to choose from.
-// Front end of thesis_lib.planning.layout_view in the form that static_html runs.
-import { asked, keep } from "./address.js";
-import { linkButton } from "./copy.js";
+// Front end of thesis_lib.planning.figures in the form that static_html runs.
 import {
-  field, figure, fill, followWidth, heightOf, html, options, path, resize, select, svg, text,
+  asked, field, figure, fill, followWidth, heightOf, html, keep, linkButton, options, path, resize,
+  select, svg, text, xy,
 } from "./parts.js";
 import {
   RAD, baseOf, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
 } from "./space.js";
 
-const SHOWN = ["azimuth", "elevation", "distance", "focal length", "pixels"];
-// Rows of a CSV with a header, as objects.
-function rowsOf(text) {
-  const [header, ...rows] = text.trim().split("\n").map((line) => line.split(","));
+const COLUMNS = [ // of the table, with what stands in them
+  ["azimuth", (row) => `${Number(row.azimuth_deg)}°`],
+  ["elevation", (row) => `${Number(row.elevation_deg)}°`],
+  ["distance", (row) => `${Number(row.distance_mm)} mm`],
+  ["focal length", (row) => `${row.focal_length_mm} mm`],
+  ["pixels", (row) => `${row.width_px} × ${row.height_px}`],
+];
+function rowsOf(csv) { // with a header, as objects
+  const [header, ...rows] = csv.trim().split("\n").map((line) => line.split(","));
   return rows.map((row) => Object.fromEntries(row.map((value, i) => [header[i], value])));
 }
 
 function render({ model, el }) {
   const { plans, tints } = model.get("data"), view = { azimuth: 155, elevation: 28 };
-  const panel = figure("a", svg("svg"), ""), words = html("p", { class: "tl-summary", "aria-live": "polite" });
-  const controls = html("div", { class: "tl-controls" }), table = html("table", { class: "tl-cameras" });
+  const panel = figure("a", svg("svg"), "");
+  const words = html("p", { class: "tl-summary", "aria-live": "polite" });
+  const table = html("table", { class: "tl-cameras" });
   const link = html("a", { "data-testid": "csv" }, "These cameras as CSV");
-  const root = html("section", { class: "tl-viewer tl-layouts", "aria-label": "Planned cameras", "data-testid": "layouts" },
-    controls, words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
   let width = 480, plan, option;
 
   const choice = (testid, choose) => select([], { "data-testid": testid }, (value) => {
@@ -35,13 +38,17 @@ function render({ model, el }) {
   }
   const which = choice("plan", choosePlan), of = choice("option", chooseOption);
   put(which, plans.map(({ name }) => name), 0);
-  const known = plans.length > 1 ? [field("Plan", which)] : [];
-  controls.append(...known, field("Cameras", of), ...linkButton(remember));
+  const controls = html("div", { class: "tl-controls" },
+    ...(plans.length > 1 ? [field("Plan", which)] : []), field("Cameras", of),
+    ...linkButton(remember));
+  const names = { "aria-label": "Planned cameras", "data-testid": "layouts" };
+  const root = html("section", { class: "tl-viewer tl-layouts", ...names }, controls, words,
+    panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
 
   function remember() {
-    keep(["plan", "option"], new URLSearchParams({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
+    keep(["plan", "option"], new URLSearchParams(
+      { plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
   }
-
   function choosePlan(i, first = plans[i].chosen) {
     plan = plans[i];
     put(of, plan.options.map(({ label }) => label), first);
@@ -50,13 +57,15 @@ function render({ model, el }) {
   function chooseOption(i) {
     option = plan.options[i];
     words.textContent = option.words;
-    fill(panel.canvas, { role: "img", "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
-    const caption = html("caption", {}, `${plan.name}: ${option.label}`);
-    const head = ["camera", ...SHOWN].map((name) => html("th", { scope: "col" }, name));
-    const body = rowsOf(option.table).map((row) => [`${Number(row.azimuth_deg)}°`, `${Number(row.elevation_deg)}°`, `${Number(row.distance_mm)} mm`,
-      `${row.focal_length_mm} mm`, `${row.width_px} × ${row.height_px}`].map((value) => html("td", {}, value)));
-    table.replaceChildren(caption, html("thead", {}, html("tr", {}, ...head)), html("tbody", {}, ...body.map((cells, n) =>
-      html("tr", {}, html("th", { scope: "row" }, `${n + 1}`), ...cells))));
+    fill(panel.canvas, { role: "img",
+      "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
+    const head = ["camera", ...COLUMNS.map(([name]) => name)];
+    const body = rowsOf(option.table).map((row, n) => html("tr", {},
+      html("th", { scope: "row" }, `${n + 1}`),
+      ...COLUMNS.map(([, valueOf]) => html("td", {}, valueOf(row)))));
+    table.replaceChildren(html("caption", {}, `${plan.name}: ${option.label}`),
+      html("thead", {}, html("tr", {}, ...head.map((name) => html("th", { scope: "col" }, name)))),
+      html("tbody", {}, ...body));
     fill(link, { href: `data:text/csv;charset=utf-8,${encodeURIComponent(option.table)}`,
       download: `cameras-${plan.name}-${option.label}.csv`.replace(/[^\w.]+/g, "-") });
     draw();
@@ -64,40 +73,42 @@ function render({ model, el }) {
 
   function draw() { // the scale is that of the whole plan, so that its options compare
     const height = heightOf(width) * (width < 420 ? 0.85 : 1.1), { centre, outline, markers } = plan;
-    const away = ([x, y, z]) => [x - centre[0], y - centre[1], z - centre[2]];
-    const placesOf = (one) => rowsOf(one.table).map(({ x_mm: x, y_mm: y, z_mm: z }) => away([x / 1000, y / 1000, z / 1000]));
-    const every = plan.options.flatMap(placesOf);
-    const all = [...every, ...outline.map(away)], heights = [0, ...all.map((v) => v[2])];
-    const radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y))), [low, high] = [Math.min(...heights), Math.max(...heights)];
+    const away = (place) => plus(place, times(centre, -1));
+    const placesOf = (one) => rowsOf(one.table).map((row) =>
+      away([row.x_mm / 1000, row.y_mm / 1000, row.z_mm / 1000]));
+    const all = [...plan.options.flatMap(placesOf), ...outline.map(away)];
+    const heights = [0, ...all.map((v) => v[2])], low = Math.min(...heights);
+    const high = Math.max(...heights), radius = Math.max(...all.map(([x, y]) => Math.hypot(x, y)));
     const sine = Math.abs(Math.sin(view.elevation * RAD)), cosine = Math.cos(view.elevation * RAD);
     const tall = 2 * radius * sine + (high - low) * cosine; // of the upright cylinder around all
     const unit = Math.min((width - 70) / (2 * radius), (height - 60) / tall);
     const middle = height / 2 + (unit * cosine * (high + low)) / 2;
     const space = orbit(view, unit, [width / 2, middle]), { viewer, flat, line } = space;
     const known = outline.length === 4; // else the box around markers, corner by corner
-    const dots = markers.map(away).map(flat).map(([x, y]) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`);
+    const dots = markers.map((place) => `M${xy(flat(away(place)))}h0`).join("");
     const drawn = placesOf(option).map((tip, i) => {
-      const style = `--c: ${tints[i % tints.length]}`, distance = Math.hypot(...tip);
-      const azimuth = Math.atan2(tip[0], tip[1]) / RAD, elevation = Math.asin(tip[2] / distance) / RAD;
-      const base = baseOf(tip, azimuth, elevation, 0.1 * radius);
-      const [x, y] = flat(plus(tip, times(tip, 0.07)));
+      const style = `--c: ${tints[i % tints.length]}`, [x, y] = flat(times(tip, 1.07));
+      const angles = [Math.atan2(tip[0], tip[1]), Math.asin(tip[2] / Math.hypot(...tip))];
+      const base = baseOf(tip, times(angles, 1 / RAD), 0.1 * radius);
       const sight = [line("tl-sight", [tip, [0, 0, 0]], "", style),
         line("tl-wire", [tip, [tip[0], tip[1], 0]])];
       return [dot(tip, viewer), sight, svg("g", { class: "tl-camera", style },
-        ...drawCamera(space, tip, base), text(x, y + 4, String(i + 1), "tl-note"))];
+        ...drawCamera(space, tip, base), text(x, y + 4, `${i + 1}`, "tl-note"))];
     }).sort(([one], [two]) => one - two);
     resize(panel, width, height).replaceChildren(
-      ...[0.5, 1].map((r) => drawRing(space, r * radius)), ...drawAxes(space, [0, 0, 0], 0.3 * radius),
+      ...[0.5, 1].map((r) => drawRing(space, r * radius)),
+      ...drawAxes(space, [0, 0, 0], 0.3 * radius),
       line(known ? "tl-plate" : "tl-wire", outline.map(away), known ? "Z" : ""),
-      path("tl-places", dots.join("")), ...drawn.flatMap(([, sight]) => sight),
+      path("tl-places", dots), ...drawn.flatMap(([, sight]) => sight),
       ...drawn.map(([, , group]) => group));
   }
 
   turnable(panel.canvas, view, -90, draw);
-  panel.foot.append("Drag, or focus and press the arrow keys, to turn. Numbers are those of the table below.");
+  panel.foot.append("Drag, or focus and press the arrow keys, to turn. " +
+    "Numbers are those of the table below.");
   el.replaceChildren(root);
-  const given = (name, count) => [...Array(count).keys()].findIndex((i) => `${i + 1}` === asked(name));
-  const first = Math.max(0, given("plan", plans.length)), chosen = given("option", plans[first].options.length);
+  const given = (name, list) => list.findIndex((_, i) => `${i + 1}` === asked(name));
+  const first = Math.max(0, given("plan", plans)), chosen = given("option", plans[first].options);
   choosePlan(first, chosen < 0 ? undefined : chosen);
   which.value = first;
   return followWidth(root, panel.node, width, (now) => { width = now; draw(); });

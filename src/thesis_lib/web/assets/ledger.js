@@ -1,9 +1,7 @@
 // The ledger: the claims of the thesis with their verdicts, as a table to filter, search and sort.
 // Front end of thesis_lib.figure_sets.claims.figures.LedgerTable in the form anywidget expects; static_html runs it without a
 // kernel.
-import { asked, keep } from "./address.js";
-import { copyButton, linkButton } from "./copy.js";
-import { button, fill, html, options, svg } from "./parts.js";
+import { asked, button, copyButton, fill, html, keep, linkButton, options, svg } from "./parts.js";
 
 // A mark for each verdict, told apart by shape first; the order is that of sorting and of the count.
 const MARKS = {
@@ -65,7 +63,7 @@ const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, 
 // Padding that puts the units of numbers below each other, in digits.
 const pad = (words, widest) => {
   const digits = /^\d+/.exec(words)?.[0].length;
-  return digits && digits < widest ? `--pad: ${widest - digits}` : null;
+  return digits && digits < widest ? `; --pad: ${widest - digits}` : "";
 };
 function claimOf(row, widest) {
   const body = html("tbody", { id: `claim-${row.id}`, role: "rowgroup" });
@@ -75,7 +73,7 @@ function claimOf(row, widest) {
       const open = toggle.getAttribute("aria-expanded") === "true";
       const second = body.rows[1] ?? body.appendChild(secondLine(row));
       second.hidden = open;
-      fill(toggle, { "aria-expanded": !open, "aria-controls": second.id }, []);
+      fill(toggle, { "aria-expanded": !open, "aria-controls": second.id });
     });
   const shown = {
     place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
@@ -86,7 +84,7 @@ function claimOf(row, widest) {
   const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
     class: `tl-ledger-${name}`, "data-label": label, role: name === "what" ? "rowheader" : "cell",
     "data-number": name in widest && SHORT.test(row[name]) ? "" : null,
-    style: name in widest ? pad(row[name], widest[name]) : null,
+    style: `--area: ${name}${name in widest ? pad(row[name], widest[name]) : ""}`,
   }, ...shown[name].filter((part) => part !== "")));
   body.append(html("tr", { role: "row" }, ...cells));
   const words = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");
@@ -122,7 +120,7 @@ function render({ model, el }) {
     }
     more.hidden = !folded.size || (all && !unfolded);
     more.textContent = `${unfolded ? "Hide" : "Show"} ${folded.size} counts and roots that no total counts`;
-    fill(more, { "aria-expanded": unfolded }, []);
+    fill(more, { "aria-expanded": unfolded });
     const parts = VERDICTS.map((one) => `${counts[one]} ${counts[one] === 1 ? one : WORDS[one] ?? one}`);
     count.textContent = `${shown} of ${claims.length} shown: ${parts.join(", ")}` +
       (uncounted ? `; ${uncounted} not counted†` : "") + (extra ? "; one is shown by its link" : "");
@@ -187,7 +185,7 @@ function render({ model, el }) {
   function head([name, label]) {
     const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
     node.append(SORTS[name] ? button(label, {}, () => { sort(...nextSort(name)); writeAddress(); }) : html("span", {}, label));
-    if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" }, []);
+    if (SORTS[name]) fill(heads[name] = node, { "aria-sort": "none" });
     return node;
   }
   function build() {

@@ -1,37 +1,42 @@
-// What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of it.
-import { fill, html, icon, lines, path, show } from "./parts.js";
+// What vibrates: a slowed period that plays, pauses and is set by hand, and what one camera sees of
+// it.
+import { fill, html, icon, path, select, show } from "./parts.js";
 import { inView, pixelate, project } from "./pinhole.js";
 
-const PERIOD = 2400, SPEEDS = [0.25, 0.5, 1, 2]; // ms of a period on the screen, and what that is divided by
+const PERIOD = 2400; // ms of a period on the screen, at speed 1
+const SPEEDS = [[0.25, "¼ ×"], [0.5, "½ ×"], [1, "1 ×"], [2, "2 ×"]];
 
-// Curves of points [x, y, rise] on the screen, bent by `amount` of their largest rise, in px.
-export const bent = (curves, amount, end = "") =>
-  curves.map((curve) => lines(curve.map(([x, y, rise]) => [x, y - amount * rise]), end)).join("");
-
-// Calls draw(phase) with the phase in rad, in each frame while it plays. It plays by itself if `unasked`, but not for who wants
-// no movement; nowhere while it is out of sight, and in print it stands at its largest deflection.
+// Calls draw(phase) with the phase in rad, in each frame while it plays. It plays by itself if
+// `unasked`, but not for who wants no movement; nowhere while it is out of sight, and in print it
+// stands at its largest deflection.
 export function createMotion(draw, unasked = true) {
-  const still = matchMedia("(prefers-reduced-motion: reduce)"), print = matchMedia("print"), visible = new Set();
-  const button = html("button", { type: "button", class: "tl-play", "data-testid": "play" });
-  const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase" });
-  const speed = html("select", { "data-testid": "speed" },
-    ...SPEEDS.map((value) => html("option", { value }, `${value} ×`.replace(".25", "¼").replace(".5", "½").replace(/^0/, ""))));
+  const [still, print] = ["(prefers-reduced-motion: reduce)", "print"].map((one) => matchMedia(one));
+  const button = html("button", { type: "button", class: "tl-play", "data-testid": "play",
+    onclick: () => play(!wanted) });
+  const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
+    oninput() { play(false); put(Number(slider.value)); } });
+  const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed), visible = new Set();
   const degrees = html("span", { "aria-hidden": "true" }), slowed = html("span", { class: "tl-slowed" });
   const node = html("div", { class: "tl-time" }, button,
     html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
     html("label", { class: "tl-speed" }, "speed", speed), slowed);
   let phase = 0, wanted = false, frame = 0, hertz = 0; // degrees
 
+  const redraw = () => draw((phase * Math.PI) / 180);
   function put(angle) {
     const before = Math.round(phase), now = Math.round(angle);
     phase = angle;
     if (now !== before) tell();
-    draw((phase * Math.PI) / 180);
+    redraw();
   }
   function tell() {
     slider.value = Math.round(phase);
     degrees.textContent = `${slider.value}°`;
     slider.setAttribute("aria-valuetext", degrees.textContent);
+  }
+  function tellSpeed() {
+    const times = show((hertz * PERIOD) / 1000 / speed.value);
+    slowed.textContent = hertz ? `slowed ${times} times` : "";
   }
   function step(now, before) {
     put((phase + ((now - before) / PERIOD) * speed.value * 360) % 360);
@@ -45,51 +50,47 @@ export function createMotion(draw, unasked = true) {
   }
   function play(on) {
     wanted = on;
-    button.replaceChildren(icon(14, path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z")), on ? "Pause" : "Play");
+    button.replaceChildren(icon(14, path("tl-sign", on ? "M3 2V12M10 2V12" : "M3 1V13L12 7Z")),
+      on ? "Pause" : "Play");
     follow();
   }
-  const calm = () => { if (still.matches) play(false); }, stand = () => { follow(); if (print.matches) put(0); };
+  const ended = new AbortController(), { signal } = ended;
   const observer = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) visible[isIntersecting ? "add" : "delete"](target);
     follow();
   });
-  const say = () => { slowed.textContent = hertz ? `slowed ${show((hertz * PERIOD) / 1000 / speed.value)} times` : ""; };
-  button.addEventListener("click", () => play(!wanted));
-  slider.addEventListener("input", () => { play(false); put(Number(slider.value)); });
-  speed.addEventListener("change", say);
-  still.addEventListener("change", calm);
-  print.addEventListener("change", stand);
+  still.addEventListener("change", () => { if (still.matches) play(false); }, { signal });
+  print.addEventListener("change", () => { follow(); if (print.matches) put(0); }, { signal });
   speed.value = 1;
   tell();
   play(unasked && !still.matches);
   return {
-    node, put, redraw: () => draw((phase * Math.PI) / 180),
-    watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // it plays while one of them is in sight
-    at(frequency) { hertz = frequency; say(); }, // Hz
+    node, put, redraw,
+    watch: (...nodes) => [node, ...nodes].forEach((one) => observer.observe(one)), // while in sight
+    at(frequency) { hertz = frequency; tellSpeed(); }, // Hz
     stop() {
       play(false);
       observer.disconnect();
-      still.removeEventListener("change", calm);
-      print.removeEventListener("change", stand);
+      ended.abort();
     },
   };
 }
 
-// The image of one of several cameras: each marker at the whole pixel to which it is rounded, and where it is at rest.
+// The image of one of several cameras: each marker at the whole pixel to which it is rounded, and
+// where it is at rest.
 export function createImage() {
-  const WIDTH = 320, HEIGHT = 180, canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
-  const box = html("select", { "data-testid": "camera" }), words = html("p", { class: "tl-foot" });
-  const label = html("label", {}, "Image of camera", box);
-  const node = html("figure", { class: "tl-panel-m", "data-testid": "image" },
-    html("figcaption", {}, label), canvas, words);
+  const WIDTH = 320, HEIGHT = 180;
+  const canvas = html("canvas", { width: WIDTH, height: HEIGHT, role: "img" });
+  const box = select([], { "data-testid": "camera" }, () => { tell(); draw(); });
+  const words = html("p", { class: "tl-foot" }), label = html("label", {}, "Image of camera", box);
+  const names = { class: "tl-panel-m", style: "--area: m", "data-testid": "image" };
+  const node = html("figure", names, html("figcaption", {}, label), canvas, words);
   const context = canvas.getContext("2d");
   let P, rest, moved, size, shifts, name, phase = 0, seen = null;
 
-  const chosen = () => P.subarray(12 * box.value, 12 * box.value + 12);
-  function instant(amount) { // pixels of the markers, u of all, then v of all
-    const points = rest.map((value, i) => value + amount * (moved[i] - value));
-    return pixelate(project(chosen(), points, shifts));
-  }
+  const imagesOf = (points) => project(P.subarray(12 * box.value, 12 * box.value + 12), points, shifts);
+  const instant = (amount) => // pixels of the markers, u of all, then v of all
+    pixelate(imagesOf(rest.map((value, i) => value + amount * (moved[i] - value))));
   function paint(pixels, colour) {
     const count = pixels.length / 2, scale = Math.min(WIDTH / size[0], HEIGHT / size[1]);
     const [left, top] = [(WIDTH - scale * size[0]) / 2, (HEIGHT - scale * size[1]) / 2];
@@ -108,24 +109,26 @@ export function createImage() {
     paint(seen, "#ffd24a");
   }
   function tell() {
-    const [before, after] = [rest, moved].map((points) => project(chosen(), points, shifts)), count = before.length / 2;
+    const before = imagesOf(rest), after = imagesOf(moved), count = before.length / 2;
     const motion = Math.max(...Array.from({ length: count }, (_, i) =>
       Math.hypot(after[i] - before[i], after[count + i] - before[count + i])));
     const outside = Math.round(count * (1 - inView(after, size, 1)));
-    words.textContent = `${name}${size.join(" × ")} pixels; markers move by up to ${show(motion)} px from rest (grey) and are read in whole ` +
-      `pixels.${outside ? ` ${outside} of ${count} markers are out of view.` : ""}`;
+    words.textContent = `${name}${size.join(" × ")} pixels; markers move by up to ${show(motion)} px ` +
+      "from rest (grey) and are read in whole pixels." +
+      (outside ? ` ${outside} of ${count} markers are out of view.` : "");
     fill(canvas, { "aria-label": `Image of camera ${Number(box.value) + 1}: ${words.textContent}` });
     label.dataset.chosen = box.selectedOptions[0].text; // in print
   }
-  box.addEventListener("change", () => { tell(); draw(); });
   return {
     node, pixels: () => Array.from(seen),
-    // Projection matrices, width and height in px, points at rest and at most, principal point beside the middle in px, whose they are.
+    // Projection matrices, width and height in px, points at rest and at most, principal point
+    // beside the middle in px, whose they are.
     load(cameras, sensor, markers, deflected, offset = 0, whose = "") {
-      [P, size, rest, moved, shifts, name] = [cameras, sensor, markers, deflected, [offset, offset], whose && `${whose}: `];
+      [P, size, rest, moved, shifts] = [cameras, sensor, markers, deflected, [offset, offset]];
+      name = whose && `${whose}: `;
       const count = P.length / 12, before = Math.max(0, Math.min(count - 1, Number(box.value)));
-      if (box.length !== count)
-        box.replaceChildren(...Array.from({ length: count }, (_, i) => html("option", { value: i }, `${i + 1} of ${count}`)));
+      if (box.length !== count) box.replaceChildren(...Array.from({ length: count }, (_, i) =>
+        html("option", { value: i }, `${i + 1} of ${count}`)));
       box.value = before;
       tell();
       draw();

@@ -1,44 +1,46 @@
-// Small pieces that every panel uses: elements, numbers as text, marks of the settings, figures.
+// What every part of a page uses: elements, numbers as text, marks of the settings, figures,
+// pointer and width, the address, and buttons that copy.
 
-// Each kind of structure registers its own panels here, by the name in `structure.kind`: a function of
-// (study, uid) that returns {figures, draw(), highlight(), stop()}.
+// Each kind of structure registers its own panels here, by the name in `structure.kind`: a function
+// of (study, uid) that returns {figures, draw(), highlight(), stop()}.
 export const KINDS = {};
 
-// Attributes and text only, never markup: strings of the data cannot become elements.
-export function fill(node, attributes, children = []) {
-  for (const [name, value] of Object.entries(attributes)) if (value != null) node.setAttribute(name, value);
+// --- elements
+// Attributes, handlers of events and text only, never markup: strings of the data cannot become
+// elements.
+export function fill(node, attributes, ...children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") node.addEventListener(name.slice(2), value);
+    else if (value != null) node.setAttribute(name, value);
+  }
   node.append(...children);
   return node;
 }
 export const html = (tag, attributes = {}, ...children) =>
-  fill(document.createElement(tag), attributes, children);
+  fill(document.createElement(tag), attributes, ...children);
 export const svg = (tag, attributes = {}, ...children) =>
-  fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
+  fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, ...children);
 export const path = (cls, d, extra = {}) => svg("path", { class: cls, d, ...extra });
+export const circle = (cls, cx, cy, r) => svg("circle", { class: cls, cx, cy, r });
 export const text = (x, y, words, cls, anchor = "middle") =>
   svg("text", { x, y, class: cls, "text-anchor": anchor }, words);
+export const xy = ([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`;
 export const lines = (points, end = "") =>
-  points.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("") + end;
+  points.map((point, i) => `${i ? "L" : "M"}${xy(point)}`).join("") + end;
 export const icon = (width, ...parts) =>
   svg("svg", { width, height: 14, viewBox: `0 0 ${width} 14`, "aria-hidden": "true" }, ...parts);
 
-export function button(words, attributes, onClick) {
-  const node = html("button", { type: "button", ...attributes }, words);
-  node.addEventListener("click", onClick);
-  return node;
-}
+export const button = (words, attributes, onclick) =>
+  html("button", { type: "button", ...attributes, onclick }, words);
 export const options = (pairs) => pairs.map(([value, words]) => html("option", { value }, words));
 export function select(pairs, attributes, onChange) { // of pairs of a value and its words
-  const node = html("select", attributes, ...options(pairs));
-  node.addEventListener("change", () => onChange(node.value));
-  return node;
+  const onchange = ({ target }) => onChange(target.value);
+  return html("select", { ...attributes, onchange }, ...options(pairs));
 }
-// One of a few, side by side: a value, its words, and a smaller note.
-export function radios(legend, name, choices, onChange) {
+export function radios(legend, name, choices, onChange) { // a value, its words, and a smaller note
   const group = html("div", { class: "tl-modes" }, ...choices.map(([value, words, note = ""]) => {
-    const testid = `${legend.toLowerCase()}-${value}`;
-    const input = html("input", { type: "radio", name, value, "data-testid": testid });
-    input.addEventListener("change", () => onChange(value));
+    const names = { name, value, "data-testid": `${legend.toLowerCase()}-${value}` };
+    const input = html("input", { type: "radio", ...names, onchange: () => onChange(value) });
     return html("label", {}, input, html("span", {}, words, html("small", {}, note)));
   }));
   return html("fieldset", { class: "tl-field" }, html("legend", {}, legend), group);
@@ -46,15 +48,17 @@ export function radios(legend, name, choices, onChange) {
 export const field = (label, node, attributes = {}) =>
   html("label", { class: "tl-field", ...attributes }, html("span", {}, label), node);
 
-// Numbers
+// --- numbers
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 export const clamp = (value, [low, high]) => Math.max(low, Math.min(high, value));
 export const fixed = (value, digits) => value.toFixed(digits).replace("-", "−");
-const digitsOf = (value) => (Math.abs(value) >= 99.5 ? 0 : Math.abs(value) >= 0.995 ? 1 : Math.abs(value) >= 0.095 || !value ? 2 : 3);
+const digitsOf = (value) =>
+  3 - [99.5, 0.995, 0.095].filter((least) => Math.abs(value || 0.1) >= least).length;
 export const show = (value) => (isNumber(value) ? fixed(value, digitsOf(value)) : "–");
 export function range(low, high) {
-  if (isNumber(low) && isNumber(high) && low !== high) return `${fixed(low, digitsOf(high))}–${show(high)} %`;
-  return isNumber(high) ? `${isNumber(low) ? "" : "up to "}${show(high)} %` : `at least ${show(low)} %`;
+  if (!isNumber(high)) return `at least ${show(low)} %`;
+  if (!isNumber(low)) return `up to ${show(high)} %`;
+  return `${low === high ? "" : `${fixed(low, digitsOf(high))}–`}${show(high)} %`;
 }
 export function ticks(low, high, count) { // pairs of a value and its text
   const rough = (high - low || 1) / count, power = 10 ** Math.floor(Math.log10(rough));
@@ -65,24 +69,25 @@ export function ticks(low, high, count) { // pairs of a value and its text
     (_, i) => [(first + i) * step, fixed((first + i) * step || 0, digits)]);
 }
 
-// One marker shape per setting (null: a circle), so that colour is never the only difference.
+// --- marks of the settings: a shape each (null: a circle), so that colour is never the only
+// difference
 const SHAPES = [null, [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
   [[0, -1.2], [1.1, 0.8], [-1.1, 0.8]], [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
   [[0, 1.2], [1.1, -0.8], [-1.1, -0.8]], [[-1.4, -0.5], [1.4, -0.5], [1.4, 0.5], [-1.4, 0.5]]];
 export function mark(index, x, y, r) {
   const shape = SHAPES[index % SHAPES.length];
   if (shape) return lines(shape.map(([u, v]) => [x + u * r, y + v * r]), "Z");
-  return `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
+  return `M${xy([x - r, y])}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
 }
-
 export const swatch = (i) => icon(14, path("tl-mark", mark(i, 7, 7, 4)));
 
-// A figure: caption, what is drawn, and a line below it.
+// --- figures: a caption, what is drawn, and a line below it
 export function figure(letter, canvas, letters = letter) {
   const caption = html("span"), foot = html("div", { class: "tl-foot" });
   fill(canvas, { "data-testid": `panel-${letter}` });
   const heading = html("figcaption", {}, ...(letters ? [html("b", {}, letters)] : []), caption);
-  const node = html("figure", { class: `tl-panel-${letter}` }, heading, canvas, foot);
+  const names = { class: `tl-panel-${letter}`, style: `--area: ${letter}` };
+  const node = html("figure", names, heading, canvas, foot);
   return { node, canvas, caption, foot };
 }
 export function entitle({ canvas, caption }, study, role, words, strong = "", help = "") {
@@ -94,19 +99,26 @@ export const heightOf = (width) => (width < 420 ? 270 : 310);
 export const resize = ({ canvas }, width, height) =>
   fill(canvas, { viewBox: `0 0 ${width} ${height}`, height });
 
-// While a pointer is down on a node: `take(event)` returns what is called on its moves, if anything,
-// and `end` is called when it is let go.
+// --- pointer and width
+export const ARROWS = { // to the right and up
+  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
+};
+
+// While a pointer is down on a node: `take(event)` returns what is called on its moves, if
+// anything, and `end` is called when it is let go.
 export function followDrag(node, take, end = () => {}) {
   let move = null;
-  node.addEventListener("pointerdown", (event) => {
-    if (event.button || move) return;
-    move = take(event) ?? null;
-    if (move) node.setPointerCapture(event.pointerId);
-  });
-  node.addEventListener("pointermove", (event) => move?.(event));
-  for (const name of ["pointerup", "pointercancel"]) node.addEventListener(name, () => {
+  const release = () => {
     if (move) end();
     move = null;
+  };
+  fill(node, {
+    onpointerdown(event) {
+      if (event.button || move) return;
+      move = take(event) ?? null;
+      if (move) node.setPointerCapture(event.pointerId);
+    },
+    onpointermove: (event) => move?.(event), onpointerup: release, onpointercancel: release,
   });
 }
 
@@ -118,4 +130,39 @@ export function followWidth(root, node, width, draw) {
   }));
   observer.observe(root);
   return () => observer.disconnect();
+}
+
+// --- the address of a page: what is shown stands behind its "?", beside what others keep there
+export const asked = (name) => new URLSearchParams(location.search).get(name);
+export function keep(names, address, hash = location.hash) { // in place of what `names` had
+  const others = new URLSearchParams(location.search);
+  names.forEach((name) => others.delete(name));
+  const query = [address, others].filter(String).join("&");
+  try {
+    history.replaceState(history.state, "", `${query ? `?${query}` : location.pathname}${hash}`);
+  } catch { /* some browsers refuse in a local file */ }
+}
+
+// --- buttons that copy: a command, the address of what is shown
+// `node` holds the text, or is where it is shown and selected if there is no clipboard, or no
+// permission.
+export function copyButton(words, label, textOf, node) {
+  const names = { class: "tl-copy", "aria-label": label, "aria-live": "polite" };
+  const made = button(words, names, async () => {
+    const copied = textOf();
+    try {
+      await navigator.clipboard.writeText(copied);
+      made.textContent = "Copied";
+    } catch {
+      node.textContent = copied;
+      getSelection().selectAllChildren(node);
+      made.textContent = "Selected: now copy it";
+    }
+    setTimeout(() => { made.textContent = words; }, 2500);
+  });
+  return made;
+}
+export function linkButton(settle = () => {}) { // to what is shown now
+  const node = html("span", { class: "tl-link" });
+  return [copyButton("Copy link", null, () => { settle(); return location.href; }, node), node];
 }

@@ -2,9 +2,7 @@
 // one place where physics is written twice, so that a page without a kernel can compute. Names are
 // those of `vibration` and `vision`, against which tests/book/test_explorer.py holds each function; units
 // and orders are those of pinhole.js, but for what a setting of cameras is given in.
-import {
-  hemisphereCameras, hemisphereDirection, inView, pixelate, project, rint,
-} from "./pinhole.js";
+import { hemisphereCameras, inView, pixelate, project, radians, rint } from "./pinhole.js";
 
 // --- vibration: structure.py, beam.py, plate.py
 // Coordinates of the markers in the structure's own frame, [[x, …], [y, …]].
@@ -134,16 +132,21 @@ export function deflectionVariance(P, rest, deflected, restIsKnown = false) {
 }
 
 // --- vision/simulation.py
-// Deflections that cameras with whole pixels measure, with their pixel grids shifted (null: the
-// nominal run). `deflected` may hold the markers several times, once for each mode.
+// Heights of points that cameras with whole pixels measure, by their exact images, with the pixel
+// grids shifted (null: the nominal run); from points that are `given`, if any.
+function measureHeights(P, images, shifts, given) {
+  const count = images.length / (P.length / 6);
+  const shiftOf = (i) => (shifts ? shifts[Math.floor(i / count)] : 0);
+  const pixels = pixelate(images.map((u, i) => u + shiftOf(i))).map((u, i) => u - shiftOf(i));
+  const points = triangulate(P, pixels, given);
+  return Float64Array.from({ length: count }, (_, p) => points[3 * p + 2]);
+}
+
+// Deflections that they measure; `deflected` may hold the markers several times, once for each mode.
 export function measureDeflections(P, rest, deflected, shifts = null, restIsKnown = false) {
-  const heights = (points) => {
-    const uv = pixelate(project(P, points, shifts)), count = points.length / 3;
-    return triangulate(P, shifts ? uv.map((u, i) => u - shifts[Math.floor(i / count)]) : uv);
-  };
-  const high = heights(deflected), low = restIsKnown ? rest : heights(rest);
-  return new Float64Array(deflected.length / 3)
-    .map((_, p) => high[3 * p + 2] - low[(3 * p) % low.length + 2]);
+  const heights = (points) => measureHeights(P, project(P, points), shifts);
+  const low = restIsKnown ? rest.filter((_, i) => i % 3 === 2) : heights(rest);
+  return heights(deflected).map((high, p) => high - low[p % low.length]);
 }
 
 // Point, mean (rms) and largest error in % of the largest reference deflection (eq. 3.22, 3.23).
@@ -156,8 +159,6 @@ export function percentErrors(measured, reference) {
 
 // --- one setting of cameras, with angles in degrees and distances in mm, as readers have them
 export const MOST_CAMERAS = 24;
-export const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
-export const towards = (pair) => hemisphereDirection(...radians(pair)); // a camera, of length 1
 
 // The n-th of numbers in [0, 1) that are the same on every visit (mulberry32).
 export function randomNumber(n) {
@@ -183,8 +184,11 @@ export function simulateSetting(setting, structure, shapes) {
   const all = Float64Array.from(points.flatMap((one) => [...one])), before = project(P, rest);
   const seen = known ? all : Float64Array.from([...rest, ...all]), exact = project(P, seen);
   const part = (values, m) => values.subarray(m * count, (m + 1) * count);
-  const shifted = offset ? new Float64Array(2 * cameras.length).fill(offset) : null;
-  const measured = measureDeflections(P, rest, all, shifted, known);
+  function measure(shifts, given) { // as measureDeflections, but projected once
+    const found = measureHeights(P, exact, shifts, given);
+    return found.subarray(known ? 0 : count).map((z, p) => z - (known ? 0 : found[p % count]));
+  }
+  const measured = measure(offset ? new Float64Array(2 * cameras.length).fill(offset) : null);
   const modes = references.map((reference, m) => {
     const variance = deflectionVariance(P, rest, points[m], known), images = project(P, points[m]);
     const mean = variance.reduce((sum, v) => sum + v, 0) / count;
@@ -196,14 +200,8 @@ export function simulateSetting(setting, structure, shapes) {
       predicted: 100 * Math.sqrt(mean) / Math.max(...reference.map(Math.abs)),
     };
   });
-  function draw() { // as measureDeflections, from where the markers are
-    const number = seen.length / 3, skipped = number - modes.length * count;
-    const shifts = shiftsOf(modes[0].means.length, cameras.length, offset);
-    const shiftOf = (i) => shifts[Math.floor(i / number)];
-    const uv = pixelate(exact.map((u, i) => u + shiftOf(i))).map((u, i) => u - shiftOf(i));
-    const found = triangulate(P, uv, seen), low = known ? rest : found;
-    const drawn = new Float64Array(modes.length * count)
-      .map((_, p) => found[3 * (p + skipped) + 2] - low[3 * (p % count) + 2]);
+  function draw() { // from where the markers are
+    const drawn = measure(shiftsOf(modes[0].means.length, cameras.length, offset), seen);
     modes.forEach(({ reference, means, peaks }, m) => {
       const { mean, largest } = percentErrors(part(drawn, m), reference);
       means.push(mean);

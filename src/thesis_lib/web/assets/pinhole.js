@@ -3,8 +3,12 @@
 // coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_explorer.py compares each.
 const { abs, sin, cos } = Math;
 
-export const hemisphereDirection = (azimuth, elevation) =>
+const hemisphereDirection = (azimuth, elevation) =>
   [cos(elevation) * sin(azimuth), cos(elevation) * cos(azimuth), sin(elevation)];
+
+// Angles as readers have them, in degrees.
+export const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
+export const towards = (pair) => hemisphereDirection(...radians(pair)); // a camera, of length 1
 
 // Rows of the rotation from world to camera: x right, y down, z forward towards the origin.
 function hemisphereRotation(azimuth, elevation) {

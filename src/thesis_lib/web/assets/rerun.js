@@ -1,14 +1,65 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
 // for beam and plate the results, computed in the page. With one set alone it stands, made compact,
 // above that set's viewer. Front end of thesis_lib.notebook.form in the form that static_html runs.
-import { asked, keep } from "./address.js";
-import { copyButton, linkButton } from "./copy.js";
-import { createField } from "./fields.js";
-import { button, html, options } from "./parts.js";
+import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
-import { dumps, formatCommand, formatPapermill, judge } from "./request.js";
+import {
+  dumps, formatCommand, formatPapermill, judge, parseTyped, readDefault,
+} from "./request.js";
 import viewer from "./viewer.js";
 
+// --- the controls of parameters: what is typed, what is allowed, what is wrong with it
+const choicesOf = ({ items = {} }) => // of a list
+  items.enum ?? items.anyOf?.flatMap((part) => part.enum) ?? [];
+
+function createControl(field, text, id, attributes) {
+  const { schema, typed } = field, choices = choicesOf(schema);
+  if (choices.length) {
+    const held = [parseTyped(field, text)].flat().map(String);
+    const boxes = choices.map((one) => html("input", { type: "checkbox",
+      value: JSON.stringify(one), checked: held.includes(String(one)) ? "" : null }));
+    const node = html("div", { ...attributes, role: "group", "aria-labelledby": `${id}-label`,
+      class: "tl-rerun-boxes" }, ...boxes.map((box, i) => html("label", {}, box, `${choices[i]}`)));
+    return [node, () => boxes.filter((box) => box.checked).map((box) => box.value).join(", ")];
+  }
+  const long = schema.type === "object" || typed.length > 60;
+  const isNumeric = ["number", "integer"].includes(schema.type);
+  const node = schema.enum
+    ? html("select", attributes, ...schema.enum.map((one) => html("option", {}, one)))
+    : html(long ? "textarea" : "input", { ...attributes, ...(long ? { rows: 3 } : { type: "text" }),
+      inputmode: isNumeric ? "decimal" : null, spellcheck: "false", autocomplete: "off",
+      autocapitalize: "off" });
+  node.value = text;
+  if (node.value === "") node.value = typed; // not one of the choices
+  return [node, () => node.value];
+}
+
+// One parameter: `text` is what was typed so far, `more` a further hint, `changed` is called with
+// what is typed now.
+export function createField(field, id, text, more, changed) {
+  const { name, meaning, unit, allowed, typed, schema } = field;
+  const described = { id, "aria-describedby": `${id}-hint ${id}-problem` };
+  const [node, now] = createControl(field, text, id, described), isGroup = node.matches("div");
+  const usual = readDefault(field), all = isGroup && usual.length === choicesOf(schema).length;
+  const hint = `Allowed: ${allowed}. Default: ${all ? "all" : typed}. ${more}`.trimEnd();
+  const problem = html("p", { id: `${id}-problem`, class: "tl-rerun-problem" });
+  const body = html("div", { class: "tl-rerun-row", "data-parameter": name },
+    html(isGroup ? "div" : "label", { id: `${id}-label`, for: isGroup ? null : id,
+      class: "tl-rerun-label" }, html("code", {}, name), " ", html("span", {}, meaning)),
+    html("div", { class: "tl-rerun-value" }, node, unit ? html("span", {}, unit) : ""),
+    html("p", { id: `${id}-hint`, class: "tl-rerun-hint" }, hint), problem);
+  body.addEventListener("input", () => changed(now()));
+  return { name, body, now, usual,
+    report(found) { // says what is wrong, and whether it is another value than the default
+      const other = Boolean(found.problem) || dumps(found.value) !== dumps(usual);
+      problem.textContent = found.problem ?? "";
+      body.toggleAttribute("data-changed", other);
+      if (!isGroup) node.setAttribute("aria-invalid", Boolean(found.problem));
+      return other;
+    } };
+}
+
+// --- the form
 const FIRST_FIELDS = ["cases", "distances_mm", "half_apertures_deg", "elevations_deg", "widths_px",
   "distance_mm", "azimuth_deg", "elevation_deg", "resolution_px", "focal_length_mm",
   "amplitude_mm"]; // what stands first in a compact form

@@ -1,9 +1,9 @@
 // Panel (a): the structure, which bends, and the cameras around it, to be turned.
-import { bent } from "./motion.js";
 import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
+import { towards } from "./pinhole.js";
 import {
-  RAD, SQUARE, baseOf, direction, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, drawRing,
-  orbit, plus, times, trace, turnable,
+  RAD, SQUARE, baseOf, bent, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, drawRing,
+  orbitHemisphere, plus, times, trace, turnable,
 } from "./space.js";
 
 const LARGEST = 0.06; // deflection as it is drawn, of the structure's length
@@ -21,8 +21,8 @@ export function createSketch(panel, study) { // returns what draws it
       return [...[-across, across].map((y) => along.map(([x, w]) => [x, y, w])),
         ...along.map(([x, w]) => [[x, -across, w], [x, across, w]])];
     }
-    const [nx, ny] = grid, at = (i, j) => [xs[i] - half, ys[j] - across, values[j * nx + i]];
-    const rows = Array.from({ length: ny }, (_, j) => xs.map((__, i) => at(i, j)));
+    const rows = ys.map((y, j) =>
+      xs.map((x, i) => [x - half, y - across, values[j * xs.length + i]]));
     const columns = xs.map((_, i) => rows.map((row) => row[i]));
     return [...rows, ...columns].flatMap((row) => row.reduce((parts, place) => {
       if (isNumber(place[2])) parts.at(-1).push(place);
@@ -37,10 +37,9 @@ export function createSketch(panel, study) { // returns what draws it
     const shown = every.map((_, i) => i).filter((i) => study.stateOf(i) === "on");
     const distances = new Set(every.flatMap((one) => one.cameras.map((camera) => camera[0])));
     const half = length / 2, across = (data.structure.width_mm ?? 30) / 2;
-    const radius = Math.max(...distances, half * 1.1), sine = Math.sin(view.elevation * RAD);
-    const unit = Math.min((width - 70) / 2, (height - 44) / (1 + sine)) / radius;
-    const space = orbit(view, unit, [width / 2, (height + unit * radius * (1 - sine)) / 2]);
-    const { viewer, flat, line } = space;
+    const radius = Math.max(...distances, half * 1.1);
+    const space = orbitHemisphere(view, radius, width, height, 70);
+    const { viewer, flat, line, unit } = space;
 
     const curves = data.structure.contours_mm ?? [SQUARE.map(([u, v]) => [u * half, v * across])];
     const outline = curves.map((curve) =>
@@ -54,8 +53,8 @@ export function createSketch(panel, study) { // returns what draws it
       path(bending.length ? "tl-rest" : "tl-plate", outline), shape,
       ...(kind === "beam" ? [drawClamp(space, half, radius)] : [])];
     for (const { name, u_mm: [u0, u1], z_mm: [z0, z1] } of data.planes ?? []) { // of the sound
-      const place = ([u, z]) => (name.startsWith("X") ? [u, 0, z] : [0, u, z]);
-      const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]].map(place);
+      const rectangle = [[u0, z0], [u1, z0], [u1, z1], [u0, z1]]
+        .map(([u, z]) => (name.startsWith("X") ? [u, 0, z] : [0, u, z]));
       const [x, y] = flat(rectangle[3]);
       scene.push(line("tl-plane", rectangle, "Z"), text(x, y - 4, name, "tl-muted"));
     }
@@ -67,11 +66,11 @@ export function createSketch(panel, study) { // returns what draws it
     const layouts = new Set(shown.map((i) => String(every[i].cameras)));
     const nested = shown.length < 3 || layouts.size === 1;
     function pyramid(camera, style = null) {
-      const [distance, azimuth, elevation] = camera, copies = seen.get(String(camera)) ?? 0;
+      const [distance, ...angles] = camera, copies = seen.get(String(camera)) ?? 0;
       if (copies && !(nested && style)) return;
       seen.set(String(camera), copies + 1);
-      const tip = times(direction(azimuth, elevation), distance);
-      const base = baseOf(tip, azimuth, elevation, 0.12 * radius * (1 + 0.4 * copies));
+      const tip = times(towards(angles), distance);
+      const base = baseOf(tip, angles, 0.12 * radius * (1 + 0.4 * copies));
       if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
       pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`,
         style }, ...drawCamera(space, tip, base))]);
@@ -87,7 +86,7 @@ export function createSketch(panel, study) { // returns what draws it
     const isAperture = name.startsWith("aperture"), isDistance = name.startsWith("distance");
     const isShown = isDistance || name.startsWith("width") || (isAperture && shown.length < 3);
     if (isShown) shown.forEach((i, n) => {
-      const [one, two] = every[i].cameras.map(([, ...angles]) => direction(...angles));
+      const [one, two] = every[i].cameras.map(([, ...angles]) => towards(angles));
       const [[distance]] = every[i].cameras, pixels = every[i].resolution, style = study.tint(i);
       let at = plus(flat(times(one, distance)), [44, 10]); // beside the camera
       if (isAperture && two) { // the angle between the first two optical axes

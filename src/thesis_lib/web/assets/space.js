@@ -1,12 +1,10 @@
-// Space as every sketch shows it: vectors, what stands around a structure, cameras as pyramids, and
-// turning by pointer and arrow keys.
-import { fill, followDrag, lines, path, text } from "./parts.js";
+// Space as every sketch shows it: vectors, what stands around a structure, cameras as pyramids,
+// turning by pointer and arrow keys, and what bends.
+import { ARROWS, clamp, fill, followDrag, lines, path, text } from "./parts.js";
+import { towards } from "./pinhole.js";
 
 // World frame: X along the structure, Y across, Z up; azimuth from +Y to +X, elevation from XY.
 export const RAD = Math.PI / 180;
-export const direction = (azimuth, elevation) => [
-  Math.cos(elevation * RAD) * Math.sin(azimuth * RAD),
-  Math.cos(elevation * RAD) * Math.cos(azimuth * RAD), Math.sin(elevation * RAD)];
 const sideways = (azimuth) => [-Math.cos(azimuth * RAD), Math.sin(azimuth * RAD), 0];
 export const times = (v, k) => v.map((c) => c * k);
 export const plus = (u, v) => u.map((c, i) => c + v[i]);
@@ -20,19 +18,25 @@ export const SQUARE = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 // How a view shows space: the direction to the viewer and those of the screen, where a place is on
 // the screen, and lines through places.
 export function orbit(view, unit, [x, y]) {
-  const viewer = direction(view.azimuth, view.elevation), right = sideways(view.azimuth);
+  const viewer = towards([view.azimuth, view.elevation]), right = sideways(view.azimuth);
   const up = cross(viewer, right), flat = (v) => [x + unit * dot(v, right), y - unit * dot(v, up)];
   const line = (cls, points, end = "", style = null) =>
     path(cls, lines(points.map(flat), end), { style });
-  return { viewer, right, up, flat, line };
+  return { viewer, right, up, flat, line, unit, centre: [x, y] };
+}
+// The same for a hemisphere that fills a drawing but for some px at its sides.
+export function orbitHemisphere(view, radius, width, height, sides) {
+  const sine = Math.sin(view.elevation * RAD);
+  const unit = Math.min((width - sides) / 2, (height - 44) / (1 + sine)) / radius;
+  return orbit(view, unit, [width / 2, (height + unit * radius * (1 - sine)) / 2]);
 }
 
 export const drawRing = ({ line }, radius, elevation = 0) =>
-  line("tl-wire", trace((t) => times(direction(360 * t, elevation), radius)));
+  line("tl-wire", trace((t) => times(towards([360 * t, elevation]), radius)));
 export const drawHemisphere = (space, radius) => [
   ...[0, 30, 60].map((elevation) => drawRing(space, radius, elevation)),
   ...[0, 45, 90, 135].map((azimuth) =>
-    space.line("tl-wire", trace((t) => times(direction(azimuth, 180 * t), radius))))];
+    space.line("tl-wire", trace((t) => times(towards([azimuth, 180 * t]), radius))))];
 
 // Axes that begin at distances `from` the origin; `size` is how long they are.
 export const drawAxes = ({ flat, line }, from, size) => ["X", "Y", "Z"].flatMap((name, i) => {
@@ -47,8 +51,8 @@ export const drawClamp = ({ line }, half, radius) =>
 
 // The base of a camera's pyramid, `size` before the tip and towards what it looks at; its long
 // sides are level. It is as wide as `spread` says of its distance, and as high as `ratio` of that.
-export function baseOf(tip, azimuth, elevation, size, spread = 1, ratio = 0.56) {
-  const out = direction(azimuth, elevation), side = times(sideways(azimuth), (size * spread) / 2);
+export function baseOf(tip, [azimuth, elevation], size, spread = 1, ratio = 0.56) {
+  const out = towards([azimuth, elevation]), side = times(sideways(azimuth), (size * spread) / 2);
   const over = times(cross(side, out), ratio), centre = plus(tip, times(out, -size));
   return SQUARE.map(([u, v]) => plus(centre, plus(times(side, u), times(over, v))));
 }
@@ -57,22 +61,25 @@ export const edgesOf = ({ flat }, tip, base) =>
 export const drawCamera = (space, tip, base) =>
   [space.line("tl-base", base, "Z"), path("", edgesOf(space, tip, base))];
 
-export function turnable(canvas, view, lowest, draw) {
-  function rotate(event, azimuth, elevation) {
+// Lets a view be turned; `grab(event)` may return what follows the pointer in place of that.
+export function turnable(canvas, view, lowest, draw, grab = () => null) {
+  function turn(azimuth, elevation) {
     view.azimuth += azimuth;
-    view.elevation = Math.max(lowest, Math.min(90, view.elevation + elevation));
-    event.preventDefault();
+    view.elevation = clamp(view.elevation + elevation, [lowest, 90]);
     draw();
   }
-  followDrag(canvas, (last) => (event) => {
-    rotate(event, (event.clientX - last.clientX) * 0.5, (event.clientY - last.clientY) * 0.4);
+  followDrag(canvas, (last) => grab(last) ?? ((event) => {
+    turn((event.clientX - last.clientX) * 0.5, (event.clientY - last.clientY) * 0.4);
     last = event;
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const step = {
-      ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, 6], ArrowDown: [0, -6],
-    }[event.key];
-    if (step) rotate(event, ...step);
-  });
-  fill(canvas, { tabindex: 0 });
+  }));
+  fill(canvas, { tabindex: 0, onkeydown(event) {
+    const [x, y] = ARROWS[event.key] ?? [];
+    if (x === undefined || event.target !== canvas) return;
+    turn(8 * x, 6 * y);
+    event.preventDefault();
+  } });
 }
+
+// Curves of points [x, y, rise] on the screen, bent by `amount` of their largest rise, in px.
+export const bent = (curves, amount) =>
+  curves.map((curve) => lines(curve.map(([x, y, rise]) => [x, y - amount * rise]))).join("");

@@ -1,70 +1,151 @@
-// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured, (d) mean errors.
-// Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects; static_html runs it without a kernel.
-import { asked, keep } from "./address.js";
+// Viewer of one parametric study: linked panels (a) cameras, (b) and (c) what was measured,
+// (d) mean errors. Front end of thesis_lib.web.viewer.Viewer in the form anywidget expects;
+// static_html runs it without a kernel.
 import { createBars } from "./bars.js";
-import { linkButton } from "./copy.js";
 import { createImage, createMotion } from "./motion.js";
 import {
-  KINDS, field, figure, fill, followWidth, html, icon, isNumber, mark, path, radios, select, show,
-  svg, swatch,
+  KINDS, asked, field, figure, fill, fixed, followWidth, html, icon, isNumber, keep, linkButton,
+  mark, path, radios, range, select, show, svg, swatch,
 } from "./parts.js";
-import { hemisphereCameras } from "./pinhole.js";
-import { RAD } from "./space.js";
+import { hemisphereCameras, radians } from "./pinhole.js";
 import { createSketch } from "./sketch.js";
-import { createStudy } from "./study.js";
 import "./beam.js";
 import "./plate.js";
 import "./sound.js";
 
 const KEYS = ["case", "mode", "compare", "setting"]; // of the address
 
+// What one viewer shows: the chosen case and mode, the highlighted setting, and the words for them.
+function createStudy(model) {
+  const study = {
+    data: model.get("data"), compare: "extremes", hovered: null, focused: null, pinned: null,
+    width: 480, full: 480, ofBars: 480, wide: false, // px: a column, the whole viewer, panel (d)
+
+    case: () => study.data.cases.find((one) => one.name === model.get("case")) ?? study.data.cases[0],
+    modeIndex: () => Math.max(0, study.data.modes.findIndex((one) => one.mode === model.get("mode"))),
+    mode: () => study.data.modes[study.modeIndex()],
+    settings: () => study.case().settings,
+    results: () => study.settings().map((one) => one.modes[study.modeIndex()]),
+    tint: (i) => `--c:${study.data.colors[i % study.data.colors.length]}`,
+    active: () => study.hovered ?? study.focused ?? study.pinned,
+
+    // The errors of a setting: one, or one per plane of the sound; without a mean where the plane is
+    // nodal.
+    errors(i) {
+      const result = study.results()[i];
+      return study.data.planes?.map(({ name }) => ({ name, ...result.planes[name] })) ?? [result];
+    },
+    // What settings are ranked by: the median over the trials, or the one run there is.
+    typical: (result) => result?.median ?? result?.mean,
+    extremes() { // the best and the worst setting
+      const stored = study.case().extremes?.[study.mode().mode];
+      if (stored) return [stored.best.index, stored.worst.index];
+      const errors = study.results().map((r) => study.typical(r) ?? r.deflection?.mean);
+      const known = errors.filter(isNumber);
+      return [errors.indexOf(Math.min(...known)), errors.indexOf(Math.max(...known))];
+    },
+    extremeWord(i) {
+      const [best, worst] = study.extremes();
+      return best === worst ? "" : i === best ? "best" : i === worst ? "worst" : "";
+    },
+    stateOf(i) { // "on": in full colour, "dim": in the background, "off": not drawn
+      const chosen = study.compare === "all" || study.extremes().includes(i);
+      return i === study.active() || (study.active() === null && chosen) ? "on" : chosen ? "dim" : "off";
+    },
+
+    nameOf(i) {
+      const { label } = study.settings()[i];
+      return (/^[\d.]+$/.test(label) ? `${study.data.parameter.label} = ` : "") + label;
+    },
+    nodalWords: ({ name, mean }) =>
+      (name && !isNumber(mean) ? `${name}: ${study.data.nodal_note}` : ""),
+    inView: ({ in_view: share }) => (!isNumber(share) ? null : share >= 1 ? "all markers in view"
+      : `${fixed(Math.floor(share * 1000) / 10, 1)} % of marker images on the sensor`),
+    describe(i) {
+      const { deflection } = study.results()[i];
+      const parts = study.errors(i).flatMap((error) => study.nodalWords(error) || [
+        `${error.name ? `${error.name}: ` : ""}mean error ${show(error.mean)} % ` +
+          `(5–95 % band ${range(error.low, error.high)})`,
+        isNumber(error.predicted) && `predicted ${show(error.predicted)} %`,
+        error.stated && `stated in the thesis ${range(...error.stated)}`]);
+      parts.push(deflection && `deflection: mean error ${show(deflection.mean)} %`,
+        study.inView(study.settings()[i]));
+      return `${study.nameOf(i)}: ${parts.filter(Boolean).join(", ")}`;
+    },
+    summarise() {
+      const place = `Mode ${study.mode().mode}, case ${study.case().name}`;
+      const active = study.active(), every = study.settings(), [best, worst] = study.extremes();
+      const pin = active !== null && active === study.pinned ? "Pinned: " : "";
+      if (active !== null) return `${pin}${place}, ${study.describe(active)}.`;
+      if (best < 0) return `${place}: no errors known.`;
+      const what = study.results()[best].deflection ? " shape" : "";
+      const name = (i) => `${study.extremeWord(i) || "only"}${what}, ${study.nameOf(i)}`;
+      const error = (one, i) => `${show(study.typical(one))} % (${name(i)})`;
+      const lows = study.errors(best), highs = study.errors(worst);
+      const parts = lows.map((low, n) => study.nodalWords(low) ||
+        (low.name ? `${low.name} ` : "") + (what ? "" : "from ") + error(low, best) +
+        (what ? ", " : " to ") + error(highs[n], worst));
+      const drawn = lows.some((one) => isNumber(one.median));
+      const cut = every.filter((one) => one.in_view < 1).length;
+      return `${place}: mean error ${parts.join("; ")}` +
+        `${drawn ? ", by the median over the trials" : ""}. ` +
+        (cut ? `Markers leave the image in ${cut} of ${every.length} settings.` : "All markers in view.");
+    },
+  };
+  return study;
+}
+
 function render({ model, el }) {
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`; // several viewers share one page
-  const study = createStudy(model);
+  const study = createStudy(model), onPage = model.get("page");
   const controls = html("div", { class: "tl-controls" }), title = html("p", { class: "tl-title" });
   const key = html("ul", { class: "tl-key" }), grid = html("div", { class: "tl-grid" });
-  const summary = html("p", { class: "tl-summary", "aria-live": "polite", "data-testid": "summary" });
+  const summary = html("p",
+    { class: "tl-summary", "aria-live": "polite", "data-testid": "summary" });
   const names = { "data-testid": "viewer", "aria-label": "Results by case and mode" };
   const root = html("section", { class: "tl-viewer", ...names });
-  const [a, d] = [figure("a", svg("svg")), figure("d", svg("svg"))];
+  const [a, d] = ["a", "d"].map((letter) => figure(letter, svg("svg")));
   const sketch = createSketch(a, study), bars = createBars(d, study, uid, highlight, remember);
   const image = createImage(), motion = createMotion((phase) => {
     sketch.move(phase);
     image.show(phase);
   });
-  const link = model.get("page") && !model.get("form") ? linkButton(remember) : []; // else the form has it
+  const link = onPage && !model.get("form") ? linkButton(remember) : []; // else the form has it
   let panels = null, imaged = ""; // panels of the kind of structure; what the image shows
 
   // --- controls
-  const choose = (name, value) => { model.set(name, value); model.save_changes(); remember(); };
-  function add(label, pairs, value, testid, onChange) {
-    const box = select(pairs, { "data-testid": testid }, onChange);
+  const choose = (name) => (value) => { model.set(name, value); model.save_changes(); remember(); };
+  function choice(label, pairs, value, onChange) {
+    const box = select(pairs, { "data-testid": label.toLowerCase() }, onChange);
     box.value = value;
-    controls.append(field(label, box));
+    return field(label, box);
   }
   function buildControls() {
-    const { cases, modes } = study.data, names = cases.map((one) => [one.name, `${one.name} – ${one.title}`]);
-    controls.replaceChildren();
-    if (names.length > 1) add("Case", names, study.case().name, "case", (value) => choose("case", value));
-    controls.append(radios("Mode", uid, modes.map(({ mode, frequency_hz: frequency }) =>
-      [mode, `${mode}`, isNumber(frequency) ? ` ${show(frequency)} Hz` : ""]),
-    (mode) => choose("mode", mode)));
-    add("Compare", [["extremes", "best and worst by median"], ["all", "all settings"]], study.compare, "compare",
-      (value) => { study.compare = value; highlight(); remember(); });
-    controls.append(...link);
+    const { cases, modes } = study.data;
+    const names = cases.map(({ name, title: words }) => [name, `${name} – ${words}`]);
+    const ways = [["extremes", "best and worst by median"], ["all", "all settings"]];
+    const frequency = ({ frequency_hz: hertz }) => (isNumber(hertz) ? ` ${show(hertz)} Hz` : "");
+    controls.replaceChildren(
+      ...(names.length > 1 ? [choice("Case", names, study.case().name, choose("case"))] : []),
+      radios("Mode", uid, modes.map((one) => [one.mode, `${one.mode}`, frequency(one)]), choose("mode")),
+      choice("Compare", ways, study.compare, (value) => {
+        study.compare = value;
+        highlight();
+        remember();
+      }), ...link);
   }
 
   // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
   function remember() {
-    if (!model.get("page")) return;
-    const { compare, pinned } = study, shown = new URLSearchParams({ case: study.case().name, mode: study.mode().mode });
-    if (compare !== "extremes") shown.set("compare", compare);
-    if (pinned !== null) shown.set("setting", pinned + 1);
-    keep(KEYS, shown);
+    if (!onPage) return;
+    const { compare, pinned } = study;
+    keep(KEYS, new URLSearchParams({ case: study.case().name, mode: study.mode().mode,
+      ...(compare === "extremes" ? {} : { compare }),
+      ...(pinned === null ? {} : { setting: pinned + 1 }) }));
   }
   function recall() { // what is unknown or makes no sense is ignored
-    const { cases, modes } = study.data, named = cases.find(({ name }) => name === asked("case"));
-    const mode = modes.find((one) => `${one.mode}` === asked("mode"));
+    const named = study.data.cases.find(({ name }) => name === asked("case"));
+    const mode = study.data.modes.find((one) => `${one.mode}` === asked("mode"));
     if (named) model.set("case", named.name);
     if (mode) model.set("mode", mode.mode);
     if (asked("compare") === "all") study.compare = "all";
@@ -76,10 +157,12 @@ function render({ model, el }) {
   function highlight() { // the bars keep their elements: a redraw would move the focus
     panels.highlight();
     for (const node of root.querySelectorAll("[data-setting]")) {
-      const i = Number(node.dataset.setting), tabindex = i === (study.focused ?? study.pinned ?? 0) ? 0 : -1;
+      const i = Number(node.dataset.setting);
+      const tabindex = i === (study.focused ?? study.pinned ?? 0) ? 0 : -1;
       node.dataset.state = study.stateOf(i);
       if (node.matches(".tl-bar")) fill(node, { "aria-pressed": i === study.pinned, tabindex });
-      if (node.matches("li")) node.querySelector("em").textContent = ` ${study.extremeWord(i)}`.trimEnd();
+      if (node.matches("li"))
+        node.querySelector("em").textContent = ` ${study.extremeWord(i)}`.trimEnd();
     }
     summary.textContent = study.summarise();
     sketch.draw();
@@ -87,22 +170,26 @@ function render({ model, el }) {
     motion.redraw();
   }
   function film() { // what the cameras of a setting see: the highlighted one, or the best
-    const { lens, structure, x_mm: xs, y_mm: ys, grid } = study.data, i = study.active() ?? Math.max(0, study.extremes()[0]);
-    const key = [study.case().name, study.mode().mode, i].join();
-    if (!lens || key === imaged) return;
-    imaged = key;
-    const { cameras, resolution } = study.settings()[i], focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
-    const P = cameras.flatMap(([distance, ...angles]) =>
-      [...hemisphereCameras(distance / 1000, [angles.map((angle) => angle * RAD)], focal, resolution)]);
+    const { lens, structure, x_mm: xs, y_mm: ys, grid: cells } = study.data;
+    const i = study.active() ?? Math.max(0, study.extremes()[0]);
+    const now = [study.case().name, study.mode().mode, i].join();
+    if (!lens || now === imaged) return;
+    imaged = now;
+    const { cameras, resolution } = study.settings()[i];
+    const focal = (lens.focal_length_mm * resolution[0]) / lens.sensor_width_mm;
+    const P = Float64Array.from(cameras.flatMap(([distance, ...angles]) =>
+      [...hemisphereCameras(distance / 1000, [radians(angles)], focal, resolution)]));
     const [half, across] = [structure.length_mm / 2, structure.width_mm / 2];
     const markers = study.mode().reference_mm.flatMap((w, n) => (isNumber(w)
-      ? [[xs[grid ? n % grid[0] : n] - half, grid ? ys[Math.floor(n / grid[0])] - across : 0, w]] : []));
-    const points = (share) => Float64Array.from(markers.flatMap(([x, y, w]) => [x / 1000, y / 1000, (share * w) / 1000]));
-    image.load(Float64Array.from(P), resolution, points(0), points(1), lens.principal_offset_px, study.nameOf(i));
+      ? [[xs[cells ? n % cells[0] : n] - half,
+        cells ? ys[Math.floor(n / cells[0])] - across : 0, w]] : []));
+    const points = (share) => Float64Array.from(
+      markers.flatMap(([x, y, w]) => [x / 1000, y / 1000, (share * w) / 1000]));
+    image.load(P, resolution, points(0), points(1), lens.principal_offset_px, study.nameOf(i));
   }
   function update() {
     const one = study.case(), { mode } = study.mode(), number = one.figures?.[mode];
-    const [box] = controls.querySelectorAll("[data-testid=case]");
+    const box = controls.querySelector("[data-testid=case]");
     if (box) box.value = one.name;
     controls.querySelector(`[data-testid=mode-${mode}]`).checked = true;
     title.replaceChildren(html("strong", {}, one.title),
@@ -119,36 +206,33 @@ function render({ model, el }) {
     study.pinned = pinned;
     imaged = "";
     const curves = study.data.structure.kind === "beam"; // a curve has a line through its marks
+    const reference = html("li", {}, icon(26, path("tl-reference", "M2 7H24")),
+      html("span", {}, "reference"));
     const sample = (i) => icon(26, path("tl-line", "M1 7H25"), path("tl-mark", mark(i, 13, 7, 3)));
-    key.replaceChildren();
-    const reference = icon(26, path("tl-reference", "M2 7H24"));
-    if (curves) key.append(html("li", {}, reference, html("span", {}, "reference")));
-    study.settings().forEach(({ label }, i) => key.append(
+    key.replaceChildren(...(curves ? [reference] : []), ...study.settings().map(({ label }, i) =>
       html("li", { style: study.tint(i), "data-setting": i },
         curves ? sample(i) : swatch(i), html("span", {}, label, html("em")))));
     update();
   }
-  const outline = ({ structure, grid: cells, modes, cases }) => JSON.stringify([structure, cells, modes?.map(({ mode }) => mode),
-    cases?.map(({ name, title: words, settings }) => [name, words, settings.map(({ label }) => label)])]);
+  const outline = ({ structure, grid: cells, modes, cases }) => JSON.stringify([
+    structure, cells, modes?.map(({ mode }) => mode),
+    cases?.map((one) => [one.name, one.title, one.settings.map(({ label }) => label)])]);
   function changeData() {
-    const before = study.data, data = model.get("data") ?? {};
-    study.data = data;
+    const before = study.data, data = study.data = model.get("data") ?? {};
     imaged = "";
-    if (panels && outline(before) === outline(data)) { // other numbers alone
-      update();
-      return;
-    }
+    if (panels && outline(before) === outline(data)) return update(); // other numbers alone
     panels?.stop();
     panels = null;
-    const { cases, structure } = study.data, kind = structure?.kind, known = cases?.length && KINDS[kind];
-    root.replaceChildren(...(known ? [controls, title, key, summary, grid] : ["No results to show."]));
+    const kind = data.structure?.kind, known = data.cases?.length && KINDS[kind];
+    const all = known ? [controls, title, key, summary, grid] : ["No results to show."];
+    root.replaceChildren(...all);
     if (!known) return;
     panels = KINDS[kind](study, uid);
     root.dataset.kind = kind;
-    grid.replaceChildren(a.node, ...(study.data.lens ? [image.node] : []), ...panels.figures, d.node);
-    root.classList.toggle("tl-imaged", Boolean(study.data.lens));
-    if (study.data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
-    const pinned = model.get("page") ? recall() : null;
+    grid.replaceChildren(a.node, ...(data.lens ? [image.node] : []), ...panels.figures, d.node);
+    root.classList.toggle("tl-imaged", Boolean(data.lens));
+    if (data.x_mm) a.node.append(motion.node); else motion.node.remove(); // a sound has its own
+    const pinned = onPage ? recall() : null;
     buildControls();
     fit();
     changeCase(pinned);
@@ -166,16 +250,15 @@ function render({ model, el }) {
   el.replaceChildren(root);
   changeData();
   motion.watch(a.node, image.node);
-  const handlers = { "change:case": () => changeCase(), "change:mode": update, "change:data": changeData };
-  Object.entries(handlers).forEach(([name, handler]) => model.on(name, handler));
-  const unfollow = followWidth(root, root, 0, () => {
-    if (root.contains(grid) && fit()) update();
-  });
+  const handlers = Object.entries({
+    "change:case": () => changeCase(), "change:mode": update, "change:data": changeData });
+  handlers.forEach((one) => model.on(...one));
+  const unfollow = followWidth(root, root, 0, () => { if (root.contains(grid) && fit()) update(); });
   return () => {
     unfollow();
     panels?.stop();
     motion.stop();
-    Object.entries(handlers).forEach(([name, handler]) => model.off(name, handler));
+    handlers.forEach((one) => model.off(...one));
   };
 }
 
