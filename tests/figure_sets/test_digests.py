@@ -1,11 +1,16 @@
-"""Digests of code: the folders that a figure set names hold all that computes it."""
+"""Digests of code: the folders that a figure set names hold all that computes it.
+
+Figure sets do not know each other; `parametric` alone may be varied by others.
+"""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+from itertools import permutations
 
+import grimp
 import pytest
 
 from thesis_lib.figure_sets.claims.figure_set import OTHER_READINGS, OWN_RUNS
@@ -53,3 +58,15 @@ def test_an_edit_of_one_figure_set_leaves_others_alone():
         "figure_sets",
         "planning",
     }
+
+
+def test_no_figure_set_imports_another():
+    families = {one.module.rpartition(".")[0] for one in FIGURE_SETS.values()}
+    graph = grimp.build_graph("thesis_lib")
+    chains = [
+        graph.find_shortest_chain(importer, imported, as_packages=True)
+        for importer, imported in permutations(sorted(families), 2)
+        if not imported.endswith(".parametric")
+    ]
+    assert len(families) > 8
+    assert [chain for chain in chains if chain] == []

@@ -148,9 +148,7 @@ def track_cameras(rig: Rig) -> list[TrackedCentres]:
 
 
 def record_tracks(
-    rigs: Sequence[Rig],
-    frames: int,
-    look: Callable[[Rig], list[TrackedCentres]] = track_cameras,
+    rigs: Sequence[Rig], frames: int, look: Callable[[Rig], list[TrackedCentres]] = track_cameras
 ) -> xr.Dataset:
     """Track what the cameras of some rigs see at rest and in the last `frames` frames.
 

@@ -320,10 +320,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
             filled.default = _freeze_value(name, printed[name])
             defaults[name] = (info.annotation, filled)
     model: Any = cast(Any, create_model)(
-        f"{subject.title()}{kind.__name__}",
-        __base__=bases,
-        __doc__=kind.__doc__,
-        **defaults,
+        f"{subject.title()}{kind.__name__}", __base__=bases, __doc__=kind.__doc__, **defaults
     )
     model.subject, model.name = subject, f"{subject}-{kind.study}"
     model.title = f"{subject.title()}: {kind.title}"
