@@ -413,22 +413,36 @@ def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
     assert np.sqrt(np.mean(np.square(without))) > 1.5
 
 
+TWO_MODES = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
+
+
+def measured(folder, told):
+    """A measurement of two modes and their sound, from tracks on disk as the command leaves them.
+
+    The manifest, the report, what was said, and the folder with the files.
+    """
+    recordings, manifest = recorded(folder, RIG, TWO_MODES)
+    manifest = manifest.model_copy(update={"radiation": Radiation(points_mm=((0, 0, 800),))})
+    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
+    calibration, said, out = calibration_of(recordings), [], folder / "out"
+    inputs = Recorded(sound, known(calibration) if told else calibration, recordings)
+    page = measure_modes(manifest, inputs, out, said.append).page
+    return manifest, page, said, out
+
+
+@pytest.fixture(scope="module")
+def by_unknown(tmp_path_factory):
+    """By a calibration whose errors are unknown."""
+    return measured(tmp_path_factory.mktemp("unknown"), told=False)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("told", [False, True], ids=["unknown", "known"])
 @pytest.mark.few(1)
-def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
+def test_the_sound_of_modes_is_that_of_the_true_ones(by_unknown, tmp_path, conforms, told):
     """Waves far longer than the beam: each mode is a point source before a wall."""
-    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
-    recordings, manifest = recorded(tmp_path, RIG, truth)
-    manifest = manifest.model_copy(update={"radiation": Radiation(points_mm=((0, 0, 800),))})
-    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
-    calibration = calibration_of(recordings)
-    said = []
-    inputs = Recorded(sound, known(calibration) if told else calibration, recordings)
-    measure_modes(manifest, inputs, tmp_path / "out", said.append)
-    out = tmp_path / "out"
+    _, page, said, out = measured(tmp_path, told) if told else by_unknown
     assert {"radiated.nc", "radiated.csv", "heard-1.wav"} <= {p.name for p in out.iterdir()}
-    page = (out / "report.html").read_text(encoding="utf-8")
     assert "<h2>Sound</h2>" in page
     assert "heard-1.wav" in page
     assert sum("sound power of" in line for line in said) == 3
@@ -438,15 +452,12 @@ def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
     x = (np.arange(4000) + 0.5) / 4000 * BEAM.length
     places = np.stack([x, np.full_like(x, BEAM.width / 2)])
     since = zero - 0.5  # the first half second is rest
-    tips = np.array([2e-3, 1e-3]) * np.exp(np.real(truth.poles) * since)
-    omega, alpha = np.abs(truth.poles), -np.real(truth.poles)
+    tips = np.array([2e-3, 1e-3]) * np.exp(np.real(TWO_MODES.poles) * since)
+    omega, alpha = np.abs(TWO_MODES.poles), -np.real(TWO_MODES.poles)
     mean = [abs(np.mean(Component("bending", n).shape(BEAM, places))) for n in (1, 2)]
     strength = omega * np.array(mean) * tips * BEAM.length * BEAM.width  # m³/s
     power = AIR.density * (omega * strength) ** 2 / (4 * np.pi * AIR.speed_of_sound)
-    for name, true in (
-        ("power", power),
-        ("energy", power / (2 * alpha)),
-    ):
+    for name, true in (("power", power), ("energy", power / (2 * alpha))):
         value, error = found[name].values, found[f"{name}_error"].values
         conforms.sampled(value, true, atol=3 * error)
         conforms.closed_form(error / value, below=0.05)
@@ -457,35 +468,25 @@ def test_the_sound_of_modes_is_that_of_the_true_ones(tmp_path, conforms, told):
 
 
 @pytest.mark.slow
-def test_modes_go_to_a_report_and_files(tmp_path):
-    """From tracks on disk, as the command leaves them; other programs' readers find the same."""
-    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
-    recordings, manifest = recorded(tmp_path, RIG, truth)
-    sound = xr.Dataset(
-        {"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "by no sound at all"}
-    )
-    calibration = calibration_of(recordings)
-    said = []
-    page = measure_modes(
-        manifest, Recorded(sound, calibration, recordings), tmp_path / "out", said.append
-    )
-    text = page.page
-    assert text.count("data-tl-fragment=") >= 2
+def test_modes_go_to_a_report_and_files(by_unknown):
+    """Other programs' readers find the same."""
+    truth, (manifest, text, said, out) = TWO_MODES, by_unknown
+    assert text.count("data-tl-fragment=") >= 4  # two of shapes, two of sound
     assert "stabilisation diagram" in text or "stays when another one is added" in text
     assert said[1].startswith("mode 1: 6.31")
-    data = xr.open_dataset(tmp_path / "out" / "modes.nc")
+    data = xr.open_dataset(out / "modes.nc")
     np.testing.assert_allclose(data["frequency"], truth.frequency, rtol=1e-3)
     np.testing.assert_allclose(data["damping"], truth.damping, rtol=0.05)
     assert float(data["mac"].max("candidate").min()) > 0.999
-    sets = [one for one in pyuff.UFF(str(tmp_path / "out" / "modes.uff")).read_sets()
+    sets = [one for one in pyuff.UFF(str(out / "modes.uff")).read_sets()
             if one["type"] == 55]  # fmt: skip
     eigenvalues = np.array([one["eig"] for one in sets])
     np.testing.assert_allclose(np.abs(eigenvalues) / (2 * np.pi), data["frequency"], rtol=1e-5)
     np.testing.assert_allclose(-eigenvalues.real / np.abs(eigenvalues), data["damping"], rtol=1e-4)
     shape = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
     np.testing.assert_allclose(sets[1]["r3"], shape[1], rtol=1e-4, atol=1e-9)
-    assert (tmp_path / "out" / "vtk" / "mode-2" / "period.pvd").is_file()
-    assert (tmp_path / "out" / "mode-1.mp4").stat().st_size > 1000
+    assert (out / "vtk" / "mode-2" / "period.pvd").is_file()
+    assert (out / "mode-1.mp4").stat().st_size > 1000
     changes = {
         "Near 6.31": {"beside": ("mode", [20.0, 1.0])},
         "6.31[0-9]* Hz may be an alias of 66 Hz": {

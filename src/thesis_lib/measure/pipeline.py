@@ -83,10 +83,8 @@ def record_tracks(
     """
     say(f"checking {len(manifest.cameras)} videos")
     clocks = recordings_check.check_files(manifest, folder)  # what it refuses leaves no trace
-    given, filmed = (
-        reuse_calibration(manifest, folder),
-        recordings_check.add_frame_rates(manifest, clocks),
-    )
+    given = reuse_calibration(manifest, folder)
+    filmed = recordings_check.add_frame_rates(manifest, clocks)
     sound = read_sound(filmed, folder, steps, say)  # first: it may refuse more of the manifest
     reading, repeats = inspect_videos(manifest, folder, steps, clocks)
     for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:

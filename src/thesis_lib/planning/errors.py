@@ -75,10 +75,8 @@ def _groups(
     scene: Scene, layout: Array, width: int
 ) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
     """Yield the cameras and markers that go together, and these cameras."""
-    rig, seen = (
-        positions.place_cameras(scene, layout, width),
-        positions.visible_markers(scene, layout),
-    )
+    rig = positions.place_cameras(scene, layout, width)
+    seen = positions.visible_markers(scene, layout)
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for number, pattern in enumerate(patterns.T):
         some = np.flatnonzero(pattern)
@@ -121,9 +119,8 @@ def simulate_layout(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Simulated:
     """Return the studies' simulation of a layout: whole pixels on randomly shifted grids."""
-    wrong = (
-        draw_errors(scene, layout, width, trials, seed, estimator) * percent_factor(scene)[:, None]
-    )
+    wrong = draw_errors(scene, layout, width, trials, seed, estimator)
+    wrong = wrong * percent_factor(scene)[:, None]
     return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))
 
 

@@ -69,11 +69,9 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     """
     each = np.sqrt(np.mean(own.sigma**2, axis=0))
     middle = np.nanmedian(each) if np.isfinite(each).any() else np.nan
-    sigma = (
-        np.maximum(own.sigma, MIN_AWAKE_RATIO * np.nanmedian(own.sigma))
-        if middle >= 0
-        else own.sigma
-    )
+    sigma = own.sigma
+    if middle >= 0:
+        sigma = np.maximum(sigma, MIN_AWAKE_RATIO * np.nanmedian(sigma))
     size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
     still, awake = find_frozen(each), each >= MIN_AWAKE_RATIO * middle
     if not still.any() or not awake.any():
@@ -368,12 +366,8 @@ def _undistort_again(old: Camera, new: Camera, own: Harmonics) -> Harmonics:
     moved = _undistort_anew(old, new, mean)
     reach = 0.5  # px
     slopes = [
-        (
-            _undistort_anew(old, new, mean + shift[:, None])
-            - _undistort_anew(old, new, mean - shift[:, None])
-        )
-        / (2 * reach)
-        for shift in reach * np.eye(2)
+        (_undistort_anew(old, new, mean + by) - _undistort_anew(old, new, mean - by)) / (2 * reach)
+        for by in reach * np.eye(2)[:, :, None]
     ]
     rest = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
     return replace(own, coefficients=np.concatenate([moved[None], rest]))

@@ -451,12 +451,8 @@ def requested_modes(manifest: Manifest, recordings: Sequence[tracks.Recording]) 
     """Return the manifest's request for modes."""
     sought = manifest.excitation.modes
     highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)
-    return Asked(
-        (sought.from_hz, highest),
-        sought.count,
-        manifest.excitation.behaviour.decays,
-        sought.near_hz or (),
-    )
+    decays = manifest.excitation.behaviour.decays
+    return Asked((sought.from_hz, highest), sought.count, decays, sought.near_hz or ())
 
 
 def _pad(values: Array, by: Array, length: int) -> Array:

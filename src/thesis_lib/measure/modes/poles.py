@@ -258,9 +258,8 @@ def residual_spectrum(
     logs = np.zeros_like(even)
     for block in blocks:
         left = left_of(block, rates)
-        left = (
-            left @ np.linalg.eigh(left.T @ left)[1][:, -PRINCIPAL_SERIES:]
-        )  # the strongest motions
+        strongest = np.linalg.eigh(left.T @ left)[1][:, -PRINCIPAL_SERIES:]
+        left = left @ strongest
         step = float(np.median(np.diff(block.times))) / POINTS_PER_FRAME
         step /= max(1, int(np.ceil(band[1] * POINTS_PER_FRAME * step)))
         place = np.rint((block.times - block.times[0]) / step).astype(int)

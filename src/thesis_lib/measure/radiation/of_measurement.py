@@ -173,9 +173,8 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
         shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
     if "scale_deviation" in data:
-        own = (
-            np.eye(len(amplitude))[:, :, None] * data["scale_deviation"].values[:, None] * amplitude
-        )
+        each = np.eye(len(amplitude))[:, :, None]
+        own = each * data["scale_deviation"].values[:, None] * amplitude
         rows += [own, 1j * own]
     every = np.concatenate(rows)
     variance = data["error_of_scatter"].values[:, known] ** 2

@@ -174,9 +174,8 @@ def estimate_blur(receptance: ComplexArray) -> ComplexArray:
     power = blur @ np.abs(sharp) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         second = power / receptance.conj()
-    return (
-        np.array([receptance, second, np.sqrt(power) * np.exp(1j * np.angle(receptance))]) - sharp
-    )
+    middle = np.sqrt(power) * np.exp(1j * np.angle(receptance))
+    return np.array([receptance, second, middle]) - sharp
 
 
 RECORDING_PARTS = 8  # into which a recording is cut
@@ -279,21 +278,14 @@ def estimate_response(
         "sweep": [sweep.from_hz, sweep.to_hz] if sweep else [np.nan, np.nan],
         "sweep_duration": sweep.duration_s if sweep else np.nan,
     }
-    inside = (found.frequency >= low) & (found.frequency <= high)
+    shown = found.frequency[(found.frequency >= low) & (found.frequency <= high)]
+    clock = "time on the first camera's clock"
     coords = {
         "camera": ("camera", [own.camera.name for own in recordings], {"long_name": "camera"}),
         "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
-        "frequency": (
-            "frequency",
-            found.frequency[inside],
-            {"units": "Hz", "long_name": "frequency"},
-        ),
-        "time": ("time", times, {"units": "s", "long_name": "time on the first camera's clock"}),
-        "force_time": (
-            "force_time",
-            fine,
-            {"units": "s", "long_name": "force's time on the first camera's clock"},
-        ),
+        "frequency": ("frequency", shown, {"units": "Hz", "long_name": "frequency"}),
+        "time": ("time", times, {"units": "s", "long_name": clock}),
+        "force_time": ("force_time", fine, {"units": "s", "long_name": f"force's {clock}"}),
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }

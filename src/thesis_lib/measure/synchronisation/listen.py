@@ -183,11 +183,10 @@ def match_recordings(
             for i, other in enumerate(span[1:], 1):
                 if i in found and (found[i].certain or len(other) < audio.SPAN_SAMPLES // 4):
                     continue
-                match = (
-                    matching.room_match(span[0], other, low.rate)
-                    if frequency is None
-                    else matching.force_match(span[0], other, low.rate, frequency)
-                )
+                if frequency is None:
+                    match = matching.room_match(span[0], other, low.rate)
+                else:
+                    match = matching.force_match(span[0], other, low.rate, frequency)
                 best = found.get(i, match)
                 found[i] = max(best, match, key=lambda one: (one.certain, one.peak))
             if all(match.certain for match in found.values()):
