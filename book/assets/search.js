@@ -69,29 +69,25 @@
   const plain = (text) => text.replace(/\\[()[\]]/g, "").replace(/\\(?:mathbf|mathrm|tfrac|frac|text)?\{?([A-Za-z]*)\}?/g, "$1");
   const snippet = (text, terms) => {
     const whole = plain(text), any = terms.map((term) => term.replaceAll(".", "\\.")).join("|");
-    const pattern = new RegExp(`(?<![\\p{L}\\p{N}])(?:${any})[\\p{L}]*`, "giu");
-    const at = Math.max(0, whole.search(pattern)), from = at < 80 ? 0 : whole.indexOf(" ", at - 60) + 1;
-    const shown = (from ? "… " : "") + whole.slice(from, from + 190) + (whole.length > from + 190 ? " …" : "");
-    const line = document.createElement("span");
-    let end = 0;
-    for (const match of shown.matchAll(pattern)) {
-      line.append(shown.slice(end, match.index), Object.assign(document.createElement("mark"), { textContent: match[0] }));
-      end = match.index + match[0].length;
-    }
-    line.append(shown.slice(end));
-    return line;
+    const pattern = new RegExp(`((?<![\\p{L}\\p{N}])(?:${any})[\\p{L}]*)`, "giu");
+    const at = Math.max(0, whole.search(pattern));
+    const from = at < 80 ? 0 : whole.indexOf(" ", at - 60) + 1, to = from + 190;
+    const parts = whole.slice(from, to).split(pattern); // every second one was found
+    return element("span", {}, from ? "… " : "",
+      ...parts.map((part, i) => (i % 2 ? element("mark", {}, part) : part)),
+      whole.length > to ? " …" : "");
   };
-  const result = (one) => {
-    const link = element("a", "tl-found", element("span", "tl-found-title", snippet(one.title, one.terms)));
-    link.href = root + one.page + (one.place && !one.first ? `#${one.place}` : "");
-    const where = KINDS[one.kind] + (one.first ? "" : ` · ${one.of}`);
-    link.append(element("span", "tl-found-where", where), element("span", "tl-found-text", snippet(one.text, one.terms)));
-    return element("li", "", link);
+  const result = ({ title, text, terms, page, place, first, kind, of }) => {
+    const href = root + page + (place && !first ? `#${place}` : "");
+    return element("li", {}, element("a", { className: "tl-found", href },
+      element("span", "tl-found-title", snippet(title, terms)),
+      element("span", "tl-found-where", KINDS[kind] + (first ? "" : ` · ${of}`)),
+      element("span", "tl-found-text", snippet(text, terms))));
   };
 
-  const list = element("ul", "tl-results"), status = element("p", "tl-results-status");
-  list.hidden = true;
-  status.setAttribute("role", "status");
+  const list = element("ul", { className: "tl-results", hidden: true,
+    onclick: (event) => event.target.closest("a") && dialog.close() });
+  const status = element("p", { className: "tl-results-status", role: "status" });
   dialog.append(status, list);
   closes(dialog);
   input.maxLength = LONGEST;
@@ -100,8 +96,11 @@
     const { found, partly } = book ? find(book, query) : { found: [] };
     list.replaceChildren(...found.slice(0, MOST).map(result));
     list.hidden = !found.length;
-    const many = found.length > MOST ? `The best ${MOST} of ${found.length} places.` : `${found.length} place${found.length === 1 ? "" : "s"}.`;
-    status.textContent = !book ? "The book's index is missing." : !query.trim() ? "" : !found.length ? "Nothing found." : partly ? `No place has all of these words. With most of them: ${many}` : many;
+    const count = `${found.length} place${found.length === 1 ? "" : "s"}.`;
+    const many = found.length > MOST ? `The best ${MOST} of ${count}` : count;
+    status.textContent = !book ? "The book's index is missing." : !query.trim() ? ""
+      : !found.length ? "Nothing found."
+        : `${partly ? "No place has all of these words. With most of them: " : ""}${many}`;
     list.scrollTop = 0;
   };
   input.addEventListener("focus", () => ready().catch(() => null));
@@ -114,8 +113,7 @@
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
     if (!step) return;
     const stops = [input, ...list.querySelectorAll("a")];
-    stops[Math.max(0, Math.min(stops.length - 1, stops.indexOf(document.activeElement) + step))].focus();
+    stops[stops.indexOf(document.activeElement) + step]?.focus();
     event.preventDefault();
   });
-  list.addEventListener("click", (event) => event.target.closest("a") && dialog.close());
 })();

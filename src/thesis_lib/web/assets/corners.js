@@ -19,11 +19,19 @@ const formatLine = ({ name, points }) =>
 
 function camera({ name, size: [width, height], image, corners }, changed) {
   const own = { name, points: corners ?? [], done: () => own.points.length === 4 && isConvex(own.points) };
-  const picture = html("img", { src: image, width, height, alt: `First frame of ${name}`, draggable: "false" });
+  const picture = html("img", { src: image, width, height, alt: `First frame of ${name}`,
+    draggable: "false", onload: () => draw() });
   const outline = svg("polygon", {});
   const overlay = svg("svg", { viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" }, outline);
-  const marks = PLACES.map((place, k) =>
-    html("button", { type: "button", "data-testid": `${name}-${k + 1}`, "data-number": k + 1, title: place }));
+  const marks = PLACES.map((title, k) => html("button", { type: "button", title,
+    "data-testid": `${name}-${k + 1}`, "data-number": k + 1,
+    onfocus() { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } },
+    onkeydown(event) {
+      const [x, y] = ARROWS[event.key] ?? [], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
+      if (x === undefined) return;
+      event.preventDefault();
+      put(k, [own.points[k][0] + by * x, own.points[k][1] - by * y]);
+    } }));
   const frame = html("div", { class: "tl-frame", "data-testid": `${name}-frame` }, picture, overlay, ...marks);
   const lens = html("canvas", { width: LENS, height: LENS, class: "tl-lens", role: "img",
     "aria-label": `Magnified part of the first frame of ${name}`, "data-testid": `${name}-lens` });
@@ -120,16 +128,6 @@ function camera({ name, size: [width, height], image, corners }, changed) {
     to(down);
     return to;
   }, release);
-  marks.forEach((mark, k) => {
-    mark.addEventListener("focus", () => { if (own.points[k]) { chosen = k; centre = own.points[k]; draw(); } });
-    mark.addEventListener("keydown", (event) => {
-      const [x, y] = ARROWS[event.key] ?? [], by = event.shiftKey ? 10 : event.altKey ? 0.1 : 1;
-      if (x === undefined) return;
-      event.preventDefault();
-      put(k, [own.points[k][0] + by * x, own.points[k][1] - by * y]);
-    });
-  });
-  picture.addEventListener("load", draw);
   own.node = html("section", {}, html("h2", {}, name), frame,
     html("div", { class: "tl-under" }, lens, html("div", {}, says, add, clear)));
   own.draw = draw;

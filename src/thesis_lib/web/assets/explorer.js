@@ -352,10 +352,7 @@ function render({ model: traits, el }) {
       update(fromAddress(traits.get("address"), structures));
   }
 
-  // For tests.
-  root.explorer = { structures, app,
-    compute: () => compute(app.state, app.structure, sensorWidth) };
-  root.moving = { motion, image };
+  Object.assign(root, { explorer: { structures, app }, moving: { motion, image } }); // for tests
   el.replaceChildren(root);
   tick();
   motion.watch(view.node, image.node);

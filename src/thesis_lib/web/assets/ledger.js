@@ -41,23 +41,16 @@ function link(words, href) {
 
 // --- one claim: a body of its own with a row, and a second row once it is opened. The roles are written out, for
 // the style makes grids of the rows, which would take the table's meaning from them in some browsers.
-const marks = {};
-function verdictMark(verdict) {
-  const d = MARKS[verdict] ?? MARKS.undefined;
-  marks[verdict] ??= svg("svg", { width: 12, height: 12, viewBox: "0 0 12 12", "aria-hidden": "true",
-    "data-verdict": verdict }, svg("path", { d }));
-  return marks[verdict].cloneNode(true);
-}
+const drawVerdict = (verdict) => svg("svg", { width: 12, height: 12, viewBox: "0 0 12 12",
+  "aria-hidden": "true", "data-verdict": verdict }, svg("path", { d: MARKS[verdict] ?? MARKS.undefined }));
 function secondLine(row) {
-  const cell = html("td", { colspan: COLUMNS.length, role: "cell" });
-  if (row.note)
-    cell.append(html("p", {}, row.note, ...(row.note_href ? [" ", link("More on this", row.note_href)] : [])));
-  if (row.command) {
-    const code = html("code", {}, row.command);
-    cell.append(html("p", {}, "Run again: ", code, " ", copyButton("Copy", null, () => row.command, code)));
-  }
-  cell.append(html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id)));
-  return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" }, cell);
+  const code = html("code", {}, row.command ?? ""), more = link("More on this", row.note_href);
+  const copy = copyButton("Copy", null, () => row.command, code);
+  return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" },
+    html("td", { colspan: COLUMNS.length, role: "cell" },
+      row.note ? html("p", {}, row.note, ...(row.note_href ? [" ", more] : [])) : "",
+      row.command ? html("p", {}, "Run again: ", code, " ", copy) : "",
+      html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id))));
 }
 const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, better on one line
 // Padding that puts the units of numbers below each other, in digits.
@@ -78,7 +71,7 @@ function claimOf(row, widest) {
   const shown = {
     place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
     case: [row.case], mode: [row.modes.join(", ")], what: [row.what], stated: [row.stated], got: [row.got],
-    verdict: [verdictMark(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
+    verdict: [drawVerdict(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
     ratio: [row.ratio?.toFixed(2) ?? ""], more: [toggle],
   };
   const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
