@@ -23,9 +23,9 @@ import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
-from thesis_lib.asides import echo
 from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
+from thesis_lib.outputs import echo
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe_parameters

@@ -16,7 +16,29 @@ import numpy as np
 
 from thesis_lib.studies.cubes import band_text, percent_text
 from thesis_lib.text import duration
-from thesis_lib.web import markdown
+
+
+def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table; its cells stand as they are."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def format_columns(rows: Iterable[Mapping[str, str]]) -> str:
+    """Return a Markdown table of rows by column, — where one is missing; empty without rows."""
+    rows = list(rows)
+    header = list(dict.fromkeys(name for row in rows for name in row))
+    return (
+        format_rows(header, [[row.get(name, "—") for name in header] for row in rows])
+        if rows
+        else ""
+    )
+
+
+def escape_markdown(text: str) -> str:
+    """Escape a reader's words, so that nothing in them is Markdown."""
+    return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
+
 
 TEMPLATE_FOLDER = "templates"
 # Spaces and dashes at which a line does not end.
@@ -69,7 +91,7 @@ def _environment(folder: Path) -> jinja2.Environment:
         "spread": format_spread,
         "unbroken": lambda text: text.translate(_UNBROKEN_CHARACTERS),
         "words": join_words,
-        "plain": lambda text: markdown.escape_markdown(str(text)),
+        "plain": lambda text: escape_markdown(str(text)),
         "table": format_table,
     }
     environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
@@ -152,4 +174,4 @@ def format_table(
     rows: Sequence[Mapping[str, str] | Sequence[str]], header: Sequence[str] | None = None
 ) -> str:
     """Format a Markdown table whose columns are not known before: rows by heading, or a header."""
-    return markdown.format_rows(header, rows) if header else markdown.format_columns(rows)  # type: ignore[arg-type]
+    return format_rows(header, rows) if header else format_columns(rows)  # type: ignore[arg-type]

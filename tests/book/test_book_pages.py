@@ -21,7 +21,8 @@ from browser import Opened, browser, find_browser, open_offline, server
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from playwright.sync_api import Browser, Page, TimeoutError
 
-from thesis_lib.book import rendering, sample
+from thesis_lib.book import rendering
+from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.web import page as web_page
 from thesis_lib.web.page import BookError, index_page
 
@@ -29,7 +30,9 @@ BOOK = Path(__file__).parents[2] / "build" / "html"
 PAGES = sorted(
     path.relative_to(BOOK).as_posix()
     for path in {*BOOK.rglob("*.html")}
-    - {BOOK / sample.SAMPLE_PAGE}  # a report as users get it, no page: test_sample.py looks at it
+    - {
+        BOOK / recordings.SAMPLE_PAGE
+    }  # a report as users get it, no page: test_sample.py looks at it
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
 _LIBRARY = [name for name in PAGES if name.startswith("api/")]

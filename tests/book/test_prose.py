@@ -12,7 +12,7 @@ from scenes.motions import films
 from scenes.sounding import sounding
 
 from thesis_lib import files
-from thesis_lib.book import conformance, sample
+from thesis_lib.book import conformance
 from thesis_lib.book.pieces import findings, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
@@ -100,9 +100,9 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
     included -= {*shown.find_figure_names(book.glob("*.md"))}  # of notebooks
     included -= {f"provenance-{name}" for name in shown.SETS_IN_CHAPTERS}
-    pieces = (pieces_write, reference, thesis_index, conformance, sample)
+    pieces = (pieces_write, reference, thesis_index, conformance)
     made = {piece for module in pieces for piece in module.PIECES}
-    assert included == {*walk.TEXT_VALUES, *thesis_index.ASSUMPTION_PIECES} | made
+    assert included == {*walk.TEXT_VALUES} | made
 
 
 @pytest.mark.book

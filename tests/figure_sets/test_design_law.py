@@ -25,7 +25,7 @@ from thesis_lib.figure_sets.display import draw_picture, fill_text
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies.published import read_published
+from thesis_lib.studies.comparison import read_published
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras

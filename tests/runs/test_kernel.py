@@ -12,8 +12,7 @@ import xarray as xr
 
 from conftest import until_study
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.runs.execute import execute_notebook
-from thesis_lib.runs.kernel import kernel_environment
+from thesis_lib.runs.execute import execute_notebook, kernel_environment
 from thesis_lib.studies.schema import RUN_DEPENDENT
 
 NAME = "beam-distance"

@@ -20,7 +20,7 @@ from matplotlib.patches import Circle
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
-from thesis_lib.book import missing
+from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets import cube_file, display
@@ -436,6 +436,6 @@ def write_illustrations(
             with in_style(style):
                 text = figure_svg(draw(cube_file.read_cube(cubes[of])), style)
         else:
-            missing.write_placeholder(file, OF_CUBES[name][0])
+            write_placeholder(file, OF_CUBES[name][0])
             continue
         files.whole_text(file, text)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import files
-from thesis_lib.book.missing import write_placeholder
+from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.templates import render
 
 SETS_IN_CHAPTERS = {
