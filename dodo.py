@@ -19,12 +19,7 @@ from thesis_lib.book.build import (
     make_task,
     result_files,
 )
-from thesis_lib.book.pieces import (
-    factors,
-    illustrations,
-    shown,
-    thesis_index,
-)
+from thesis_lib.book.pieces import factors, illustrations, shown, thesis_index
 from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.book.pieces import write as texts
 from thesis_lib.book.pieces.opened import write_texts

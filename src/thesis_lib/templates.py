@@ -6,7 +6,7 @@ values; the template holds the words, the headings and how each number is rounde
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,24 +15,6 @@ import jinja2
 import numpy as np
 
 from thesis_lib.studies.cubes import band_text, percent_text
-from thesis_lib.text import duration
-
-
-def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table; its cells stand as they are."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
-
-
-def format_columns(rows: Iterable[Mapping[str, str]]) -> str:
-    """Return a Markdown table of rows by column, — where one is missing; empty without rows."""
-    rows = list(rows)
-    header = list(dict.fromkeys(name for row in rows for name in row))
-    return (
-        format_rows(header, [[row.get(name, "—") for name in header] for row in rows])
-        if rows
-        else ""
-    )
 
 
 def escape_markdown(text: str) -> str:
@@ -85,14 +67,12 @@ def _environment(folder: Path) -> jinja2.Environment:
         "band": lambda values: band_text(*map(float, values)),
         "mm": format_millimetres,
         "rms": root_mean_square,
-        "duration": duration,
         "minus": lambda text: text.replace("-", "−"),
         "signed": format_signed,
         "spread": format_spread,
         "unbroken": lambda text: text.translate(_UNBROKEN_CHARACTERS),
         "words": join_words,
         "plain": lambda text: escape_markdown(str(text)),
-        "table": format_table,
     }
     environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
     return environment
@@ -168,10 +148,3 @@ def join_words(words: Iterable[Any], last: str = "and") -> str:
     """
     *rest, final = [str(word) for word in words]
     return f"{', '.join(rest)} {last} {final}" if rest else final
-
-
-def format_table(
-    rows: Sequence[Mapping[str, str] | Sequence[str]], header: Sequence[str] | None = None
-) -> str:
-    """Format a Markdown table whose columns are not known before: rows by heading, or a header."""
-    return format_rows(header, rows) if header else format_columns(rows)  # type: ignore[arg-type]

@@ -99,10 +99,7 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
 
 
 def cached_study(
-    study: Study,
-    compute: Callable[[Any], xr.Dataset],
-    key: str = "",
-    library: str = "",
+    study: Study, compute: Callable[[Any], xr.Dataset], key: str = "", library: str = ""
 ) -> xr.Dataset:
     """Return a study's cube, computed once for its parameters and the code that it rests on.
 

@@ -207,9 +207,7 @@ def common_versions() -> dict[str, str]:
 
 
 def map_in_pairs(
-    one: Callable[[Item], Result],
-    items: Iterable[Item],
-    stop: Callable[[], object] = lambda: None,
+    one: Callable[[Item], Result], items: Iterable[Item], stop: Callable[[], object] = lambda: None
 ) -> list[Result]:
     """Return the results of all items in their order, two computed at a time in threads.
 

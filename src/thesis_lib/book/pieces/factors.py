@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -319,12 +320,9 @@ def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
 
 FIGURE_FILE = "conclusions.svg"
 PANEL_GROUPS = dict(
-    zip(
-        ("beam", "plate", "sound", "experiment"),
-        CYCLE_COLORS[:2] + CYCLE_COLORS[2:3] + CYCLE_COLORS[4:5],
-        strict=True,
-    )
+    zip(("beam", "plate", "sound", "experiment"), [*CYCLE_COLORS[:3], CYCLE_COLORS[4]], strict=True)
 )
+CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor": "none"}
 PANEL_TITLES = {
     "closer": "(a) distance, mm",
     "wider": "(b) aperture, °",
@@ -354,13 +352,8 @@ def draw_summary(opened: Cubes) -> Figure:
             _format_error_axis(axes, name, factor)
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        drawing.legend(
-            handles=_draw_legend(),
-            loc="outside lower center",
-            ncols=3,
-            columnspacing=1.2,
-            handlelength=1.8,
-        )
+        place = {"loc": "outside lower center", "columnspacing": 1.2, "handlelength": 1.8}
+        drawing.legend(handles=_draw_legend(), ncols=3, **place)
     return drawing
 
 
@@ -368,28 +361,14 @@ def _draw_factor(axes: Axes, found: Sequence[Curve]) -> None:
     by: dict[tuple[str, str], list[Curve]] = {}
     for curve in found:
         by.setdefault((curve.group, curve.case), []).append(curve)
-        axes.plot(
-            curve.values,
-            curve.claimed,
-            "D",
-            color=_choose_color(curve.group),
-            markersize=4,
-            markerfacecolor="none",
-            markeredgewidth=0.7,
-            alpha=0.8,
-            zorder=3,
-        )
+        thin = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
+        color = _choose_color(curve.group)
+        axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
     for (group, _), alike in by.items():
         mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
-        axes.plot(
-            alike[0].values,
-            mean,
-            "--" if "rendered" in group else "-",
-            color=_choose_color(group),
-            linewidth=1.2,
-            marker=".",
-            markersize=4,
-        )
+        style = ".--" if "rendered" in group else ".-"
+        color = _choose_color(group)
+        axes.plot(alike[0].values, mean, style, color=color, linewidth=1.2, markersize=4)
 
 
 def _format_error_axis(axes: Axes, name: str, factor: Factor) -> None:
@@ -409,27 +388,12 @@ def _draw_legend() -> list[Line2D]:
     lines = [Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()]
     grey = "#555555"
     rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
-    stated = Line2D(
-        [],
-        [],
-        color=grey,
-        linestyle="",
-        marker="D",
-        markersize=4,
-        markerfacecolor="none",
-        label="thesis",
-    )
+    stated = Line2D([], [], color=grey, linestyle="", label="thesis", **CLAIM_MARK)
     return [*lines, rendered, stated]
-
-
-def list_used_cubes(made: Iterable[Path]) -> list[Path]:
-    """Return the result files that the figure shows."""
-    names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
-    return [path for path in made if path.stem in names]
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
     """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
-    opened = {path.stem: cube_file.read_cube(path) for path in list_used_cubes(made)}
-    text = figure_svg(draw_summary(opened))
-    files.whole_text(folder / FIGURE_FILE, text)
+    names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
+    opened = {path.stem: cube_file.read_cube(path) for path in made if path.stem in names}
+    files.whole_text(folder / FIGURE_FILE, figure_svg(draw_summary(opened)))
