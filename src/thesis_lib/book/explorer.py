@@ -34,7 +34,7 @@ __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
 EXPLORER_MODES = (1, 2, 3)
 ERROR_NAMES = ("mean_error", "max_point_error")
-NO_SCRIPT_TEXT = (
+EXPLORER_WITHOUT = (
     "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
 )
 
@@ -157,7 +157,7 @@ class Explorer(anywidget.AnyWidget):
 
 def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, NO_SCRIPT_TEXT, prints=True)
+    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_WITHOUT, prints=True)
 
 
 def explorer_html(address: str = "", compact: bool = False) -> str:
@@ -174,7 +174,7 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
     return _write_fragment(explorer_data(), address, compact)
 
 
-NO_SCRIPT_TEXT = "This experiment needs JavaScript; the text below describes what it shows."
+EXPERIMENT_WITHOUT = "This experiment needs JavaScript; the text below describes what it shows."
 FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
 DEMO_NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
@@ -186,7 +186,7 @@ def write_experiment(name: str) -> str:
     state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
     traits = {"data": state} if name == "rounding_beam" else {}
     css = VIEWER_CSS + read_asset("demo.css")
-    return static_html(join_modules(name), css, traits, NO_SCRIPT_TEXT, prints=True)
+    return static_html(join_modules(name), css, traits, EXPERIMENT_WITHOUT, prints=True)
 
 
 def rerun_form_html() -> str:

@@ -352,8 +352,8 @@ def draw_summary(opened: Cubes) -> Figure:
             _format_error_axis(axes, name, factor)
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        place = {"loc": "outside lower center", "columnspacing": 1.2, "handlelength": 1.8}
-        drawing.legend(handles=_draw_legend(), ncols=3, **place)
+        spacing: dict[str, Any] = {"ncols": 3, "columnspacing": 1.2, "handlelength": 1.8}
+        drawing.legend(handles=_draw_legend(), loc="outside lower center", **spacing)
     return drawing
 
 
@@ -361,7 +361,7 @@ def _draw_factor(axes: Axes, found: Sequence[Curve]) -> None:
     by: dict[tuple[str, str], list[Curve]] = {}
     for curve in found:
         by.setdefault((curve.group, curve.case), []).append(curve)
-        thin = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
+        thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
         color = _choose_color(curve.group)
         axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
     for (group, _), alike in by.items():
