@@ -11,7 +11,7 @@ from uuid import uuid4
 import hypothesis
 import pytest
 
-from thesis_lib.runs.surroundings import list_variables
+from thesis_lib.runs.command_line import list_variables
 
 for profile in ("project", "night"):  # the latter is for more examples where a test asks for it
     hypothesis.settings.register_profile(profile, deadline=None)  # others may have the machine
@@ -35,14 +35,14 @@ def _own_kernel(config: pytest.Config) -> None:
     """Let nbval find the kernel that runs have, and nothing of the reader's Jupyter."""
     import nbval.kernel
 
-    from thesis_lib.runs import kernel
+    from thesis_lib.runs import execute
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
     config.add_cleanup(folder.cleanup)
     home, place = Path(folder.name, "home"), Path(folder.name, "kernels", "python3")
     spec = {
         "argv": [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"],
-        "env": kernel.kernel_environment(os.environ, home),
+        "env": execute.kernel_environment(os.environ, home),
         "display_name": "Python 3",
         "language": "python",
     }
@@ -59,7 +59,7 @@ def _own_kernel(config: pytest.Config) -> None:
     def build_manager(**options: Any) -> Any:
         connection = Path(folder.name, uuid4().hex)
         return stock_manager(
-            transport=kernel.choose_transport(connection),
+            transport=execute.choose_transport(connection),
             connection_file=f"{connection}.json",
             **options,
         )

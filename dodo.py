@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from thesis_lib.book import build, conformance, demos, downloads, rendering, sample
+from thesis_lib.book import build, conformance, explorer, rendering
 from thesis_lib.book.build import (
     EXECUTED_FOLDER,
     HTML_FOLDER,
@@ -19,14 +19,10 @@ from thesis_lib.book.build import (
     make_task,
     result_files,
 )
-from thesis_lib.book.pieces import (
-    illustrations,
-    shown,
-    summary_figure,
-    thesis_index,
-)
-from thesis_lib.book.pieces import manifest as reference
+from thesis_lib.book.pieces import factors, illustrations, shown, thesis_index
+from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.book.pieces import write as texts
+from thesis_lib.book.pieces.opened import write_texts
 from thesis_lib.figure_sets import record as measured_sample
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
@@ -103,6 +99,11 @@ def task_piece() -> Iterator[dict[str, Any]]:
     def included(*names: str) -> list[Any]:
         return [EXECUTED_FOLDER / f"{name}.md" for name in names]
 
+    recordings_code = [
+        measured_sample.sample_path(),
+        *list_code("book/pieces", "laboratory", "measure", "planning", "plotting", "web"),
+        *list_code(*WORD_CODE),
+    ]
     yield make_task(
         "numbers", lambda: write(numbers, "claims"), [*others, *PUBLISHED, *TEXT_CODE],
         included(*numbers),
@@ -112,8 +113,8 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )
     yield make_task(
         "figure of the conclusions",
-        lambda: summary_figure.write_summary_figure(list_cubes(), EXECUTED_FOLDER),
-        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / summary_figure.FIGURE_FILE],
+        lambda: factors.write_summary_figure(list_cubes(), EXECUTED_FOLDER),
+        [*NOTEBOOKS, *TEXT_CODE], [EXECUTED_FOLDER / factors.FIGURE_FILE],
     )  # fmt: skip
     yield make_task(
         "figures of notebooks",
@@ -138,38 +139,26 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
     )  # fmt: skip
     yield make_task(
-        "reference of own recordings", lambda: reference.write_reference(EXECUTED_FOLDER),
-        [
-            *PUBLISHED,
-            *list_code("book/pieces", "laboratory", "measure", "planning", *WORD_CODE),
-        ],
-        included(*reference.PIECES),
+        "reference of own recordings", lambda: write_texts(EXECUTED_FOLDER, recordings.PIECES),
+        [*PUBLISHED, *recordings_code], included(*recordings.PIECES),
     )  # fmt: skip
     yield make_task(
-        "sample report", lambda: sample.write_sample(EXECUTED_FOLDER),
-        [
-            measured_sample.sample_path(),
-            *list_code("book/sample.py", "book/templates", "laboratory", "measure", "plotting"),
-            *list_code("web", *WORD_CODE),
-        ],
-        [EXECUTED_FOLDER / name for name in sample.SAMPLE_FILES],
-    )  # fmt: skip
-    writers = thesis_index.write_thesis_index, thesis_index.write_assumptions
-    yield make_task(
-        "index and assumptions",
-        lambda: [write(EXECUTED_FOLDER) for write in writers],
-        [*PAGES, *PUBLISHED, *library_files()],
-        included(*thesis_index.PIECES, *thesis_index.ASSUMPTION_PIECES),
+        "sample report", lambda: recordings.write_sample(EXECUTED_FOLDER), recordings_code,
+        [EXECUTED_FOLDER / name for name in recordings.SAMPLE_FILES],
     )  # fmt: skip
     yield make_task(
-        "conformance",
-        lambda: conformance.write_conformance(EXECUTED_FOLDER),
+        "index and assumptions", lambda: write_texts(EXECUTED_FOLDER, thesis_index.PIECES),
+        [*PAGES, *PUBLISHED, *library_files()], included(*thesis_index.PIECES),
+    )  # fmt: skip
+    yield make_task(
+        "conformance", lambda: conformance.write_conformance(EXECUTED_FOLDER),
         [*folder_files([conformance.locate_report()]), *list_code("book", *WORD_CODE)],
         included(*conformance.PIECES),
     )  # fmt: skip
     yield make_task(
-        "explorer, form and demonstrations", lambda: demos.write_demos(EXECUTED_FOLDER),
-        [*PUBLISHED, *TEXT_CODE], [EXECUTED_FOLDER / f"{name}.html" for name in demos.DEMO_PAGES],
+        "explorer, form and demonstrations", lambda: explorer.write_demos(EXECUTED_FOLDER),
+        [*PUBLISHED, *TEXT_CODE],
+        [EXECUTED_FOLDER / f"{name}.html" for name in explorer.DEMO_PAGES],
     )  # fmt: skip
 
 
@@ -180,7 +169,7 @@ def task_figures() -> Iterator[dict[str, Any]]:
 
         def act(name: str = name, drawn: list[str] = drawn) -> None:
             illustrations.write_illustrations(list_cubes([name]), EXECUTED_FOLDER, drawn)
-            downloads.write_tables(build.TABLES_FOLDER, list_cubes([name]))
+            rendering.write_tables(build.TABLES_FOLDER, list_cubes([name]))
 
         of = list_code("planning", "vision") if name == "facts" else [result_files(name)[0]]
         needs = [*of, *list_code("book/pieces", "facts", "figure_sets", "plotting")]

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib import cli
-from thesis_lib.runs import surroundings
+from thesis_lib.runs import command_line
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
         patch.setattr(
-            surroundings, "isolate_process", lambda: None
+            command_line, "isolate_process", lambda: None
         )  # the tests keep handlers and warnings
         with (
             contextlib.chdir(cwd),

@@ -58,17 +58,18 @@ def main() -> int:
 
 
 def compare_files(one: Path, other: Path, exact: bool = False) -> list[str]:
-    """Return the variables of two files that differ by more than they may."""
+    """Return the variables of two files that differ by more than they may, or that one lacks."""
     with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
         both = set(a.variables) & set(b.variables)
-        far = {name for name in both if not close(a[name].values, b[name].values, exact)}
-        return sorted(map(str, far | (set(a.variables) ^ set(b.variables))))
+        same = {name for name in both if close(a[name].values, b[name].values, exact)}
+        return sorted(map(str, {*a.variables, *b.variables} - same))
 
 
 def close(x: np.ndarray, y: np.ndarray, exact: bool) -> bool:
     """Return whether two arrays are equal, or close if they hold numbers."""
-    if x.shape != y.shape or x.dtype != y.dtype or x.dtype.kind != "f" or exact:
-        return x.dtype == y.dtype and np.array_equal(x, y, equal_nan=x.dtype.kind == "f")
+    numbers = x.dtype.kind == "f"
+    if x.shape != y.shape or x.dtype != y.dtype or not numbers or exact:
+        return x.dtype == y.dtype and np.array_equal(x, y, equal_nan=numbers)
     bound = MAX_SINGLE_DIFFERENCE if x.dtype == np.float32 else MAX_DIFFERENCE
     peak = np.max(np.abs(x), where=np.isfinite(x), initial=0.0)
     return np.allclose(x, y, rtol=0, atol=bound * peak, equal_nan=True)

@@ -18,7 +18,7 @@ from typing import Any
 import matplotlib
 import xarray as xr
 
-from thesis_lib.book.pieces import summary_figure as conclusions_figure
+from thesis_lib.book.pieces import factors as conclusions_figure
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT

@@ -23,9 +23,9 @@ import xarray as xr
 from command import Done, refusal, thesis
 
 from conftest import until_study
-from thesis_lib.asides import echo
 from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
+from thesis_lib.outputs import echo
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe_parameters
@@ -75,11 +75,6 @@ def files(folder: Path) -> list[str]:
 
 
 # Help.
-
-
-@pytest.mark.parametrize("group", [(), ("print",)])
-def test_a_group_alone_prints_its_help(group):
-    assert thesis(*group) == thesis(*group, "--help")
 
 
 def test_help_names_every_command_once():
@@ -374,17 +369,6 @@ def test_nothing_tells_where_it_was_made(ran, checkout):
         assert b".staging-" not in content, kind
 
 
-@pytest.mark.slow
-def test_without_out_the_folder_is_named_by_set_and_hash(own_checkout, tmp_path):
-    own_checkout.change("beam-distance", until_study)
-    done = own_checkout.thesis(*RUN, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    study = validate_request("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
-    folder = own_checkout.root / "runs" / f"beam-distance-{study.digest}"
-    assert files(folder) == sorted(f"beam-distance.{kind}" for kind in KINDS)
-    assert [path.name for path in tmp_path.iterdir()] == ["project"]
-
-
 @pytest.mark.nightly
 def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
     chapter = ["run", "ch3", "-p", "trials=2", "-p", "focal_length_mm=35", "--out", "out"]
@@ -405,24 +389,28 @@ def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
 
 
 @pytest.mark.slow
-def test_own_layout_runs_and_its_name_is_text(checkout, tmp_path):
+def test_own_layout_runs_and_its_name_is_text_in_a_folder_named_by_set_and_hash(checkout, tmp_path):
     name = "tilted <b>&\"x' *y*"
     layouts = {name: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]]}
     given = ["-p", f"layouts={json.dumps(layouts)}", "-p", "cases=[]", "-p", "trials=2"]
-    done = checkout.thesis("run", "beam-arrays", *given, "--out", "out", cwd=tmp_path)
+    done = checkout.thesis("run", "beam-arrays", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    study = validate_request("beam-arrays", {"layouts": layouts, "cases": [], "trials": 2})
+    folder = checkout.root / "runs" / f"beam-arrays-{study.digest}"
+    assert files(folder) == sorted(f"beam-arrays.{kind}" for kind in KINDS)
+    assert list(tmp_path.iterdir()) == []
     assert re.search(r" 2 cameras +1 +mean \| +[\d.]+ \| .* \| +—\n", done.stdout)
     assert "no setting in common with published" in done.stdout
-    page = Loads(tmp_path / "out" / "beam-arrays.html")
+    page = Loads(folder / "beam-arrays.html")
     assert name in page.text
     assert "b" not in page.tags
-    with xr.open_dataset(tmp_path / "out" / "beam-arrays.nc") as cube:
+    with xr.open_dataset(folder / "beam-arrays.nc") as cube:
         assert cube["case"].values.tolist() == [name, name]
         assert cube["n_cameras"].values.tolist() == [2, 3]
 
 
 @pytest.mark.slow
-def test_sets_run_without_what_they_do_not_have(checkout, tmp_path, own_checkout):
+def test_sets_run_without_what_they_do_not_have(tmp_path, own_checkout):
     for name in ("beam-distance", "beam-resolution"):
         own_checkout.change(name, until_study)
     several = ["run", "beam-distance", "beam-resolution", "-p", "widths_px=[320]"]

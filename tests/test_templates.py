@@ -36,11 +36,6 @@ def test_percentages_have_the_digits_that_count(fill):
     assert fill(text, a=12.34, b=np.float64(0.05)) == "12.3, 0.050, 2.0 (1.0–3.0)"
 
 
-def test_table_of_unknown_columns(fill):
-    rows = [{"case": "1", "mode 1": "2"}, {"case": "2"}]
-    assert fill("{{ rows | table }}", rows=rows).splitlines()[-1] == "| 2 | — |"
-
-
 def test_missing_value_is_an_error(fill):
     with pytest.raises(jinja2.UndefinedError, match="power"):
         fill("The power is {{ power }}.")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from thesis_lib import cli, text
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.structure_file import MeshError, read_body
-from thesis_lib.runs.requested import Refused, parse_assignments
+from thesis_lib.runs.command_line import Refused, parse_assignments
 from thesis_lib.studies.request import ParameterError
 
 LAYOUT = [[[80, 10], [-80, 10]]]

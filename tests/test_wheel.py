@@ -36,6 +36,17 @@ def refuse(event, given):
 
 sys.addaudithook(refuse)
 """
+CALLS = """
+import sys
+from thesis_lib.cli import main
+
+for name in sys.argv[1:]:
+    sys.argv = ["thesis", name]
+    try:
+        main()
+    except SystemExit as end:
+        print(end.code)
+"""
 
 
 class Reader:
@@ -114,12 +125,12 @@ def test_the_project_is_out_of_reach(reader):
     assert all(place.is_relative_to(reader.package) for place in places)
 
 
-@pytest.mark.parametrize("command", ["book", "render", "pdf", "claims"])
-def test_what_needs_a_clone_says_so(reader, command):
-    done = reader.thesis(command)
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert "this needs a clone of the project" in line
+def test_what_needs_a_clone_says_so(reader):
+    done = reader.python("-c", CALLS, "book", "render", "pdf", "claims")
+    assert done.stdout.split() == ["2"] * 4
+    lines = done.stderr.splitlines()
+    assert len(lines) == 4
+    assert all("this needs a clone of the project" in line for line in lines)
 
 
 def test_lists_write_nothing(reader):
@@ -128,8 +139,6 @@ def test_lists_write_nothing(reader):
     assert (done.returncode, done.stderr) == (0, "")
     assert NAME in done.stdout
     assert "MB" in done.stdout  # of the published run
-    assert reader.thesis("list", NAME).returncode == 0
-    assert reader.thesis("run", NAME, "-p", "trials=-1").returncode == 2
     assert reader.written() == before
 
 

@@ -6,7 +6,7 @@ values; the template holds the words, the headings and how each number is rounde
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,12 @@ import jinja2
 import numpy as np
 
 from thesis_lib.studies.cubes import band_text, percent_text
-from thesis_lib.text import duration
-from thesis_lib.web import markdown
+
+
+def escape_markdown(text: str) -> str:
+    """Escape a reader's words, so that nothing in them is Markdown."""
+    return "".join(f"&#{ord(c)};" if c in "&<>|*_`[]{}\\$#!~" else c for c in text)
+
 
 TEMPLATE_FOLDER = "templates"
 # Spaces and dashes at which a line does not end.
@@ -63,14 +67,12 @@ def _environment(folder: Path) -> jinja2.Environment:
         "band": lambda values: band_text(*map(float, values)),
         "mm": format_millimetres,
         "rms": root_mean_square,
-        "duration": duration,
         "minus": lambda text: text.replace("-", "−"),
         "signed": format_signed,
         "spread": format_spread,
         "unbroken": lambda text: text.translate(_UNBROKEN_CHARACTERS),
         "words": join_words,
-        "plain": lambda text: markdown.escape_markdown(str(text)),
-        "table": format_table,
+        "plain": lambda text: escape_markdown(str(text)),
     }
     environment.globals |= {"abs": abs, "len": len, "max": max, "min": min, "zip": zip}
     return environment
@@ -146,10 +148,3 @@ def join_words(words: Iterable[Any], last: str = "and") -> str:
     """
     *rest, final = [str(word) for word in words]
     return f"{', '.join(rest)} {last} {final}" if rest else final
-
-
-def format_table(
-    rows: Sequence[Mapping[str, str] | Sequence[str]], header: Sequence[str] | None = None
-) -> str:
-    """Format a Markdown table whose columns are not known before: rows by heading, or a header."""
-    return markdown.format_rows(header, rows) if header else markdown.format_columns(rows)  # type: ignore[arg-type]

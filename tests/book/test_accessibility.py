@@ -17,7 +17,7 @@ from book.test_book_pages import notebook  # noqa: F401
 from browser import browser, find_browser
 from playwright.sync_api import Page
 
-from thesis_lib.book import demos
+from thesis_lib.book import explorer as demos
 from thesis_lib.web import page as web_page
 from thesis_lib.web.page import index_page
 

@@ -21,7 +21,8 @@ from browser import Opened, browser, find_browser, open_offline, server
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from playwright.sync_api import Browser, Page, TimeoutError
 
-from thesis_lib.book import rendering, sample
+from thesis_lib.book import rendering
+from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.web import page as web_page
 from thesis_lib.web.page import BookError, index_page
 
@@ -29,7 +30,9 @@ BOOK = Path(__file__).parents[2] / "build" / "html"
 PAGES = sorted(
     path.relative_to(BOOK).as_posix()
     for path in {*BOOK.rglob("*.html")}
-    - {BOOK / sample.SAMPLE_PAGE}  # a report as users get it, no page: test_sample.py looks at it
+    - {
+        BOOK / recordings.SAMPLE_PAGE
+    }  # a report as users get it, no page: test_sample.py looks at it
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
 _LIBRARY = [name for name in PAGES if name.startswith("api/")]
@@ -201,41 +204,20 @@ def visit(running: Browser, address: str) -> Callable[[str, bool], Visit]:
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("phone", [False, True], ids=["screen, folder", "phone, http"])
-class TestPage:
-    def test_loads_nothing_from_outside_and_makes_no_error(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        assert visit(name, phone).trouble == []
-
-    def test_does_not_scroll_sideways(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        assert visit(name, phone).sideways_px <= 0
-
-    def test_tables_and_code_fit_or_say_that_they_scroll(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        assert visit(name, phone).cut == []
-        assert phone or visit(name, phone).scrolling == []
-
-    def test_what_is_tapped_is_large_enough(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        assert visit(name, phone).small == []
-
-    def test_equations_are_typeset(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        assert all(visit(name, phone).math)
-        assert visit(name, phone).mistakes == []
-
-    def test_pictures_are_there_and_described(
-        self, visit: Callable[[str, bool], Visit], name: str, phone: bool
-    ) -> None:
-        for source, width, alt in visit(name, phone).images:
-            assert width > 0, source
-            assert alt.strip(), source
-            assert not re.search(r"\.(svg|png)$", alt), source
+def test_page_is_whole(visit: Callable[[str, bool], Visit], name: str, phone: bool) -> None:
+    """It loads nothing from outside, fits, is typeset, and its pictures are there and described."""
+    seen = visit(name, phone)
+    assert seen.trouble == []
+    assert seen.sideways_px <= 0
+    assert seen.cut == []
+    assert phone or seen.scrolling == []
+    assert seen.small == []
+    assert all(seen.math)
+    assert seen.mistakes == []
+    for source, width, alt in seen.images:
+        assert width > 0, source
+        assert alt.strip(), source
+        assert not re.search(r"\.(svg|png)$", alt), source
 
 
 LONG_PATH = """() => { document.querySelector('article p').innerHTML =
@@ -265,14 +247,11 @@ def test_first_paint_within_half_a_second(
 
 @needs_book
 @pytest.mark.parametrize("name", PAGES)
-def test_references_are_resolved(visit: Callable[[str, bool], Visit], name: str) -> None:
-    assert re.findall(r"\{(?:numref|eq|ref|doc|cite\S*)\}`", visit(name, False).text) == []
-
-
-@needs_book
-@pytest.mark.parametrize("name", PAGES)
-def test_links_lead_to_files_and_anchors(visit: Callable[[str, bool], Visit], name: str) -> None:
-    for link in visit(name, False).links:
+def test_page_refers_to_what_is_there(visit: Callable[[str, bool], Visit], name: str) -> None:
+    """Its links lead to files and anchors, its source loads nothing from elsewhere."""
+    seen = visit(name, False)
+    assert re.findall(r"\{(?:numref|eq|ref|doc|cite\S*)\}`", seen.text) == []
+    for link in seen.links:
         if link.startswith("file:"):
             address, _, anchor = link.removeprefix("file://").partition("#")
             target = Path(address.partition("?")[0])
@@ -280,6 +259,10 @@ def test_links_lead_to_files_and_anchors(visit: Callable[[str, bool], Visit], na
             assert target.is_file(), link
             if anchor and target.suffix == ".html":
                 assert anchor in anchors(target), link
+    html = (BOOK / name).read_text(encoding="utf-8")
+    html = re.sub(r"<script(?![^>]*\bsrc=)[^>]*>.*?</script>", "", html, flags=re.DOTALL)
+    loads = r"""<(?:script|img|iframe|source|link)\b[^>]*?(?:src|href)=["']((?:https?:)?//[^"']+)"""
+    assert re.findall(loads, html) == []
 
 
 @cache
@@ -296,23 +279,15 @@ def test_the_book_with_its_downloads_is_small() -> None:
 
 
 @needs_book
-@pytest.mark.parametrize("name", [name for name in PAGES if name.startswith("executed/")])
-def test_a_choice_in_a_widget_changes_its_picture(
-    visit: Callable[[str, bool], Visit], name: str
-) -> None:
-    if visit(name, False).answers is None:
-        pytest.skip("no widget with a choice on this page")
-    assert visit(name, False).answers
-
-
-@needs_book
 @pytest.mark.parametrize("name", [name for name in PAGES if name not in {"index.html", *ALIKE}])
-def test_nothing_amiss_for_those_who_cannot_see_well(
+def test_page_answers_and_nothing_is_amiss_for_those_who_cannot_see_well(
     visit: Callable[[str, bool], Visit], name: str
 ) -> None:
+    seen = visit(name, False)
+    assert seen.answers is not False  # a choice in a widget changes its picture
     if axe.absent():
         pytest.skip(axe.absent())
-    assert visit(name, False).inaccessible == ()
+    assert seen.inaccessible == ()
 
 
 @needs_book
@@ -377,15 +352,6 @@ def test_home_answers_on_one_screen_and_ends_on_two(running: Browser) -> None:
         assert "/explorer.html?" in page.url
         assert page.locator(".tl-ex-cameras input").count() == 2 * 8
         assert opened.trouble == []
-
-
-@needs_book
-@pytest.mark.parametrize("name", PAGES)
-def test_source_names_no_file_elsewhere(name: str) -> None:
-    html = (BOOK / name).read_text(encoding="utf-8")
-    html = re.sub(r"<script(?![^>]*\bsrc=)[^>]*>.*?</script>", "", html, flags=re.DOTALL)
-    loads = r"""<(?:script|img|iframe|source|link)\b[^>]*?(?:src|href)=["']((?:https?:)?//[^"']+)"""
-    assert re.findall(loads, html) == []
 
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="900" height="9"><path d="M0 0h900"/></svg>'

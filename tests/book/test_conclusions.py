@@ -11,7 +11,7 @@ import xarray as xr
 from scenes.laboratory import replicates
 
 from thesis_lib.book.pieces import conclusions, factors
-from thesis_lib.book.pieces import summary_figure as conclusions_figure
+from thesis_lib.book.pieces import factors as conclusions_figure
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.book.pieces.factors import FACTORS
 from thesis_lib.book.pieces.opened import Opened

@@ -17,6 +17,8 @@ from browser import open_offline, server
 from PIL import Image
 from playwright.sync_api import Browser
 
+from thesis_lib import __version__
+
 RESULTS = BOOK / "executed" / "beam-aperture.html"
 WIDTH = "() => document.querySelector('.tl-zoom img').getBoundingClientRect().width"
 CORNER = """async (image) => { image.loading = 'eager'; await image.decode();
@@ -204,7 +206,8 @@ def test_pages_figures_and_cubes_are_cited_with_their_edition(chromium: Browser)
         said = page.locator(".tl-cites pre")
         said.first.wait_for()
         assert "The beam: aperture" in said.first.inner_text()
-        assert re.search(r"Version \S+, commit [\da-f]{7,}", said.first.inner_text())
+        edition = rf"Version {re.escape(__version__)}, commit [\da-f]{{7,}}"
+        assert re.search(edition, said.first.inner_text())
         page.locator(".tl-cites select").select_option(label="Figure 3.8 (The beam: aperture)")
         assert "@misc{vibration-fig-3-8," in said.last.inner_text()
         assert "executed/beam-aperture.html#fig-3-8" in said.nth(1).inner_text()

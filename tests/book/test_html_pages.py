@@ -24,19 +24,6 @@ from thesis_lib.web.fragment import static_html
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {}/>'
 
 
-def test_controls_of_the_theme_get_names() -> None:
-    page = document_fromstring(
-        '<a class="reference internal" href="#"> A &amp; b </a>'
-        "<details><summary>x</summary></details>"
-        '<i class="theme-switch" title="Light"></i><table><tr><th></th><th>a</th></tr></table>'
-    )
-    html_pages.name_controls(page)
-    text = tostring(page, encoding="unicode")
-    assert 'aria-label="Pages below: A &amp; b"' in text
-    assert "title=" not in text
-    assert "<td></td><th>a</th>" in text
-
-
 def test_parts_of_the_contents_fold_except_for_the_one_that_is_read() -> None:
     part = '<p class="caption"><span>{}</span></p><ul class="{} nav"><li>a</li>{}</ul>'
     more = "<li>b</li>"
@@ -111,19 +98,6 @@ def test_cells_of_five_numbers_are_drawn_on_one_scale() -> None:
     assert "law of rounding; in % of the peak." in text
     assert 'href="../data/beam-arrays.csv">All numbers' in text
     assert "nominal run 12.5, median 10.0, 5–95 % of the trials 5.0 to 20.0" in text
-
-
-def test_drawings_have_other_colours_in_the_dark(tmp_path: Path) -> None:
-    path = tmp_path / "a.svg"
-    path.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg"><path style="fill:#fff;stroke: #0072B2"/></svg>'
-    )
-    html_pages.theme_drawing(path)
-    text = path.read_text()
-    assert "fill:var(--cffffff);stroke: var(--c0072b2)" in text
-    light, _, dark = text.partition("@media (prefers-color-scheme:dark)")
-    assert "--c0072b2:#0072b2;" in light
-    assert "--cffffff:#121212;" in dark
 
 
 @pytest.mark.parametrize("colour", ["#0072b2", "#b22222", "#009e73", "#cc79a7", "#1d3557"])

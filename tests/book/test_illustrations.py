@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from thesis_lib import files
-from thesis_lib.book import sample
 from thesis_lib.book.pieces import illustrations
+from thesis_lib.book.pieces.manifest import SAMPLE_FILES
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.run import cube_of
@@ -27,7 +27,7 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
     pages = "".join(map(page, (*CHAPTERS, "equal-pixels")))
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
-    assert set(shown) - {*sample.SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
+    assert set(shown) - {*SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
 
 
 @pytest.mark.parametrize("name", [*illustrations.FACT_FIGURES])

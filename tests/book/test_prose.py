@@ -1,97 +1,47 @@
-"""The numbers in the book's prose are those of the cubes; all of them are made for that."""
+"""The numbers in the book's prose are those of its cubes."""
 
 import re
 from functools import cache
 
 import numpy as np
 import pytest
-from scenes.equal_pixels import equal_pixels
-from scenes.laboratory import replicates
-from scenes.layouts import layouts
-from scenes.motions import films
-from scenes.sounding import sounding
 
 from thesis_lib import files
-from thesis_lib.book import conformance, sample
+from thesis_lib.book import conformance
 from thesis_lib.book.pieces import findings, shown, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-from thesis_lib.figure_sets.claims import readings
-from thesis_lib.figure_sets.claims.compute import judge_claims
-from thesis_lib.figure_sets.design_law import compute as design_study
-from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
-from thesis_lib.figure_sets.lab_equal_pixels import compute as lab_equal_pixels_study
-from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
-from thesis_lib.figure_sets.lab_modes import compute as lab_modes_study
-from thesis_lib.figure_sets.lab_plate import compute as lab_plate_study
-from thesis_lib.figure_sets.lab_radiation import compute as lab_radiation_study
-from thesis_lib.figure_sets.optics import compute as optics_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.figures import error_table
-from thesis_lib.figure_sets.planner import compute as planner_study
-from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.figure_sets.run import cube_of
-from thesis_lib.ledger import entries as ledger
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies.schema import with_provenance
-
-
-def ledgered(made):
-    """The ledger of some cubes, with few draws of its own."""
-    request = validate_request("claims", {"trials": 3, "readings": ["rest known"]})
-    own = ledger_runs.read_own(ledger_runs.run(request.own_runs))
-    found = judge_claims(lambda study: made[study.name], own)
-    return ledger.as_cube(found, readings.run(request.other_readings))
 
 
 @pytest.fixture(scope="module")
 def opened():
-    """Every cube, with few trials and, for sound, few points."""
-    made = {}
-    for name, model in STUDIES.items():
-        request = validate_request(name, {"trials": 12})
-        if model.subject == "experiment":
-            data = replicates(request.recordings, 3, sigma=0.02)
-            cube = study.run(request, data)
-        elif model.subject == "sound":
-            request = validate_request(name, {"trials": 12, "plane_shape": [9, 7]})
-            cube = cube_of(request)
-        elif name in ("lab-elevation", "lab-layout"):
-            cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=4))
-        elif name == "lab-equal-pixels":
-            cube = lab_equal_pixels_study.run(request, equal_pixels(request))
-        elif name == "lab-radiation":
-            cube = lab_radiation_study.run(request, sounding(request))
-        elif name == "lab-modes":
-            request = validate_request(name, {"trials": 3})
-            cube = lab_modes_study.run(request, films(request, sigma=0.02))
-        elif name == "lab-plate":
-            request = validate_request(name, {"trials": 3, "plane_shape": [9, 7]})
-            cube = lab_plate_study.run(request, films(request, sigma=0.02))
-        elif name == "cameras":
-            cube = optics_study.run(request)
-        elif name == "design-law":
-            cube = design_study.run(validate_request(name, {"trials": 3, "counts": [2, 6]}))
-        elif name == "planner":
-            quick = {"trials": 3, "counts": [2, 4], "starts": 0, "step_deg": 30}
-            cube = planner_study.run(validate_request(name, quick))
-        elif name == "claims":
-            cube = ledgered(made)
-        else:
-            cube = studies.run(request)
-        made[name] = with_provenance(cube, request, 0.0)
-    return made
+    """Every cube of the book."""
+    return Opened(sorted((files.project_root() / "data" / "results").glob("*.nc")), [])
 
 
 @pytest.fixture(scope="module")
-def text(opened):
-    """Of a piece by its name, made once."""
-    return cache(lambda name: pieces_write.PIECES[name](opened))
+def made(opened):
+    """Text of a piece by its name, made once, and the cubes that it used."""
+
+    @cache
+    def make(name):
+        opened.forget()
+        return pieces_write.PIECES[name](opened), frozenset(opened.used)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def text(made):
+    return lambda name: made(name)[0]
 
 
 def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
@@ -100,29 +50,23 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
     included -= {*shown.find_figure_names(book.glob("*.md"))}  # of notebooks
     included -= {f"provenance-{name}" for name in shown.SETS_IN_CHAPTERS}
-    pieces = (pieces_write, reference, thesis_index, conformance, sample)
+    pieces = (pieces_write, reference, thesis_index, conformance)
     made = {piece for module in pieces for piece in module.PIECES}
-    assert included == {*walk.TEXT_VALUES, *thesis_index.ASSUMPTION_PIECES} | made
+    assert included == {*walk.TEXT_VALUES} | made
 
 
 @pytest.mark.book
-def test_the_pieces_of_the_ledger_are_those_that_read_its_cube():
-    made = sorted((files.project_root() / "data" / "results").glob("*.nc"))
-    opened, found = Opened(made, []), set()
-    for name, piece in pieces_write.PIECES.items():
-        opened.forget()
-        piece(opened)
-        found |= {name} if "claims" in opened.used else set()
+def test_the_pieces_of_the_ledger_are_those_that_read_its_cube(made):
+    found = {name for name in pieces_write.PIECES if "claims" in made(name)[1]}
     assert found == {*pieces_write.OF_LEDGER}
 
 
 RESULTS = {*findings.RESULT_PIECES} - {"conclusions-result"}  # sentences; that one is a table
 SENTENCES = {"lab-radiation-sentences"}
-# Sentences, and a piece of small cubes with drawn trials.
-NO_ROWS = {*RESULTS, *SENTENCES, "beam-cameras", "lab-repeats"}
+NO_ROWS = {*RESULTS, *SENTENCES, "beam-cameras"}
 
 
-@pytest.mark.slow
+@pytest.mark.book
 @pytest.mark.parametrize("name", sorted({*pieces_write.PIECES} - NO_ROWS))
 def test_piece_is_a_table_without_gaps(text, name):
     rows = [line for line in text(name).splitlines() if line.startswith(("|", "* "))]
@@ -130,14 +74,14 @@ def test_piece_is_a_table_without_gaps(text, name):
     assert "nan" not in text(name).lower()
 
 
-@pytest.mark.slow
+@pytest.mark.book
 @pytest.mark.parametrize("name", sorted(RESULTS | SENTENCES))
 def test_a_result_has_numbers_without_gaps(text, name):
     assert len(re.findall(r"\d", text(name))) > 2
     assert "nan" not in text(name).lower().split()
 
 
-@pytest.mark.slow
+@pytest.mark.book
 def test_agreement_counts_the_checks(opened, text):
     (met, total) = map(int, re.search(r"\*\*(\d+) of (\d+)\*\*", text("beam-results")).groups())
     checks = [
@@ -150,14 +94,14 @@ def test_agreement_counts_the_checks(opened, text):
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
 
 
-@pytest.mark.slow
+@pytest.mark.book
 def test_a_doctored_cube_changes_the_prose(opened, text):
     cube = opened["plate-distance"]
     doctored = {**opened, "plate-distance": cube.assign(mean_error=10 * cube["mean_error"])}
     assert pieces_write.PIECES["plate-results"](doctored) != text("plate-results")
 
 
-@pytest.mark.slow
+@pytest.mark.book
 def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
     (exponent,) = map(float, re.findall(r"exponent of M is −(\d\.\d+)", text("sound-markers")))
     assert 0.45 < exponent < 0.55
@@ -175,7 +119,7 @@ def test_cameras_square_to_the_plate_hear_worse_than_they_see():
     assert field[0] > 2 * field[1]
 
 
-@pytest.mark.slow
+@pytest.mark.book
 def test_settings_square_to_the_plate_are_told_from_askew_ones(opened):
     """Of the cubes' own errors, setting by setting: the page's words and the piece's numbers."""
     found = {1.0: [], 0.0: []}
@@ -198,7 +142,7 @@ def test_settings_square_to_the_plate_are_told_from_askew_ones(opened):
     assert 0.8 < np.median(askew) < 1.05
 
 
-@pytest.mark.slow
+@pytest.mark.book
 def test_nodal_planes_have_the_second_measure_in_the_pages_table(opened):
     cube = opened["sound-distance"]
     text = error_table(cube).data

@@ -18,7 +18,8 @@ from rocrate.rocrate import ROCrate
 from small_book import BAD, GOOD, make
 
 from thesis_lib import files
-from thesis_lib.book import downloads, missing
+from thesis_lib.book import rendering
+from thesis_lib.book.pieces import opened
 from thesis_lib.book.pieces.shown import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
@@ -30,7 +31,7 @@ def whole(small):
     done = make(small)
     assert done.returncode == 0, done.stdout + done.stderr
     copy = shutil.copytree(small.root / "build" / "html", small.root / "whole")
-    shutil.copy(small.root / "build" / f"{downloads.ARCHIVE_NAME}.zip", small.root)
+    shutil.copy(small.root / "build" / f"{rendering.ARCHIVE_NAME}.zip", small.root)
     return copy
 
 
@@ -66,8 +67,8 @@ def test_offered_notebooks_hold_their_text_and_no_pictures(whole):
 def test_research_object_reads_back_and_tells_every_run(whole, monkeypatch):
     found = ROCrate(whole)
     root = found.root_dataset
-    assert root["conformsTo"].id == downloads.CRATE_PROFILE
-    assert root["license"].id == downloads.LICENSE_ADDRESS
+    assert root["conformsTo"].id == rendering.CRATE_PROFILE
+    assert root["license"].id == rendering.LICENSE_ADDRESS
     assert re.match(r"20\d\d-", str(root["datePublished"]))
     actions = root["mentions"]
     assert {action.id for action in actions} == {f"#run-{name}" for name in (GOOD, BAD)}
@@ -88,7 +89,7 @@ def test_research_object_reads_back_and_tells_every_run(whole, monkeypatch):
             assert (whole / entity.id).is_file()
             if entity.id.endswith(".nc"):
                 assert entity["sha256"] == sha256(whole / entity.id)
-    document = json.loads((whole / downloads.CRATE_NAME).read_text(encoding="utf-8"))
+    document = json.loads((whole / rendering.CRATE_NAME).read_text(encoding="utf-8"))
     described = {entity["@id"] for entity in document["@graph"]}
     for entity in document["@graph"]:  # whatever is referred to is described
         for value in entity.values():
@@ -97,22 +98,22 @@ def test_research_object_reads_back_and_tells_every_run(whole, monkeypatch):
                     assert one["@id"] in described
     monkeypatch.setitem(SETS_IN_CHAPTERS, GOOD, "intro")  # as a set without a page of its own
     ran = whole / "_sources" / "executed" / f"{GOOD}.ipynb", whole / "data" / f"{GOOD}.nc"
-    assert "intro.html" in downloads._describe_run(whole, *ran)["results"]
+    assert "intro.html" in rendering._describe_run(whole, *ran)["results"]
 
 
 @pytest.mark.book
 def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
-    made = small.root / f"{downloads.ARCHIVE_NAME}.zip"
+    made = small.root / f"{rendering.ARCHIVE_NAME}.zip"
     again = tmp_path / "again.zip"
-    downloads.pack_book(whole, again)
+    rendering.pack_book(whole, again)
     assert again.read_bytes() == made.read_bytes()
     with zipfile.ZipFile(made) as packed:
         names = packed.namelist()
         assert names == sorted(names)
         assert len({entry.date_time for entry in packed.infolist()}) == 1
-        assert f"{downloads.ARCHIVE_NAME}/index.html" in names
-        assert f"{downloads.ARCHIVE_NAME}/{downloads.CRATE_NAME}" in names
-        inside = packed.read(f"{downloads.ARCHIVE_NAME}/data/{GOOD}.nc")
+        assert f"{rendering.ARCHIVE_NAME}/index.html" in names
+        assert f"{rendering.ARCHIVE_NAME}/{rendering.CRATE_NAME}" in names
+        inside = packed.read(f"{rendering.ARCHIVE_NAME}/data/{GOOD}.nc")
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
@@ -173,7 +174,7 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
 @pytest.mark.parametrize("name", ["a.md", "a.svg", "a.webp"])
 def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
     path = tmp_path / name
-    missing.write_placeholder(path, "a *step*")
+    opened.write_placeholder(path, "a *step*")
     content = path.read_bytes()
     start = {".md": b"*Missing here", ".svg": b"<svg", ".webp": b"RIFF"}
     assert content.startswith(start[path.suffix])
@@ -182,7 +183,7 @@ def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
 
 def test_reason_of_a_missing_page_is_text():
     source = files.project_root() / "notebooks" / f"{BAD}.ipynb"
-    stub = missing.build_failure_page(
+    stub = opened.build_failure_page(
         source, BAD, f"{BAD}: cell 2 failed: </div> {{eq}}`x` | $y$\n:::\n# no"
     )
     warning = stub.cells[1].source

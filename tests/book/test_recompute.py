@@ -14,7 +14,7 @@ import pytest
 from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 
-from thesis_lib.book import demos
+from thesis_lib.book import explorer as demos
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric import compute, in_page
@@ -22,8 +22,8 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show
-from thesis_lib.runs.requested import parse_assignments
-from thesis_lib.studies.published import read_published
+from thesis_lib.runs.command_line import parse_assignments
+from thesis_lib.studies.comparison import read_published
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 if TYPE_CHECKING:

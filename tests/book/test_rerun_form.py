@@ -14,12 +14,12 @@ from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
-from thesis_lib.book import demos
+from thesis_lib.book import explorer as demos
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.notebook.form import form_data
-from thesis_lib.runs.requested import Refused, parse_assignments, requests_of
+from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
 from thesis_lib.web.fragment import static_html

@@ -15,7 +15,7 @@ import xarray as xr
 from browser import open_offline
 
 from thesis_lib import files
-from thesis_lib.book import sample
+from thesis_lib.book.pieces import manifest as sample
 from thesis_lib.figure_sets import record as example
 from thesis_lib.measure.messages import ALL_MESSAGES
 from thesis_lib.measure.report.build import summarise_shape
@@ -93,7 +93,7 @@ def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
     text = page.read_text(encoding="utf-8")
     for line in summarise_shape(data):
         assert html.escape(line) in text
-    block = (page.parent / "guide-summary.md").read_text(encoding="utf-8")
+    block = sample.format_sample_summary()
     assert [*block.splitlines()][1 : 1 + len(summarise_shape(data))] == summarise_shape(data)
 
 

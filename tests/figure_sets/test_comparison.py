@@ -12,7 +12,7 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.files import project_root
-from thesis_lib.studies import comparison, published
+from thesis_lib.studies import comparison
 from thesis_lib.studies.storage import CubeError
 
 
@@ -158,7 +158,7 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
     text, line = DAMAGED[kind]
     path = tmp_path / "beam-distance.csv"
     path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(published, "summary_path", lambda _: path)
+    monkeypatch.setattr(comparison, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match=rf"damaged: line {line} ") as refused:
         comparison.difference_lines(cube)
     assert str(refused.value).startswith(str(path))
@@ -169,7 +169,7 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
 def test_published_bytes_that_are_no_text_are_named(cube, tmp_path, monkeypatch):
     path = tmp_path / "beam-distance.csv"
     path.write_bytes(GOOD.encode("utf-16"))
-    monkeypatch.setattr(published, "summary_path", lambda _: path)
+    monkeypatch.setattr(comparison, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match="damaged: line 1 cannot be read"):
         comparison.difference_lines(cube)
 
@@ -177,7 +177,7 @@ def test_published_bytes_that_are_no_text_are_named(cube, tmp_path, monkeypatch)
 def test_all_published_files_are_whole():
     for path in (project_root() / "data" / "published").glob("*.csv"):
         if path.stem != "effort":
-            assert len(published.read_published(path.stem)) > 0
+            assert len(comparison.read_published(path.stem)) > 0
 
 
 def test_errors_of_a_run_stand_next_to_the_published_ones(cube):

@@ -16,7 +16,7 @@ from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.plotting.panels import case_captions
 from thesis_lib.plotting.style import figure_svg, ordered_colors
-from thesis_lib.studies import comparison, cubes, published, storage
+from thesis_lib.studies import comparison, cubes, storage
 
 WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
 
@@ -179,9 +179,9 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
     table = cubes.summarise_errors(cube_file.read_cube(path))
     assert list(table) == ["quantity", "value", "unit"]
     assert table["quantity"].is_unique
-    monkeypatch.setattr(published, "summary_path", lambda name: tmp_path / f"{name}.csv")
+    monkeypatch.setattr(comparison, "summary_path", lambda name: tmp_path / f"{name}.csv")
     assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
-    published.publish_errors(cube)
+    comparison.publish_errors(cube)
     number = cube.sizes["quantity"]
     same = [f"no difference from published ({number} quantities compared)"]
     assert comparison.difference_lines(cube) == same

@@ -23,7 +23,7 @@ from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.notebook.cells import parameter_cell
+from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
 from thesis_lib.studies.request import ParameterError, describe_parameters, validate_values

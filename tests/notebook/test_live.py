@@ -99,16 +99,6 @@ def test_a_refused_value_says_so_in_one_line_and_runs_nothing(monkeypatch, key, 
     assert made.output.outputs == ()
 
 
-def test_a_mended_value_runs_again():
-    made = live.controls(validate_request("beam-distance", {"trials": 3, "modes": [1]}))
-    made.inputs["trials"].value = -1
-    assert made.button.disabled
-    made.inputs["trials"].value = 4
-    assert not made.button.disabled
-    assert made.message.value == ""
-    assert "trials=4" in made.command.value
-
-
 def text_of(made):
     return "".join(one["text"] for one in made.output.outputs if one["output_type"] == "stream")
 

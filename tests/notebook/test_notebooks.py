@@ -333,29 +333,20 @@ def short(tmp_path_factory, checkout):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "given", "message"),
-    [
-        (
-            "beam-distance",
-            ["-p", "distance_mms", "500"],
-            "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)",
-        ),
-        pytest.param(
-            "beam-distance",
-            ["-p", "elevation_deg", "91"],
-            "ParameterError: beam-distance: elevation_deg: given 91, "
-            "allowed: a number above 0, at most 90, in °",
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=["misspelt", "out of bounds"],
-)
-def test_papermill_is_refused_like_the_command(short, tmp_path, name, given, message):
-    done = papermill(short, tmp_path, name, *given, "-p", "cube", str(tmp_path / "out.nc"))
+def test_papermill_is_refused_like_the_command(short, tmp_path):
+    given = ["-p", "distance_mms", "500", "-p", "cube", str(tmp_path / "out.nc")]
+    done = papermill(short, tmp_path, "beam-distance", *given)
     assert done.returncode == 1
-    assert message in done.stderr
+    words = "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)"
+    assert words in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
+
+
+def test_a_value_given_to_papermill_is_refused_like_the_commands():
+    injected = {"In": ["# Parameters\nelevation_deg = 91\n"], "elevation_deg": 91}
+    words = "beam-distance: elevation_deg: given 91, allowed: a number above 0, at most 90, in °"
+    with pytest.raises(ParameterError, match=words):
+        notebook.checked("beam-distance", injected)
 
 
 def test_an_object_given_to_papermill_has_no_key_twice():

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
-from thesis_lib.runs.requested import Refused, parse_assignments, requests_of
+from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
 from thesis_lib.studies import storage
 from thesis_lib.studies.request import ParameterError
 

@@ -22,7 +22,7 @@ from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import write_video
-from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world

@@ -5,22 +5,22 @@ from __future__ import annotations
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import shipped
-from thesis_lib.studies import cache, lock
+from thesis_lib.studies import cache
 
 OTHER = {"numpy": "0.1"}
 
 
 def test_packages_other_than_the_locks_are_reported(monkeypatch):
-    assert lock.differing_packages() == []
-    monkeypatch.setattr(lock, "package_versions", lambda: OTHER)
-    (line,) = lock.differing_packages()
+    assert cache.differing_packages() == []
+    monkeypatch.setattr(cache, "package_versions", lambda: OTHER)
+    (line,) = cache.differing_packages()
     assert line.startswith("numpy 0.1 is installed, the lock has ")
 
 
 def test_what_results_rest_on_is_installed_for_the_book():
     """Else the tests' packages, installed after a book, would make its cubes outdated."""
     pins = (shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
-    assert [one for one in lock.RESULT_PACKAGES if f"\n{one}==" not in f"\n{pins}"] == []
+    assert [one for one in cache.RESULT_PACKAGES if f"\n{one}==" not in f"\n{pins}"] == []
 
 
 def test_what_other_packages_computed_is_not_trusted(monkeypatch):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from browser import Opened, open_offline, write_page
 
-from thesis_lib.book import demos
+from thesis_lib.book import explorer as demos
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import hemisphere_cameras

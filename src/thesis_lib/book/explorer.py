@@ -1,13 +1,16 @@
-"""The explorer: a beam or plate, cameras to drag around it, and at once the accuracy they give.
+"""Pieces of pages that compute in the browser: explorer, rerun form and small experiments.
 
-The forward model runs in the page itself (``assets/physics.js``), so that no kernel is
-needed. Everything else it shows comes from here: the structures' constants, the thesis's setups,
-their published errors, and what the thesis states of them.
+The explorer shows a beam or plate, cameras to drag around it, and at once the accuracy they give.
+Its forward model runs in the page itself (``assets/physics.js``), so that no kernel is needed, and
+so do the experiments of the page on the law of rounding. Everything else comes from here: the
+structures' constants, the thesis's setups, their published errors, and what the thesis states.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import anywidget
@@ -19,16 +22,19 @@ from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.parametric.in_page import structure_model
+from thesis_lib.files import whole_text
+from thesis_lib.notebook.form import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
-from thesis_lib.studies.published import read_published
+from thesis_lib.studies.comparison import read_published
 from thesis_lib.web.fragment import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
+from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
 EXPLORER_MODES = (1, 2, 3)
 ERROR_NAMES = ("mean_error", "max_point_error")
-NO_SCRIPT_TEXT = (
+EXPLORER_WITHOUT = (
     "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
 )
 
@@ -151,7 +157,7 @@ class Explorer(anywidget.AnyWidget):
 
 def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, NO_SCRIPT_TEXT, prints=True)
+    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_WITHOUT, prints=True)
 
 
 def explorer_html(address: str = "", compact: bool = False) -> str:
@@ -166,3 +172,39 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
         that has them all.
     """
     return _write_fragment(explorer_data(), address, compact)
+
+
+EXPERIMENT_WITHOUT = "This experiment needs JavaScript; the text below describes what it shows."
+FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
+DEMO_NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
+
+
+def write_experiment(name: str) -> str:
+    """Write one of :data:`DEMO_NAMES` as a self-contained HTML fragment."""
+    data = explorer_data()
+    state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
+    state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
+    traits = {"experiment": name} | ({"data": state} if name == "rounding_beam" else {})
+    css = VIEWER_CSS + read_asset("rounding.css")
+    return static_html(join_modules("rounding"), css, traits, EXPERIMENT_WITHOUT, prints=True)
+
+
+def rerun_form_html() -> str:
+    """Write the form with every parameter of every figure set as a self-contained fragment."""
+    state = {"form": form_data(), "page": True}
+    return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_WITHOUT)
+
+
+DEMO_PAGES: dict[str, Callable[[], str]] = {
+    "explorer": explorer_html,
+    "explorer-home": partial(explorer_html, "s=beam&m=3&t=4a-8", compact=True),
+    "rerun-form": rerun_form_html,
+    **{name.replace("_", "-"): partial(write_experiment, name) for name in DEMO_NAMES},
+}
+"""Pieces of pages that depend on the library, and what is published, alone."""
+
+
+def write_demos(folder: Path) -> None:
+    """Write all of :data:`DEMO_PAGES` into a folder."""
+    for name, page in DEMO_PAGES.items():
+        whole_text(folder / f"{name}.html", page())

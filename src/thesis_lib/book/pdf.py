@@ -14,58 +14,38 @@ import lxml.html
 from lxml.html import builder
 
 from thesis_lib.book import rendering
-from thesis_lib.book.downloads import ARCHIVE_NAME
 from thesis_lib.files import whole_file
-from thesis_lib.runs.progress import Progress
+from thesis_lib.runs.execute import Progress
 from thesis_lib.web.page import BookError
 
-BROWSER_COMMANDS = ("chromium", "chromium-browser", "google-chrome")
-PRINT_STYLE = "book/assets/print.css"
+BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
   link => link.protocol === "file:" && link.replaceWith(...link.childNodes))"""
-BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
 
 
 def find_browser() -> str:
-    """Return the path of Chromium or Chrome.
-
-    Raises
-    ------
-    BookError
-        If there is none.
-    """
-    for name in filter(None, (os.environ.get("CHROME_BIN"), *BROWSER_COMMANDS)):
+    """Return the path of Chromium or Chrome; raise BookError if there is none."""
+    given = os.environ.get("CHROME_BIN", "chromium")
+    for name in (given, "chromium", "chromium-browser", "google-chrome"):
         if path := shutil.which(name):
             return path
     raise BookError("to print the book install Chromium, for example `apt install chromium`")
 
 
 def print_book(root: Path) -> Path:
-    """Print the book of a project in which `thesis book` has run, as it was last executed.
-
-    Raises
-    ------
-    BookError
-        If the pages do not build, or there is no browser.
-    """
-    browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
+    """Print the book of a project in which `thesis book` has run, as it was last executed."""
+    browser, pdf = find_browser(), root / "build" / f"{rendering.ARCHIVE_NAME}.pdf"
     if not (root / "build" / "html" / "index.html").is_file():
         raise BookError("there is no book to print yet: run `thesis book` first")
-    progress = Progress(3)
+    progress = Progress(2)
     with progress.report_step("pages"):
         rendering.install_assets(root)
         page = rendering.run_sphinx(root, "singlehtml") / "intro.html"
         text = prepare_page(page.read_text(encoding="utf-8"))
-        printable = page.with_name("print.html")
-        printable.write_text(text, encoding="utf-8")
-
-    def write_printed(part: Path) -> None:
-        with progress.report_step("print"):
-            print_page(browser, printable, root / PRINT_STYLE, part)
-        with progress.report_step("outline"):
-            mend_outline(part)
-
-    whole_file(pdf, write_printed)
+        (printable := page.with_name("print.html")).write_text(text, encoding="utf-8")
+    with progress.report_step("print"):
+        style = root / "book" / "assets" / "print.css"
+        whole_file(pdf, lambda part: print_page(browser, printable, style, part))
     return pdf
 
 
@@ -86,8 +66,10 @@ def prepare_page(text: str) -> str:
 
 
 def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
-    """Print one local page on A4, with an outline and page numbers, without a network."""
+    """Print one local page with an outline and page numbers, without a network."""
     from playwright.sync_api import sync_playwright
+    from pypdf import PdfWriter
+    from pypdf.generic import NameObject, TextStringObject
 
     with sync_playwright() as running:
         chromium = running.chromium.launch(executable_path=browser, args=BROWSER_FLAGS)
@@ -101,21 +83,13 @@ def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
             path=pdf, prefer_css_page_size=True, print_background=True, tagged=True, outline=True
         )
         chromium.close()
-
-
-def mend_outline(pdf: Path) -> None:
-    """Write titles of the outline once: Chromium doubles that of a heading moved to a new page."""
-    from pypdf import PdfWriter
-    from pypdf.generic import NameObject, TextStringObject
-
     writer = PdfWriter(clone_from=pdf)
     entries = [writer.root_object.get("/Outlines")]
-    while entries:
+    while entries:  # Chromium doubles the title of a heading that is moved to a new page
         if entry := entries.pop():
             entry = entry.get_object()
             entries += [entry.get("/First"), entry.get("/Next")]
             title = str(entry.get("/Title", ""))
-            half = title[: len(title) // 2]
-            if len(half) > 1 and title == 2 * half:
-                entry[NameObject("/Title")] = TextStringObject(half)
+            if len(title) > 3 and title[: len(title) // 2] * 2 == title:
+                entry[NameObject("/Title")] = TextStringObject(title[: len(title) // 2])
     writer.write(pdf)

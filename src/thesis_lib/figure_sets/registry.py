@@ -97,31 +97,29 @@ def load_sets(folder: Path) -> list[str]:
     package.__path__ = [str(folder)]
     sys.modules[package.__name__] = package
     try:
-        found = {
-            one.request.name: one
-            for one in import_module(f"{package.__name__}.figure_set").FIGURE_SETS
-        }
+        every = import_module(f"{package.__name__}.figure_set").FIGURE_SETS
+        found = {one.request.name: one for one in every}
         for one in found.values():
             fields = one.request.model_fields.items()
-            validate_values(
-                one.request, {n: f.get_default(call_default_factory=True) for n, f in fields}
-            )
+            defaults = {n: field.get_default(call_default_factory=True) for n, field in fields}
+            validate_values(one.request, defaults)
     except Exception as error:  # whatever a reader's module does
         why = f"{type(error).__name__}: {one_line(str(error))}"
         raise ParameterError(f"{file} cannot be used: {why}") from None
     for name in found:
         if name in FIGURE_SETS or name in CHAPTER_SETS:
             raise ParameterError(f"{file}: the name {one_line(name)} is taken; wanted: another")
-        if not (folder / f"{name}.ipynb").is_file():
-            raise ParameterError(
-                f"{folder / name}.ipynb is missing; wanted: the notebook of {name}"
-            )
+        if not (notebook := folder / f"{name}.ipynb").is_file():
+            raise ParameterError(f"{notebook} is missing; wanted: the notebook of {name}")
     for name, one in found.items():
         FIGURE_SETS[name], STUDIES[name], _LOADED_FOLDERS[name] = one, one.request, folder
         one.request.folder = str(folder)
-    named = os.environ.get(SETS_VARIABLE, "").split(os.pathsep)
-    os.environ[SETS_VARIABLE] = os.pathsep.join(dict.fromkeys([*filter(None, named), str(folder)]))
+    os.environ[SETS_VARIABLE] = os.pathsep.join(dict.fromkeys([*_named_folders(), str(folder)]))
     return list(found)
+
+
+def _named_folders() -> list[str]:
+    return [one for one in os.environ.get(SETS_VARIABLE, "").split(os.pathsep) if one]
 
 
 def is_known(name: str, here: bool = False) -> bool:
@@ -131,9 +129,8 @@ def is_known(name: str, here: bool = False) -> bool:
     command executes code that merely lies where it is called.
     """
     if name not in FIGURE_SETS:
-        named = os.environ.get(SETS_VARIABLE, "").split(os.pathsep)
-        named += [os.curdir] * (here and Path("figure_set.py").is_file())
-        for folder in filter(None, named):
+        own = [os.curdir] if here and Path("figure_set.py").is_file() else []
+        for folder in [*_named_folders(), *own]:
             load_sets(Path(folder))
     return name in FIGURE_SETS
 

@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.manifest import write_manifest
 from thesis_lib.measure.recordings.media import write_png
-from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate

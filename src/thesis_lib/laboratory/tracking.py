@@ -47,8 +47,8 @@ from thesis_lib.measure.fitting.reconstruction import fit_grid, triangulate_seen
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.measure.tracking.homography import TrackingError, View, as_dark, view_of
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
-from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import lens

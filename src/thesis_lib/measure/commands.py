@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.asides import echo, print_json
+from thesis_lib.outputs import echo, print_json
 
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest_model import Manifest

@@ -22,8 +22,8 @@ from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.outputs import mark_cache
 from thesis_lib.studies.cache import key_of, load_or_compute
-from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vision.lens import Camera
 
 CALIBRATION_VARIABLES = read_variables(__file__, "calibration")

@@ -25,7 +25,7 @@ from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.plotting.viewer_data import viewer_data
-from thesis_lib.studies import schedulers, storage
+from thesis_lib.studies import storage, workers
 from thesis_lib.studies.request import ParameterError, Study, check_names, validate_values
 from thesis_lib.text import one_line, parse_json
 from thesis_lib.web.viewer import Viewer
@@ -94,11 +94,11 @@ def _parse_lists(name: str, values: Mapping[str, Any], injected: Iterable[str]) 
 def _read_scheduler(request: Study) -> str:
     """Return the scheduler of ``THESIS_SCHEDULER``, if the study can be cut into pieces."""
     try:
-        scheduler = schedulers.from_environment()
+        scheduler = workers.from_environment()
     except ValueError as error:
         raise ParameterError(str(error)) from None
     if scheduler and not FIGURE_SETS[request.name].in_pieces:
-        print(schedulers.describe_alone(request.name), file=sys.stderr)
+        print(workers.describe_alone(request.name), file=sys.stderr)
         return ""
     return scheduler
 

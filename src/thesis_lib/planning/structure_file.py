@@ -26,7 +26,6 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.studies import storage
-from thesis_lib.studies.blocks import HELD_BYTES
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_origin
 from thesis_lib.text import has_hidden, one_line
@@ -103,7 +102,7 @@ def _open_table(path: Path) -> xr.Dataset:
             mesh = file[
                 [n for n in (*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode") if n in file.variables]
             ]
-            if mesh.nbytes > HELD_BYTES:
+            if mesh.nbytes > storage.HELD_BYTES:
                 held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
                 raise _refusal(path, held, "the markers, not all nodes of a mesh")
             return mesh.load()

@@ -22,8 +22,8 @@ from thesis_lib.files import sha256
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.request import Study, changed_parameters, study_command
+from thesis_lib.templates import escape_markdown
 from thesis_lib.web.html import render_html
-from thesis_lib.web.markdown import escape_markdown
 
 DATA_FOLDER = "data"
 """Folder of the rendered book that holds the cubes and the numbers of the figures."""

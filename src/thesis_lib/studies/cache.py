@@ -1,33 +1,63 @@
-"""Cubes that are kept for later: believed only while they are what was written.
+"""Cubes that are cached for later: believed only while they are what was written.
 
-Beside a kept file stands its digest. A file without it, or that has another, was cut, edited or
-copied there by hand: it is named, and computed again.
+Next to a cached file stands its digest. A file without it, or that has another, was cut, edited or
+copied there by hand: it is named, and computed again. What other packages computed has other keys.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
-from thesis_lib.asides import aside
 from thesis_lib.files import (
     cache_folder,
     digest_of,
     library_digest,
     library_files,
     sha256,
+    shipped,
     whole_text,
 )
-from thesis_lib.studies.lock import package_versions
+from thesis_lib.outputs import aside
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.studies.storage import CubeError, open_netcdf, write_netcdf
+
+# Not numba, which the book does without: with it, results are the same up to rounding.
+RESULT_PACKAGES = (
+    "numpy", "scipy", "scikit-fem", "xarray", "pandas", "h5py", "opencv-python-headless", "av",
+)  # fmt: skip
+
+
+@cache
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that results are computed with, of those installed."""
+    found = {}
+    for name in RESULT_PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def differing_packages() -> list[str]:
+    """Return what is installed in another version than the lock has, in words."""
+    lock = (shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
+    pins = re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE)  # one for each Python
+    return [
+        f"{name} {here} is installed, the lock has {' or '.join(locked)}"
+        for name, here in package_versions().items()
+        if (locked := [pin for package, pin in pins if package == name]) and here not in locked
+    ]
 
 
 def _digest(path: Path) -> Path:
@@ -69,10 +99,7 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
 
 
 def cached_study(
-    study: Study,
-    compute: Callable[[Any], xr.Dataset],
-    key: str = "",
-    library: str = "",
+    study: Study, compute: Callable[[Any], xr.Dataset], key: str = "", library: str = ""
 ) -> xr.Dataset:
     """Return a study's cube, computed once for its parameters and the code that it rests on.
 

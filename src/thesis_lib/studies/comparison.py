@@ -1,15 +1,18 @@
-"""Differences of two cubes, or of one from the published run: first errors, then the rest."""
+"""The published errors of figure sets, and differences of a cube from them or from another cube."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from typing import Literal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from thesis_lib.files import shipped, whole_file
+from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import (
     ERROR_VARIABLES,
     LABEL_MEANINGS,
@@ -22,13 +25,74 @@ from thesis_lib.studies.cubes import (
     percent_text,
     summarise_errors,
 )
-from thesis_lib.studies.published import read_published
-from thesis_lib.text import one_line
+from thesis_lib.studies.storage import CubeError
+from thesis_lib.text import Columns, damaged, has_hidden, one_line, read_table
 
-MAX_EQUAL_DIFFERENCES = {
-    4: 2.5e-4,
-    8: 1e-9,
-}  # of the largest value, by bytes: how far rounded files and machines go
+
+def _text(given: str) -> str:
+    if has_hidden(given):
+        raise ValueError
+    return given
+
+
+def _count(given: str) -> int:
+    return int(given) if given.isascii() and given.isdigit() else int("no number")
+
+
+ERROR_COLUMNS: Columns = {
+    **dict.fromkeys(("case", "pair_order", "label", "error"), _text),
+    "mode": _count,
+    **dict.fromkeys(("value", *cubes.STATISTIC_NAMES), float),
+}
+LIST_COLUMNS: dict[str, Columns] = {  # by what a list is of
+    name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
+    for name, columns in cubes.LISTED_VARIABLES.items()
+}
+PUBLISHED_KEYS = (*cubes.ROW_KEYS, "error"), ("quantity",), ("claim",)
+
+
+def summary_path(name: str) -> Path:
+    """Return the path of a figure set's published figures."""
+    return shipped() / "data" / "published" / f"{name}.csv"
+
+
+def publish_errors(cube: xr.Dataset) -> Path:
+    """Make this cube's errors the published ones; returns the file."""
+    path = summary_path(cube.attrs["figure_set"])
+    table = cubes.summarise_errors(cube)
+    whole_file(
+        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
+    )
+    return path
+
+
+def read_published(name: str) -> pd.DataFrame | None:
+    """Return the published summary of a figure set, if there is one.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, the line, what is wrong with it, and what restores it.
+    """
+    path = summary_path(name)
+    if not path.is_file():
+        return None
+    table = pd.DataFrame(
+        read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS), CubeError)
+    )
+    key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
+    if (twice := table.duplicated(key)).any():
+        raise CubeError(damaged(path, int(twice.idxmax()) + 2, "is there twice"))
+    return table
+
+
+def _first_column(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.readline(99).decode(errors="replace").split(",")[0]
+
+
+# How far rounded files and machines go, of the largest value, by bytes.
+MAX_EQUAL_DIFFERENCES = {4: 2.5e-4, 8: 1e-9}
 MAX_LISTED_NAMES = 12  # names in a list
 
 
@@ -70,33 +134,39 @@ def comparison_lines(table: pd.DataFrame, old_name: str, first: str) -> list[str
     changed = ~np.isclose(table[STATISTIC_NAMES], old, rtol=1e-4, equal_nan=True)
     if not changed.any():
         return [f"no difference from {old_name} ({len(table)} errors compared)"]
-    header = (
-        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | "
-        f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
-    )
-    lines = [header, "-" * len(header)]
-    for row in table[np.isfinite(table["trial_0"])].itertuples():
-        new = band_text(row.median, row.low, row.high)
-        old = band_text(row.median_old, row.low_old, row.high_old)
+    title = f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
+
+    def cells(row: Any) -> str:
         change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
-        lines.append(
-            f"{row.case:>6} {row.label:>12} {row.mode:>4} "
-            f"{SHORT_LABELS[row.error]:>5} | "
-            f"{new:>20} | {old:>20} | {change:>7} | "
-            f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
-            f"{' *' if row.apart else ''}"
-        )
-    return [*lines, _legend(table, first)]
+        nominal = f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
+        return f"{_bands(row)} | {change:>7} | {nominal}"
+
+    return _tabulate_errors(table, first, title, cells)
 
 
-def _legend(table: pd.DataFrame, first: str) -> str:
-    """Explain the columns of a table of errors, and the short names in it; `first` is trial 0."""
+def _bands(row: Any) -> str:
+    """Return median and band of a row, and those of what it is compared with."""
+    new = band_text(row.median, row.low, row.high)
+    return f"{new:>20} | {band_text(row.median_old, row.low_old, row.high_old):>20}"
+
+
+def _tabulate_errors(
+    table: pd.DataFrame, first: str, title: str, cells: Callable[[Any], str]
+) -> list[str]:
+    """Return a header, a line per setting and mode, and a legend, in which `first` is trial 0."""
+    header = f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {title}"
+    lines = [
+        f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
+        f"{cells(row)}{' *' if row.apart else ''}"
+        for row in table[np.isfinite(table["trial_0"])].itertuples()
+    ]
     labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
     meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
-    return (
+    legend = (
         f"errors in % of the largest reference value; trial 0: {first}; * the bands do not meet; "
         f"{meanings}"
     )
+    return [header, "-" * len(header), *lines, legend]
 
 
 def difference_lines(
@@ -131,19 +201,11 @@ def error_lines(cube: xr.Dataset) -> list[str]:
     table = published_comparison(cube)
     if "trial_0" not in table:
         return []
-    header = (
-        f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {'trial 0':>7} | "
-        f"{'median (5–95 %)':>20} | {'published':>20}"
+    title = f"{'trial 0':>7} | {'median (5–95 %)':>20} | {'published':>20}"
+    first = cube.attrs["trial_0"]
+    return _tabulate_errors(
+        table, first, title, lambda row: f"{percent_text(row.trial_0):>7} | {_bands(row)}"
     )
-    lines = [header, "-" * len(header)]
-    lines += [
-        f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
-        f"{percent_text(row.trial_0):>7} | {band_text(row.median, row.low, row.high):>20} | "
-        f"{band_text(row.median_old, row.low_old, row.high_old):>20}"
-        f"{' *' if row.apart else ''}"
-        for row in table[np.isfinite(table["trial_0"])].itertuples()
-    ]
-    return [*lines, _legend(table, cube.attrs["trial_0"])]
 
 
 def all_difference_lines(

@@ -69,15 +69,10 @@ def refuse_value(field: str, given: Any, why: str) -> None:
     raise PydanticCustomError("refused", "{message}", {"message": message})
 
 
-def nearest_name(name: str, names: Iterable[str]) -> str:
-    """Return the name most like `name`, or empty if none is."""
-    return next(iter(difflib.get_close_matches(name, list(names), 1, 0.6)), "")
-
-
 def suggest_name(name: str, names: Iterable[str]) -> str:
     """Return words for the name that was probably meant, if there is one."""
-    meant = nearest_name(name, names)
-    return f" (did you mean {meant}?)" if meant else ""
+    meant = difflib.get_close_matches(name, list(names), 1, 0.6)
+    return f" (did you mean {meant[0]}?)" if meant else ""
 
 
 class Fields(BaseModel):

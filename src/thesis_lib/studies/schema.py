@@ -315,10 +315,7 @@ def describe_study(cube: xr.Dataset, study: Study) -> xr.Dataset:
     titles = [setups.case_title(*kind, case) for case in cases]
     numbers = [[setups.figure_number(*kind, case, mode) for mode in modes] for case in cases]
     words = {"long_name": "description of the case", "units": "1"}
-    figure = {
-        "long_name": "number of the figure in the thesis, if there is one",
-        "units": "1",
-    }
+    figure = {"long_name": "number of the figure in the thesis, if there is one", "units": "1"}
     return cube.assign_coords(
         case_title=("setting", titles, words),
         thesis_figure=(("setting", "mode"), np.array(numbers), figure),

@@ -18,8 +18,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.files import whole_file
-from thesis_lib.studies.blocks import HELD_BYTES
 
+HELD_BYTES = 64 * 2**20  # that a small file of someone else may fill of the memory
 MANTISSA_BITS = {  # of a rounded mantissa
     np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
     np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: what is compared

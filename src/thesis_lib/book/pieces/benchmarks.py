@@ -204,5 +204,5 @@ def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES},
+    **{f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES}
 }

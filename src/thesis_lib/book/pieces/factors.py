@@ -7,25 +7,34 @@ one case and mode over a factor. Its slope on logarithmic axes is the exponent p
 
 fitted by least squares to the rms over the trials, and for comparison to the prediction that the
 cube carries (for simulations the first-order law of rounding). An :class:`Effect` sums up the
-curves of one group.
+curves of one group, and one figure shows all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
+from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts.claims import Claim, Trend
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import UNCHANGED
 from thesis_lib.plotting import selection
 from thesis_lib.plotting.selection import select_settings
+from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, subplots
 from thesis_lib.studies import cubes
 
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
@@ -307,3 +316,84 @@ def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
         if effect.group == "sound"
     ]
     return sum(one.confident for one in found), sum(len(one.ratios) for one in found)
+
+
+FIGURE_FILE = "conclusions.svg"
+PANEL_GROUPS = dict(
+    zip(("beam", "plate", "sound", "experiment"), [*CYCLE_COLORS[:3], CYCLE_COLORS[4]], strict=True)
+)
+CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor": "none"}
+PANEL_TITLES = {
+    "closer": "(a) distance, mm",
+    "wider": "(b) aperture, °",
+    "lower": "(c) elevation, °",
+    "finer": "(d) width, px",
+    "more": "(e) cameras",
+}
+PANEL_TICKS = {
+    "closer": (500, 750, 1000, 1500),
+    "wider": (20, 50, 150),
+    "lower": (5, 10, 20, 60),
+    "finer": (320, 640, 1920),
+    "more": (2, 4, 6, 12),
+}
+
+
+def draw_summary(opened: Cubes) -> Figure:
+    """Return five panels, one for each factor, all with the same axis of errors.
+
+    A line is one case, the geometric mean over modes and planes of the rms over the trials; a
+    diamond is one figure that the thesis states.
+    """
+    with in_style():
+        drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
+        for axes, (name, factor) in zip(panels, FACTORS.items(), strict=True):
+            _draw_factor(axes, list(read_curves(opened, factor)))
+            _format_error_axis(axes, name, factor)
+        panels[0].set(yscale="log", ylabel="rms error, %")
+        panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        spacing: dict[str, Any] = {"ncols": 3, "columnspacing": 1.2, "handlelength": 1.8}
+        drawing.legend(handles=_draw_legend(), loc="outside lower center", **spacing)
+    return drawing
+
+
+def _draw_factor(axes: Axes, found: Sequence[Curve]) -> None:
+    by: dict[tuple[str, str], list[Curve]] = {}
+    for curve in found:
+        by.setdefault((curve.group, curve.case), []).append(curve)
+        thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
+        color = _choose_color(curve.group)
+        axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
+    for (group, _), alike in by.items():
+        mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
+        style = ".--" if "rendered" in group else ".-"
+        color = _choose_color(group)
+        axes.plot(alike[0].values, mean, style, color=color, linewidth=1.2, markersize=4)
+
+
+def _format_error_axis(axes: Axes, name: str, factor: Factor) -> None:
+    axes.set(xscale="log", title=PANEL_TITLES[name])
+    axes.xaxis.set_major_locator(FixedLocator(PANEL_TICKS[name]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    if factor.better < 0:  # to the right is what should measure better
+        axes.invert_xaxis()
+
+
+def _choose_color(group: str) -> str:
+    return PANEL_GROUPS[group.partition(",")[0]]
+
+
+def _draw_legend() -> list[Line2D]:
+    lines = [Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()]
+    grey = "#555555"
+    rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
+    stated = Line2D([], [], color=grey, linestyle="", label="thesis", **CLAIM_MARK)
+    return [*lines, rendered, stated]
+
+
+def write_summary_figure(made: Iterable[Path], folder: Path) -> None:
+    """Draw the figure of the cubes `made` into a folder; those that it lacks are left out."""
+    names = {name for factor in FACTORS.values() for _, name, _, _ in factor.sources}
+    opened = {path.stem: cube_file.read_cube(path) for path in made if path.stem in names}
+    files.whole_text(folder / FIGURE_FILE, figure_svg(draw_summary(opened)))

@@ -20,7 +20,7 @@ from matplotlib.patches import Circle
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
-from thesis_lib.book import missing
+from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets import cube_file, display
@@ -124,16 +124,9 @@ def draw_elevations(cube: xr.Dataset) -> Figure:
     for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         low, median, high = bars.band
-        axes.errorbar(
-            part["value"].values,
-            median,
-            [median - low, high - median],
-            fmt="osD^v"[i] + "-",
-            color=cycle_color(i),
-            markersize=4,
-            linewidth=1,
-            label=case.replace("-", " "),
-        )
+        style = {"fmt": "osD^v"[i] + "-", "color": cycle_color(i), "markersize": 4, "linewidth": 1}
+        bounds = [median - low, high - median]
+        axes.errorbar(part["value"], median, bounds, label=case.replace("-", " "), **style)
     make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5])
     axes.set(xlabel="elevation in °", ylabel="mean error, %", xlim=(0, None))
     axes.legend()
@@ -170,14 +163,8 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
         for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
             part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
             style = "--" if case == "known" else "-"
-            axes.plot(
-                part["value"],
-                bars.band[1],
-                "osD^"[i] + style,
-                color=cycle_color(i),
-                ms=4,
-                label=case,
-            )
+            median, mark = bars.band[1], "osD^"[i] + style
+            axes.plot(part["value"], median, mark, color=cycle_color(i), ms=4, label=case)
         make_logarithmic(axes.xaxis, cube["frame_rate"].values.tolist())
         make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
@@ -305,9 +292,8 @@ def draw_beam_modes() -> Figure:
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
         hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
-        axes.plot(
-            1000 * beam.markers[0], w, ".-", color=cycle_color(i), label=_mode_label(mode, hertz)
-        )
+        label = _mode_label(mode, hertz)
+        axes.plot(1000 * beam.markers[0], w, ".-", color=cycle_color(i), label=label)
     axes.axhline(0, color=REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
     axes.legend()
@@ -436,6 +422,6 @@ def write_illustrations(
             with in_style(style):
                 text = figure_svg(draw(cube_file.read_cube(cubes[of])), style)
         else:
-            missing.write_placeholder(file, OF_CUBES[name][0])
+            write_placeholder(file, OF_CUBES[name][0])
             continue
         files.whole_text(file, text)

@@ -1,4 +1,7 @@
-"""The reference of manifests and warnings, and the numbers that help to film."""
+"""Own recordings: manifests, warnings, numbers that help to film, and the example's report.
+
+The report is no page of Sphinx: it loads nothing, and is the file that a user would get.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from thesis_lib.figure_sets import record
 from thesis_lib.files import whole_text
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import (
@@ -26,6 +30,7 @@ from thesis_lib.measure.feasibility.assess import (
 )
 from thesis_lib.measure.feasibility.draft import draft_manifest
 from thesis_lib.measure.fitting.aliasing import fold_frequency
+from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import (
     CHECK_GROUPS,
     CHECK_LIMITS,
@@ -43,10 +48,43 @@ from thesis_lib.measure.recordings.manifest_model import (
     Reuse,
     StructureSpec,
 )
+from thesis_lib.measure.report.build import build_shape, summarise_shape
+from thesis_lib.measure.report.figures import draw_shape
+from thesis_lib.measure.report.warnings import check_shape
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render
 from thesis_lib.vision import cone_law
 from thesis_lib.vision.optics import depth_of_field
+
+SAMPLE_PAGE = "sample-report.html"
+SHAPE_FIGURE = "guide-shape.svg"
+SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE)
+
+
+def write_sample(folder: Path) -> None:
+    """Write the report on the shipped example into a folder, and a figure of it for the guide."""
+    data = record.read_sample()
+    manifest = record.manifest_of(data)
+    frames, assessed = record.first_frames(), assess_manifest(manifest)
+    whole_text(folder / SAMPLE_PAGE, build_shape(data, data, manifest, assessed, frames).page)
+    whole_text(folder / SHAPE_FIGURE, figure_svg(draw_shape(data, manifest)))
+
+
+def format_sample_summary() -> str:
+    """Format the last lines that the measurement of the example prints, as a block of text."""
+    data = record.read_sample()
+    notes = [f"note: {note.text} [{note.code}]" for note in check_shape(data)]
+    return "\n".join(["```text", *summarise_shape(data), *notes, "```", ""])
+
+
+def compare_smallest_deflection() -> str:
+    """Compare the predicted smallest deflection of the example with the measured one."""
+    data = record.read_sample()
+    predicted_mm = assess_manifest(record.manifest_of(data)).rig.smallest_mm
+    measured_mm = 3 * known_rms(1000 * data["standard_error"].values)
+    return render(__file__, "guide-counted", predicted_mm=predicted_mm, measured_mm=measured_mm)
+
 
 MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "manifest": Manifest,
@@ -347,10 +385,6 @@ PIECES: dict[str, Callable[[], str]] = {
     "film-alias": tabulate_alias,
     "film-focus": tabulate_focus,
     "film-markers": describe_markers,
+    "guide-summary": format_sample_summary,
+    "guide-counted": compare_smallest_deflection,
 }
-
-
-def write_reference(folder: Path) -> None:
-    """Write every piece of :data:`PIECES` into a folder, as ``NAME.md``."""
-    for name, piece in PIECES.items():
-        whole_text(folder / f"{name}.md", piece())

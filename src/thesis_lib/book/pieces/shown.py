@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 from thesis_lib import files
-from thesis_lib.book.missing import write_placeholder
+from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.templates import render
 
 SETS_IN_CHAPTERS = {
@@ -73,10 +72,6 @@ def _read_figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
             if "image/svg+xml" in output.get("data", {})
         ]
         if "figure" in about and pictures:
-            found = _describe_picture(about, pictures[0]) | {"set": notebook.stem}
-            yield about["figure"]["name"], found
-
-
-def _describe_picture(about: Mapping[str, Any], picture: str) -> dict[str, str]:
-    alt = about.get("image", {}).get("alt", "")
-    return {"picture": picture, "alt": alt, "caption": about["figure"]["caption"]}
+            words = {"alt": about.get("image", {}).get("alt", ""), "set": notebook.stem}
+            words |= {"picture": pictures[0], "caption": about["figure"]["caption"]}
+            yield about["figure"]["name"], words

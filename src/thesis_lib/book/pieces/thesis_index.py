@@ -12,14 +12,14 @@ from typing import Any
 from thesis_lib.facts.claims import read_index
 from thesis_lib.facts.setups import list_assumptions
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.files import project_root, whole_text
+from thesis_lib.files import project_root
 from thesis_lib.templates import render
 
 CHAPTER_FILES = {**{number: number for number in "123456"}, "appendices": "ABCDEF"}
 
 
 def tabulate_chapter(name: str) -> str:
-    """Tabulate the figures, tables and equations of a chapter of ``CHAPTERS``."""
+    """Tabulate the figures, tables and equations of a chapter of :data:`CHAPTER_FILES`."""
     kinds: dict[str, list[dict[str, Any]]] = {"figure": [], "table": [], "equation": []}
     for entry in read_index():
         kind, number = entry.item.split()
@@ -69,17 +69,6 @@ def _is_documented(name: str) -> bool:
     return False
 
 
-PIECES: dict[str, Callable[[], str]] = {
-    f"thesis-index-{n}": partial(tabulate_chapter, n) for n in CHAPTER_FILES
-}
-
-
-def write_thesis_index(folder: Path) -> None:
-    """Write every piece of ``PIECES`` into a folder, as ``NAME.md``."""
-    for name, piece in PIECES.items():
-        whole_text(folder / f"{name}.md", piece())
-
-
 CHAPTER_SUBJECTS = {  # pieces of the page: subjects, whose first names the piece
     "assumptions-simulation": ("beam", "plate"),
     "assumptions-sound": ("sound",),
@@ -109,12 +98,7 @@ def format_assumptions(subjects: tuple[str, ...]) -> str:
     return render(__file__, "assumptions", items=items)
 
 
-ASSUMPTION_PIECES: dict[str, Callable[[], str]] = {
-    name: partial(format_assumptions, subjects) for name, subjects in CHAPTER_SUBJECTS.items()
+PIECES: dict[str, Callable[[], str]] = {
+    **{f"thesis-index-{name}": partial(tabulate_chapter, name) for name in CHAPTER_FILES},
+    **{name: partial(format_assumptions, of) for name, of in CHAPTER_SUBJECTS.items()},
 }
-
-
-def write_assumptions(folder: Path) -> None:
-    """Write every piece of :data:`ASSUMPTION_PIECES` into a folder."""
-    for name, piece in ASSUMPTION_PIECES.items():
-        whole_text(folder / f"{name}.md", piece())

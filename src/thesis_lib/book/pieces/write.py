@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from thesis_lib import files
-from thesis_lib.book import missing
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.book.pieces import conclusions, findings, structures
-from thesis_lib.book.pieces.opened import Cubes, Opened
+from thesis_lib.book.pieces.opened import Cubes, Opened, describe_missing
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.parametric import sound
@@ -39,7 +38,7 @@ def _render_piece(piece: Callable[[Cubes], str], opened: Opened) -> str:
             raise
         text = ""
     if opened.wanted:
-        text = "\n\n".join(filter(None, [text, missing.describe_missing(opened.wanted)]))
+        text = "\n\n".join(filter(None, [text, describe_missing(opened.wanted)]))
     return text
 
 

@@ -26,9 +26,9 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
-from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.studies.request import study_command
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 

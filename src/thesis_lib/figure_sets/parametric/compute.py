@@ -19,7 +19,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.studies import schema
-from thesis_lib.studies.blocks import Block, compute_blocks, runs_of_trials
+from thesis_lib.studies.workers import Block, compute_blocks, runs_of_trials
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project

@@ -28,13 +28,13 @@ from thesis_lib.acoustics.sources import Medium
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies.blocks import Block, compute_blocks, runs_of_trials
 from thesis_lib.studies.schema import (
     extreme_settings,
     field_coordinates,
     label_values,
     read_variables,
 )
+from thesis_lib.studies.workers import Block, compute_blocks, runs_of_trials
 from thesis_lib.templates import render
 from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency, world_points

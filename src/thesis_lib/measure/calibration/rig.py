@@ -28,7 +28,7 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import shot_paths
 from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_png
-from thesis_lib.studies.parallel import map_in_pairs
+from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vision.lens import Camera
 
 Pose = tuple[Array, Array]

@@ -9,7 +9,6 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from thesis_lib.asides import aside
 from thesis_lib.measure.recordings.manifest_model import INSIDE_TEXT, CameraFiles, Manifest
 from thesis_lib.measure.recordings.text_files import (
     POWER_PATTERN,
@@ -17,6 +16,7 @@ from thesis_lib.measure.recordings.text_files import (
     parse_yaml,
     read_text,
 )
+from thesis_lib.outputs import aside
 from thesis_lib.studies.fields import first_problem, format_given
 
 #: Endings of images that are sought in folders

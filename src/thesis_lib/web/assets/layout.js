@@ -1,5 +1,5 @@
 // Planned cameras around a structure, to be turned; options of one or more plans to choose from.
-// Front end of thesis_lib.planning.figures in the form that static_html runs.
+// Front end of thesis_lib.planning.report in the form that static_html runs.
 import {
   asked, field, figure, fill, followWidth, heightOf, html, keep, linkButton, options, path, resize,
   select, svg, text, xy,

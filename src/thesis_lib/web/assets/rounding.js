@@ -1,5 +1,5 @@
 // Small experiments on the law of rounding: one marker on one pixel grid, two cameras and a point,
-// many cameras and a beam. Front end of thesis_lib.book.demos in the form that static_html runs.
+// many cameras and a beam. Front end of thesis_lib.book.explorer in the form that static_html runs.
 import { axes } from "./chart.js";
 import {
   asked, button, circle, clamp, figure, fill, fixed, followDrag, followWidth, html, keep, lines,
