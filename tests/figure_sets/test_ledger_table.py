@@ -305,6 +305,7 @@ def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path, width: int) -
         place = claim(opened, 333).bounding_box()
         assert place is not None
         assert 0 < place["y"] < 850
+        assert claim(opened, 333).locator(".tl-ledger-second").is_visible()
         pick(opened, "Verdict", "")  # the reader's own choice ends the exception
         assert shown(opened) == those(chapter=2)
         assert opened.page.locator("[aria-current]").count() == 0

@@ -159,6 +159,7 @@ function render({ model, el }) {
     unlink();
     linked = claims.find(({ body }) => body.id === name) ?? null;
     linked?.body.setAttribute("aria-current", "true");
+    linked?.body.querySelector("button[aria-expanded=false]")?.click();
     apply();
     const show = () => linked?.body.scrollIntoView({ block: "center" });
     show();

@@ -85,7 +85,7 @@ export const swatch = (i) => icon(14, path("tl-mark", mark(i, 7, 7, 4)));
 export function figure(letter, canvas, letters = letter) {
   const caption = html("span"), foot = html("div", { class: "tl-foot" });
   fill(canvas, { "data-testid": `panel-${letter}` });
-  const heading = html("figcaption", {}, ...(letters ? [html("b", {}, letters)] : []), caption);
+  const heading = html("figcaption", {}, ...(letters ? [html("b", {}, letters), " "] : []), caption);
   const names = { class: `tl-panel-${letter}`, style: `--area: ${letter}` };
   const node = html("figure", names, heading, canvas, foot);
   return { node, canvas, caption, foot };
