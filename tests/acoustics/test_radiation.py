@@ -464,6 +464,19 @@ def test_field_is_the_direct_expression(conforms, kind):
         conforms.independent(np.max(np.abs(field - direct)), below=1e-12 * peak)
 
 
+def test_field_is_linear_in_velocity_and_density(conforms):
+    parts = panel(6, 4)
+    points, omega = np.array([[0.1], [0.2], [0.3]]), 3 * C / A
+    one, other = random_velocity(24, 1), random_velocity(24, 2)
+    both = rad.rayleigh_pressure(parts, one + 2j * other, points, omega)
+    apart = [rad.rayleigh_pressure(parts, v, points, omega) for v in (one, other)]
+    conforms.invariance(both, apart[0] + 2j * apart[1], rtol=1e-12)
+    water = Medium(C, 1000)
+    conforms.invariance(
+        rad.rayleigh_pressure(parts, one, points, omega, water), apart[0] * 1000 / RHO, rtol=1e-12
+    )
+
+
 def test_memory_of_a_field_is_bounded_by_a_block():
     parts = plate_pistons(setups.thesis_plate())
     v = random_velocity(150)

@@ -12,7 +12,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import half_digit, read_claims, read_trends
 from thesis_lib.facts.numbers import read_numbers
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import reason_undefined
+from thesis_lib.ledger.verdicts import Check, judge_claim
 
 CLAIMS = read_claims()
 TEXT = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8")
@@ -317,10 +317,10 @@ def test_what_is_undefined_has_a_reason_and_no_check(stated):
         (cube.isel(trial=[0]), claim, "the cube has no random trials"),
         (nodal, claim, "the reference is zero: a nodal plane"),
     ):
-        assert reason_undefined(made, one) == reason
+        assert judge_claim(made, one) == reason
         assert verdicts.check_claims(made, [one]) == []
-    assert reason_undefined(cube, claim) == ""
-    assert reason_undefined(nodal, replace(claim, values=(1000.0,))) == ""
+    assert isinstance(judge_claim(cube, claim), Check)
+    assert isinstance(judge_claim(nodal, replace(claim, values=(1000.0,))), Check)
 
 
 # -- The file --

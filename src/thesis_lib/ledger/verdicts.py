@@ -132,12 +132,6 @@ def check_claims(cube: xr.Dataset, claims: Iterable[Claim]) -> list[Check]:
     return [found for claim in claims if isinstance(found := judge_claim(plain, claim), Check)]
 
 
-def reason_undefined(cube: xr.Dataset, claim: Claim) -> str:
-    """Return why a claim cannot be held against a cube, or an empty text if it can."""
-    found = judge_claim(cube, claim)
-    return found if isinstance(found, str) else ""
-
-
 def judge_claim(cube: xr.Dataset, claim: Claim) -> Check | str:
     """Hold one claim against a cube, or say in a few words why that cannot be done."""
     if claim.mode not in cube.variables["mode"].values:

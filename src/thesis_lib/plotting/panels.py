@@ -134,7 +134,7 @@ def _least(groups: Sequence[Bars], top: float) -> float:
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     """Draw cameras on their hemispheres from a corner, and mark the varied parameter."""
     axes.set_title(f"(a) setups: {cube.attrs['varied_label']} varied")
-    cameras = [_positions(part.isel(setting=index)) for index in range(part.sizes["setting"])]
+    cameras = [camera_centres(part.isel(setting=index)) for index in range(part.sizes["setting"])]
     radius = max(np.linalg.norm(c, axis=1).max() for c in cameras)
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = np.stack([np.sin(turn), np.cos(turn), 0 * turn], axis=1)
@@ -205,7 +205,7 @@ def _aperture_arc(first: Array, second: Array) -> Array:
     return np.asarray(0.45 * radius * (np.cos(turn) * middle + np.sin(turn) * aside))
 
 
-def _positions(setting: xr.Dataset) -> Array:
+def camera_centres(setting: xr.Dataset) -> Array:
     """Return the camera centres of one setting in m, shape (cameras, 3)."""
     azimuth, elevation = (np.radians(setting[f"camera_{a}"]) for a in ("azimuth", "elevation"))
     places = hemisphere_directions(azimuth, elevation) * setting["camera_distance"].values[:, None]

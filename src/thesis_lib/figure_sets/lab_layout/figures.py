@@ -24,7 +24,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts import setups
-from thesis_lib.plotting.panels import setup_panel
+from thesis_lib.plotting.panels import camera_centres, setup_panel
 from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import (
     BEST_COLOR,
@@ -33,6 +33,7 @@ from thesis_lib.plotting.style import (
     HIGHLIGHT_COLOR,
     REFERENCE_COLOR,
     WORST_COLOR,
+    add_legend,
     draw_curves,
     make_logarithmic,
     ordered_colors,
@@ -40,7 +41,6 @@ from thesis_lib.plotting.style import (
 )
 from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.fields import unit_of_field
-from thesis_lib.vision.pinhole import hemisphere_directions
 
 MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
 MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
@@ -226,10 +226,8 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
 
 def _add_key(axes: Axes, room: float, **how: Any) -> None:
     """Add plain ticks and a legend, in some room above what is drawn."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high * (high / low) ** room)
+    add_legend(axes, room, "upper center", columnspacing=1, fontsize=7, **how)
     plain_ticks(axes.yaxis)
-    axes.legend(loc="upper center", columnspacing=1, fontsize=7, **how)
 
 
 def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
@@ -301,7 +299,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
     error, count = predict_errors(part), part["n_cameras"].values
     shown = [int(n) for n in np.unique(count) if np.isfinite(error[count == n]).any()][:3]
     panels = place.subplots(2, max(len(shown), 1), squeeze=False)
-    every = _camera_places(part.isel(setting=int(np.argmax(count))))
+    every = 1000 * camera_centres(part.isel(setting=int(np.argmax(count))))[:, :2]
     reach = 1.25 * np.abs(every).max()
     length, width = (1000 * side for side in setups.thesis_beam().extent)
     for column, n in enumerate(shown):
@@ -314,7 +312,7 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
             axes.add_patch(Rectangle((-length / 2, -width / 2), length, width, **ground))
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             names = str(one["label"].item()).split("–")
-            for name, (x, y) in zip(names, _camera_places(one), strict=True):
+            for name, (x, y) in zip(names, 1000 * camera_centres(one)[:, :2], strict=True):
                 axes.plot([0, x], [0, y], color=CYCLE_COLORS[0], linewidth=0.6, alpha=0.6)
                 axes.plot(x, y, "o", color=CYCLE_COLORS[0], markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)
@@ -322,13 +320,6 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
             axes.set_title(f"{word} {n}: {error[index]:.3g} %", fontsize=8, loc="center")
             axes.axis("off")
     place.suptitle("(a) best and worst sets in plan", fontsize=9, x=0.02, ha="left")
-
-
-def _camera_places(setting: xr.Dataset) -> Array:
-    """Return the cameras of one setting in plan, X and Y in mm, shape (cameras, 2)."""
-    angles = np.radians([setting[f"camera_{a}"].values for a in ("azimuth", "elevation")])
-    centres = 1000 * setting["camera_distance"].values[:, None] * hemisphere_directions(*angles)
-    return np.asarray(centres[np.isfinite(centres[:, 0]), :2])
 
 
 def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> None:
