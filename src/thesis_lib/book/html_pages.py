@@ -165,7 +165,7 @@ def _write_viewer(book: Path, program: str, style: str) -> tuple[str, str]:
 
 
 def strip_notebook(path: Path) -> None:
-    """Remove from an offered notebook what its page shows: pictures and widgets."""
+    """Remove from an offered notebook what its page shows: figures and widgets."""
     notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     notebook["metadata"].pop("widgets", None)
     for output in (one for cell in notebook["cells"] for one in cell.get("outputs", [])):

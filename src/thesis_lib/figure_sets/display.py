@@ -1,4 +1,4 @@
-"""The figures and texts of any cube: a figure for each case and mode, or pictures by name."""
+"""The figures and texts of any cube: one for each case and mode, or by name."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
 
 
 def picture_style(figure_set: str) -> Mapping[str, Any]:
-    """Return parameters of Matplotlib for a figure set's pictures, by its module's ``STYLE``."""
+    """Return parameters of Matplotlib for a figure set's figures, by its module's ``STYLE``."""
     style: Mapping[str, Any] = getattr(figures_module(figure_set), "STYLE", {})
     return style
 

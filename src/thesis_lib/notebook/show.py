@@ -122,9 +122,9 @@ def _build_form(cube: xr.Dataset) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure with its words: a picture for pages, and in a front end its caption, too."""
+    """A figure with its words: an SVG for pages, and in a front end its caption, too."""
 
-    svg: str = field(repr=False)  #: The picture
+    svg: str = field(repr=False)  #: The drawing
     #: Its ``name``, ``caption`` and ``alt``, and ``case`` and ``mode`` if it is of one
     about: Mapping[str, Any] = field(repr=False)
 

@@ -234,7 +234,7 @@ def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArra
 class Sights:
     """What is seen in some directions from the centre, whatever the distance."""
 
-    #: Distance in m from which on a marker's whole motion is in the picture, shape
+    #: Distance in m from which on a marker's whole motion is in the image, shape
     #: (directions, markers)
     inside: Array
     #: How far a marker is from the centre along the direction, in m, shape (directions, markers)
@@ -247,7 +247,7 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     body, R = scene.body, hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
-    # an image is focal × across / (distance + beyond) from the middle of the picture
+    # an image is focal × across / (distance + beyond) from the middle of the image
     aside = np.maximum(
         np.abs(across) / (1 / 2 + LIMIT_SLACK), np.abs(down) / (scene.aspect / 2 + LIMIT_SLACK)
     )
@@ -260,7 +260,7 @@ def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
     """Return each marker's distance inside the limits, shape (2, places, markers).
 
     How much farther the place is than it must be for the marker's whole motion to be in the
-    picture, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
+    image, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
     the marker is seen and can be read.
     """
     rest = scene.body.points - scene.body.centre[:, None]

@@ -39,7 +39,7 @@ from thesis_lib.web.html import render_html, render_lines
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
 _LINE_SYMBOLS = "osD^vP*X"
 NO_SCRIPT_TEXT = (
-    "This picture needs JavaScript to be turned; the ones beside it show the same cameras."
+    "This figure needs JavaScript to be turned; the ones beside it show the same cameras."
 )
 
 

@@ -97,7 +97,7 @@ class PlanRequest(Study):
     resolutions_px: Several[Resolution] = Field(
         [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
         max_length=20,
-        description="cameras to choose from: width and height of their pictures",
+        description="cameras to choose from: width and height of their images",
     )
     prices: list[Positive] = Field(
         [],
@@ -222,7 +222,7 @@ class PlanRequest(Study):
         )
 
     def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
-        """Return what is measured with pictures in the proportion of one of the resolutions."""
+        """Return what is measured with images in the proportion of one of the resolutions."""
         width, height = self.resolutions_px[kind]
         focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
         return Scene(body or self.measured, self.peaks_m, self.rules, focals, height / width)

@@ -56,7 +56,7 @@ RC_STYLE: Any = {
     "legend.fontsize": 8,
     "svg.fonttype": "none",  # words are text: found, copied, read, and in fewer bytes
     "font.sans-serif": ["DejaVu Sans", "Verdana", "sans-serif"],  # of equal widths, and any
-    "svg.hashsalt": "thesis",  # the same picture gives the same bytes
+    "svg.hashsalt": "thesis",  # the same figure gives the same bytes
     "text.parse_math": False,  # a dollar in a reader's name is a dollar
 }
 MATH_STYLE = {"text.parse_math": True}

@@ -20,7 +20,7 @@ from thesis_lib.studies.fields import unit_of_field
 LENS_FIELDS = ("focal_length_mm", "principal_offset_px", "sensor_width_mm")
 """Parameters behind images of ideal cameras with whole pixels, which rendered studies lack."""
 DRAWN_DIGITS = 4  # significant digits of what is only drawn
-FIELD_STEP = 2  # every other point of a plane is enough for a moving picture
+FIELD_STEP = 2  # every other point of a plane is enough for an animation
 
 
 def viewer_data(cube: xr.Dataset) -> dict[str, Any]:

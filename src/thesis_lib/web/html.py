@@ -85,7 +85,7 @@ def format_code(text: str) -> Markup:
 
 
 def data_address(picture: Picture) -> str:
-    """Return a picture as an address that holds its content."""
+    """Return an image as an address that holds its content."""
     kind, content = picture
     mime = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"
@@ -97,7 +97,7 @@ def _let_scroll(body: str) -> Markup:
 
 
 def write_pictures(folder: Path, pictures: Iterable[tuple[str, Picture]]) -> None:
-    """Write named pictures into the subfolder ``figures`` of a folder."""
+    """Write named images into the subfolder ``figures`` of a folder."""
     (folder / "figures").mkdir(exist_ok=True)
     for name, (kind, content) in pictures:
         (folder / "figures" / f"{name}.{kind}").write_bytes(content)

@@ -64,7 +64,7 @@ LAW_SETTINGS = 101
 AXIS_LABELS = {
     "distance": "distance in mm",
     "aperture": "aperture in °",
-    "resolution": "pixels across the picture",
+    "resolution": "pixels across the image",
     "arrays": "number of cameras",
 }
 

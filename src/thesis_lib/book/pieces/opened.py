@@ -18,7 +18,7 @@ from thesis_lib.files import whole_file, whole_text
 from thesis_lib.runs.postprocess import figure_cell, figure_metadata
 from thesis_lib.templates import escape_markdown, render
 
-_PLACEHOLDER_TEXT = "This picture is missing: its run failed."
+_PLACEHOLDER_TEXT = "This figure is missing: its run failed."
 
 
 def write_texts(folder: Path, pieces: Mapping[str, Callable[[], str]]) -> None:
@@ -63,7 +63,7 @@ def build_failure_page(source: Path, name: str, reason: str) -> Any:
 
 
 def write_placeholder(path: Path, task: str) -> None:
-    """Put words in the place of a piece of prose, or of a picture, that could not be made."""
+    """Put words in the place of a piece of prose, or of a figure, that could not be made."""
     if path.suffix == ".md":
         whole_text(path, f"*Missing here, since the step “{escape_markdown(task)}” failed.*\n")
     elif path.suffix == ".svg":

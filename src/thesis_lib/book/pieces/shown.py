@@ -33,7 +33,7 @@ def find_figure_names(pages: Iterable[Path]) -> list[str]:
 
 
 def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder: Path) -> None:
-    """Write each wanted figure into `folder`: its picture, and what a page includes."""
+    """Write each wanted figure into `folder`: its SVG, and what a page includes."""
     found = {name: one for notebook in notebooks for name, one in _read_figures(notebook)}
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"

@@ -232,7 +232,7 @@ def draw_plane(data: xr.Dataset) -> Figure:
 
 
 def draw_centres(data: xr.Dataset) -> Figure:
-    """Draw marker centres in the picture at rest and at the maximum, at the tip (figure F.7)."""
+    """Draw marker centres in the image at rest and at the maximum, at the tip (figure F.7)."""
     markers = rows_on(setups.thesis_beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
     row = markers.columns

@@ -27,7 +27,7 @@ from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 
-PICTURE_WIDTH_PX = 1500  # width of pictures that hold photographs
+PICTURE_WIDTH_PX = 1500  # width of figures that hold photographs
 WEBP_QUALITY = 85  # of 100, at which they are stored
 WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "rig": figures.draw_rig,
@@ -44,13 +44,13 @@ WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 
 
 def file_name(name: str) -> str:
-    """Name a picture's file: WebP if it holds photographs, SVG otherwise."""
+    """Name a figure's file: WebP if it holds photographs, SVG otherwise."""
     kind = "webp" if WALK_FIGURES[name].__module__ == photographs.__name__ else "svg"
     return f"lab-{name}.{kind}"
 
 
 def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
-    """Write all pictures of the measured recordings; the same dataset gives the same bytes."""
+    """Write all figures of the measured recordings; the same dataset gives the same bytes."""
     paths = [folder / file_name(name) for name in WALK_FIGURES]
     for path, draw in zip(paths, WALK_FIGURES.values(), strict=True):
         figure = draw(data)
@@ -197,7 +197,7 @@ def fill_text(data: xr.Dataset, name: str) -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Write pictures and texts into a folder, from the recordings of chapter 5."""
+    """Write figures and texts into a folder, from the recordings of chapter 5."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
     write_pictures(data, folder)
     for name in TEXT_VALUES:

@@ -24,7 +24,7 @@ from thesis_lib.plotting.style import (
 )
 from thesis_lib.studies.cubes import iterate_slices
 
-STYLE = MATH_STYLE  # of pictures
+STYLE = MATH_STYLE  # of figures
 MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 

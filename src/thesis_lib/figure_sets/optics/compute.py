@@ -1,7 +1,7 @@
 """The cube of ``cameras``: angles of view, projections, pixels, colours, sharpness, parallel pairs.
 
 Every variable is a closed form of :mod:`thesis_lib.vision.optics`, but for the depths of a parallel
-pair with whole pixels, which are drawn at random, and the pictures, which are drawn in full. Of
+pair with whole pixels, which are drawn at random, and the images, which are drawn in full. Of
 these only the strip that holds the beam is drawn. They are ``(rows, columns)`` or
 ``(rows, columns, 3)`` with values from 0 to 1.
 """
@@ -218,7 +218,7 @@ def _summary(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
     return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))
 
 
-FINEST_SIZE_PX = (1280, 720)  # px, of the picture that all others are means of
+FINEST_SIZE_PX = (1280, 720)  # px, of the image that all others are means of
 STRIP_STEP_PX = 80  # px of it: rows of the strip are a multiple, so that every block fits
 RAYS_PER_PIXEL = 2  # rays across a pixel of it, in both directions
 TABLE_COLOUR, BEAM_COLOUR, MARKER_COLOUR = np.array(
@@ -237,7 +237,7 @@ class BeamPicture:
     markers: Array
     camera: CameraArray  #: The camera, with ``FINEST`` pixels
     structure: Beam  #: What it sees
-    top: int  #: Row of the camera's picture at which the strip begins
+    top: int  #: Row of the camera's image at which the strip begins
 
     def colours(self, block: int) -> Array:
         """Return the image with pixels of `block` by `block` finest ones, (rows, columns, 3)."""

@@ -44,7 +44,7 @@ class Cameras(Study):
         description="focal lengths of which angles of view are computed",
     )
     format_widths_px: fields.Several[fields.Width] = Field(
-        [800, 1024, 1280, 1600], description="widths of pictures in the formats 4:3 and 3:2"
+        [800, 1024, 1280, 1600], description="widths of images in the formats 4:3 and 3:2"
     )
     focal_length_mm: fields.Positive = Field(
         assumed_values("beam")["focal_length_mm"],
@@ -55,7 +55,7 @@ class Cameras(Study):
     )
     resolution_px: fields.SensorSize = Field(
         tuple(setups.setup_table("beam", "distance")["resolution_px"]),
-        description="width and height of the pictures that are not drawn",
+        description="width and height of the images that are not drawn",
     )
     distances_mm: fields.Several[fields.Positive] = Field(
         [float(d) for d in setups.setup_table("beam", "distance")["distances_mm"]],
@@ -70,7 +70,7 @@ class Cameras(Study):
     )
     widths_px: fields.Several[PictureWidth] = Field(
         [640, 320, 160, 80],
-        description="widths of the drawn pictures of the beam, from the nearest distance",
+        description="widths of the drawn images of the beam, from the nearest distance",
     )
     marker_mm: Annotated[fields.Real, Field(gt=0, le=25)] = Field(
         5.0, description="diameter of the drawn markers"

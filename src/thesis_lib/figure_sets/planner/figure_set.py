@@ -57,7 +57,7 @@ class Planner(Study):
     resolutions_px: fields.Several[fields.Resolution] = Field(
         [(320, 180), (640, 360), (1280, 720)],
         max_length=8,
-        description="cameras to choose from: width and height of their pictures",
+        description="cameras to choose from: width and height of their images",
     )
     focal_length_mm: fields.FocalLength = assumed_values("beam")["focal_length_mm"]
     sensor_width_mm: fields.SensorWidth = assumed_values("beam")["sensor_width_mm"]
@@ -147,7 +147,7 @@ class Planner(Study):
     def _check_together(self) -> Planner:
         (width, height), *rest = self.resolutions_px
         if any(w * height != h * width for w, h in rest):
-            self.refuse("resolutions_px", "allowed: pictures of one proportion")
+            self.refuse("resolutions_px", "allowed: images of one proportion")
         for body, peak in (("beam", self.beam_amplitude_mm), ("plate", self.plate_amplitude_mm)):
             left = free_room(body)[0] - _reach(body)
             if peak >= left:

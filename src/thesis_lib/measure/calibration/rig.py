@@ -292,7 +292,7 @@ def adjust_cameras(
         off = moved.get(int(pose))
         why = f"{1e3 * off:.1f} mm off the rig of the others" if off else "no camera sees the board"
         files = ", ".join(path.name for row in paths if (path := row[pose]))
-        lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
+        lost.append(f"pose {pose + 1} ({files or 'no image'}): {why}; it is left out")
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
     full = adjust_bundle(used, board.corners_in_images(used), cameras, not lenses, not lenses)

@@ -1,7 +1,7 @@
 """Each camera's calibration by itself, from board images (Appendix D).
 
 Zhang's method (Zhang 2000) finds a camera's intrinsics, its distortion and the board's pose in
-every shot. Which of the corners that look alike is the first is each picture's own idea; module
+every shot. Which of the corners that look alike is the first is each image's own idea; module
 :mod:`~thesis_lib.measure.calibration.rig` brings the images of several cameras together.
 """
 

@@ -386,8 +386,8 @@ class CameraFiles(Fields):
 
     name: Name = Field(..., description="its name")
     video: FileName = Field(..., description="video with the structure's vibration and its sound")
-    width_px: Width = Field(1920, description="width of the pictures")
-    height_px: Width = Field(1080, description="height of the pictures")
+    width_px: Width = Field(1920, description="width of the images")
+    height_px: Width = Field(1080, description="height of the images")
     frame_rate_hz: Real = Field(60.0, ge=1, le=1e5, description="frames per second of the video")
     captured_hz: Real | None = Field(
         None,

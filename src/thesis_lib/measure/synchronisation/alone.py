@@ -1,4 +1,4 @@
-"""Videos and sounds of one event, put on one clock by what they heard: a table and a picture."""
+"""Videos and sounds of one event, put on one clock by what they heard: a table and a figure."""
 
 from __future__ import annotations
 
