@@ -739,3 +739,33 @@ def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
     left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
     late = (shake > 0.3) & (shake < 0.8)
     assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)
+
+
+def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
+    for one in ("beam", "plate"):
+        printed = setups.setup_table(one, "distance")["distances_mm"]
+        swept = cube["swept"].sel(finding="distance", structure=one)
+        assert [swept.min(), swept.max()] == pytest.approx([min(printed), max(printed)])
+
+
+def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
+    text = fill_text(cube, "findings")
+    best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
+    assert f"least error at {best}°" in text
+    assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
+    assert len([line for line in text.splitlines() if line.startswith("|")]) == 7
+
+
+def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
+    text = " ".join(fill_text(cube, "few-noisy").split())
+    at = {"count": 24, "image_noise": 0.05}
+    interval, squares = (
+        1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
+        for name in ("interval", "least squares")
+    )
+    assert f"24 coarse cameras measure to {interval:.0f} µm by *interval*" in text
+    assert f"to {squares:.0f} by least squares" in text
+    least = 1e6 * float(cube["least_share_error"].sel(at))
+    assert f"below {least:.0f}. 2 sharp ones" in text
+    bear = cube["equal_pixels_tolerated_noise"].sel(approach="interval")
+    assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in text

@@ -28,6 +28,32 @@ from thesis_lib.vision.simulation import measure_deflections
 STUDIES = ["distance", "aperture", "resolution", "arrays"]
 PLANES = ["XZ", "YZ"]
 NODAL = {(2, "YZ"), (3, "XZ")}  # of modes 1 to 3
+TRIAL = ("setting", "mode", "trial")
+FIELD = ("mode", "plane", "u", "z")
+CONTRACT = {  # dimensions and unit
+    "plane_error": ((*TRIAL, "plane"), "percent"),
+    "plane_error_of_larger": ((*TRIAL, "plane"), "percent"),
+    "predicted_error": (("setting", "mode", "plane"), "percent"),
+    "independent_ratio": (("mode", "plane"), "1"),
+    "largest_pressure": (("mode", "plane"), "Pa"),
+    "deflection_error": (TRIAL, "percent"),
+    "coherence": (("setting", "mode", "plane"), "1"),
+    "radiated_share": (("setting", "mode", "plane", "radiation_mode"), "1"),
+    "independent_share": (("mode", "plane", "radiation_mode"), "1"),
+    "sum_error": (("mode", "plane"), "percent"),
+    "sum_error_largest": (("mode", "plane"), "percent"),
+    "best_and_worst": (("case", "mode", "extreme"), "1"),
+    "radiation_efficiency": (("mode",), "1"),
+    "piston_size": (("mode",), "1"),
+    "pressure_reference_real": (FIELD, "Pa"),
+    "pressure_reference_imag": (FIELD, "Pa"),
+    "pressure_measured_real": (("case", "mode", "extreme", "plane", "u", "z"), "Pa"),
+    "pressure_measured_imag": (("case", "mode", "extreme", "plane", "u", "z"), "Pa"),
+    "in_view": (("setting",), "1"),
+    "camera_distance": (("setting", "camera"), "m"),
+    "camera_azimuth": (("setting", "camera"), "degree"),
+    "camera_elevation": (("setting", "camera"), "degree"),
+}
 LEVELS = {"sound_power": "W", "sound_power_level": "dB", "largest_pressure_level": "dB"}
 
 
@@ -53,7 +79,16 @@ def default_cubes(study):
 @pytest.mark.parametrize("study", STUDIES)
 def test_cube_keeps_the_contract(study):
     request, plate, cube = both(study)
-    assert set(cube.data_vars) >= set(sound.VARIABLES)
+    assert {name: cube[name].dims for name in cube.data_vars} == {
+        name: dims for name, (dims, _) in CONTRACT.items()
+    }
+    assert {name: cube[name].attrs["units"] for name in cube.data_vars} == {
+        name: unit for name, (_, unit) in CONTRACT.items()
+    }
+    for variable in cube.variables.values():
+        assert variable.attrs["long_name"]
+        assert variable.dtype.kind in "fiU"  # no complex numbers, no objects
+        assert "units" in variable.attrs or variable.dtype.kind == "U"
     assert list(cube["plane"].values) == PLANES
     assert list(cube["extreme"].values) == ["best", "worst"]
     for name in ("case", "parameter", "value", "label", "n_cameras", "width_px", "height_px",

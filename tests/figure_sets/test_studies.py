@@ -29,6 +29,34 @@ from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.simulation import measure_deflections
 
 NAMES = ["beam-distance", "beam-aperture", "beam-resolution", "beam-arrays"]
+UNITS = {
+    "reference_deflection": "m",
+    "measured_deflection": "m",
+    "mean_error": "percent",
+    "max_point_error": "percent",
+    "point_error": "percent",
+    "predicted_error": "percent",
+    "mac": "1",
+    "in_view": "1",
+    "ground_sample_distance": "m/px",
+    "camera_distance": "m",
+    "camera_azimuth": "degree",
+    "camera_elevation": "degree",
+}
+DIMENSIONS = {
+    "reference_deflection": ("mode", "point"),
+    "measured_deflection": ("setting", "mode", "trial", "point"),
+    "mean_error": ("setting", "mode", "trial"),
+    "max_point_error": ("setting", "mode", "trial"),
+    "point_error": ("setting", "mode", "point"),
+    "predicted_error": ("setting", "mode"),
+    "mac": ("setting", "mode", "trial"),
+    "in_view": ("setting",),
+    "ground_sample_distance": ("setting",),
+    "camera_distance": ("setting", "camera"),
+    "camera_azimuth": ("setting", "camera"),
+    "camera_elevation": ("setting", "camera"),
+}
 PLATES = [name.replace("beam", "plate") for name in NAMES]
 HERTZ = {"beam": [6.312, 39.56, 110.8], "plate": [305.5, 585.5, 942.1]}
 
@@ -55,8 +83,12 @@ def test_cube_keeps_the_contract(conforms, name):
     sizes = {"setting": len(study.settings()), "mode": 3, "trial": 21, "point": points}
     assert sizes.items() <= dict(cube.sizes).items()
     assert cube.sizes["camera"] == max(cube["n_cameras"].values)
-    declared = {**schema.VARIABLES, **schema.REFERENCE_VARIABLE}
-    assert set(declared) <= set(cube.data_vars)
+    assert {variable: cube[variable].dims for variable in cube.data_vars} == DIMENSIONS
+    assert {variable: cube[variable].attrs["units"] for variable in cube.data_vars} == UNITS
+    for variable in cube.variables.values():
+        assert variable.attrs["long_name"]
+        assert variable.dtype.kind in "fiU"  # no complex numbers, no objects
+        assert "units" in variable.attrs or variable.dtype.kind == "U"
     on_setting = {"case", "parameter", "value", "n_cameras", "width_px", "height_px", "pair_order"}
     assert all(cube[coordinate].dims == ("setting",) for coordinate in on_setting)
     assert cube["x"].dims == cube["y"].dims == ("point",)
