@@ -18,6 +18,7 @@ from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
+from thesis_lib.measure.calibration.reused import reuse_calibration
 from thesis_lib.measure.calibration.uncertainty import (
     jackknife_cameras,
     read_deviations,
@@ -29,7 +30,7 @@ from thesis_lib.measure.exchange.cameras import read_cameras
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape
-from thesis_lib.measure.steps import CALIBRATION_VARIABLES, reuse_calibration
+from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import label_values
 from thesis_lib.vibration.motion import Component

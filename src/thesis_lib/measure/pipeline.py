@@ -16,6 +16,7 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
+from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import files, history
 from thesis_lib.measure.exchange.cameras import OWN_FILE, Found
 from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
@@ -35,11 +36,9 @@ from thesis_lib.measure.response.result import estimate_response
 from thesis_lib.measure.steps import (
     CALIBRATION_VARIABLES,
     SOUND_VARIABLES,
-    as_calibrated,
     calibrate_rig,
     inspect_videos,
     read_sound,
-    reuse_calibration,
     track_markers,
 )
 from thesis_lib.measure.tracking.tracks import Recording

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
@@ -330,8 +329,10 @@ def are_free(scene: Scene, places: Array) -> Mask:
 
 def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are far enough from all others, shape (places,)."""
+    from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
+
     centres, other_centres = camera_centres(scene, places), camera_centres(scene, others)
-    gap = scipy.spatial.distance.cdist(centres, other_centres)
+    gap = cdist(centres, other_centres)
     return np.asarray(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK), axis=1))
 
 

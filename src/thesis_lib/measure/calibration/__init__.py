@@ -2,5 +2,5 @@
 
 From images on: `corners` finds the board's corners; `zhang` calibrates each camera by itself; `rig`
 orders the corners alike for all cameras, and `bundle_adjustment` adjusts these together;
-`uncertainty` tells how exact they are.
+`uncertainty` tells how exact they are. `reused` has cameras from elsewhere.
 """
