@@ -17,7 +17,7 @@ from book.test_book_pages import notebook  # noqa: F401
 from browser import browser, find_browser
 from playwright.sync_api import Page
 
-from thesis_lib.book import explorer as demos
+from thesis_lib.book import explorer
 from thesis_lib.web import page as web_page
 from thesis_lib.web.page import index_page
 
@@ -61,7 +61,9 @@ def test_nothing_serious_in_the_form(page: Page, tmp_path: Path) -> None:
     """Filled, refused, and with every kind of control."""
     html = tmp_path / "form.html"
     head = "<!doctype html><html lang='en'><meta charset='utf-8'><title>Form</title>"
-    html.write_text(f"{head}<main><h1>Form</h1>{demos.rerun_form_html()}</main>", encoding="utf-8")
+    html.write_text(
+        f"{head}<main><h1>Form</h1>{explorer.rerun_form_html()}</main>", encoding="utf-8"
+    )
     for dark in (False, True):
         page.emulate_media(color_scheme="dark" if dark else "light")
         for query in ("set=beam-arrays&modes=1", "set=lab-plate&frames=x", "set=ch3&seed=-1"):

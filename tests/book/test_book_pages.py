@@ -27,12 +27,10 @@ from thesis_lib.web import page as web_page
 from thesis_lib.web.page import BookError, index_page
 
 BOOK = Path(__file__).parents[2] / "build" / "html"
+# Without a report as users get it, which is no page: test_sample.py looks at it.
 PAGES = sorted(
     path.relative_to(BOOK).as_posix()
-    for path in {*BOOK.rglob("*.html")}
-    - {
-        BOOK / recordings.SAMPLE_PAGE
-    }  # a report as users get it, no page: test_sample.py looks at it
+    for path in {*BOOK.rglob("*.html")} - {BOOK / recordings.SAMPLE_PAGE}
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
 _LIBRARY = [name for name in PAGES if name.startswith("api/")]

@@ -14,7 +14,7 @@ import pytest
 from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 
-from thesis_lib.book import explorer as demos
+from thesis_lib.book import explorer
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric import compute, in_page
@@ -61,7 +61,7 @@ def atlas(name: str, **values: Any) -> str:
 @pytest.fixture(scope="module")
 def form(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("recompute") / "a form.html"
-    return write_page(file, demos.rerun_form_html())
+    return write_page(file, explorer.rerun_form_html())
 
 
 @pytest.fixture(scope="module")
@@ -349,7 +349,7 @@ def test_a_parameter_that_the_page_does_not_know_is_left_to_the_command(
 ) -> None:
     """As one that is added to all camera studies."""
     monkeypatch.setattr(in_page, "KNOWN_FIELDS", in_page.KNOWN_FIELDS - {"azimuth_zero", "modes"})
-    file = write_page(tmp_path / "form.html", demos.rerun_form_html())
+    file = write_page(tmp_path / "form.html", explorer.rerun_form_html())
     with open_offline(chromium, file) as opened:
         asked(opened, "beam-distance", {"azimuth_deg": 31})
         until(opened, "literal")
@@ -518,6 +518,6 @@ def test_the_settings_are_those_of_the_facts() -> None:
     """What the page's settings are made from, against what the library makes them from."""
     assert set(COMPUTED_SETS) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
         "distance", "aperture", "resolution", "arrays")}  # fmt: skip
-    facts = demos.form_data()["here"]
+    facts = explorer.form_data()["here"]
     assert facts["pairs"] == setups.camera_pairs()
     assert set(facts["sets"]) == set(COMPUTED_SETS)

@@ -14,7 +14,7 @@ from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
-from thesis_lib.book import explorer as demos
+from thesis_lib.book import explorer
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
@@ -174,7 +174,7 @@ def test_a_chapter_offers_what_its_sets_agree_in() -> None:
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_page(tmp_path_factory.mktemp("rerun") / "a form.html", demos.rerun_form_html())
+    return write_page(tmp_path_factory.mktemp("rerun") / "a form.html", explorer.rerun_form_html())
 
 
 # Fill the form as a reader does, and tell what it says: messages by parameter, status, commands.

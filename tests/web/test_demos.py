@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from browser import Opened, open_offline, write_page
 
-from thesis_lib.book import explorer as demos
+from thesis_lib.book import explorer
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import hemisphere_cameras
@@ -27,7 +27,7 @@ Show = Callable[..., Any]
 def show(chromium: Browser, tmp_path: Path) -> Show:
     @contextmanager
     def opened(name: str, width: int = 900) -> Iterator[Opened]:
-        file = write_page(tmp_path / f"{name}.html", demos.write_experiment(name))
+        file = write_page(tmp_path / f"{name}.html", explorer.write_experiment(name))
         with open_offline(chromium, file, width) as page:
             yield page
             assert page.trouble == []
@@ -161,7 +161,7 @@ STATES = [
 def test_a_link_shows_the_same_experiment(
     chromium: Browser, tmp_path: Path, name: str, label: str, value: float, told: str, rubbish: str
 ) -> None:
-    file = write_page(tmp_path / "page.html", demos.write_experiment(name))
+    file = write_page(tmp_path / "page.html", explorer.write_experiment(name))
     with open_offline(chromium, file, query="other=1#top") as opened:
         page = opened.page
         usual = run(opened, "return { ...demo.state }")

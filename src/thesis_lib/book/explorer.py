@@ -34,11 +34,9 @@ __all__ = ["Explorer", "explorer_data", "explorer_html"]
 
 EXPLORER_MODES = (1, 2, 3)
 ERROR_NAMES = ("mean_error", "max_point_error")
-EXPLORER_WITHOUT = (
+EXPLORER_FALLBACK = (
     "The explorer needs JavaScript; `thesis run beam-arrays` measures layouts of your own."
 )
-
-
 _EXPLORER_SCRIPT = join_modules("explorer")
 _EXPLORER_STYLE = VIEWER_CSS + read_asset("explorer.css")
 
@@ -157,7 +155,7 @@ class Explorer(anywidget.AnyWidget):
 
 def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
     traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_WITHOUT, prints=True)
+    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_FALLBACK, prints=True)
 
 
 def explorer_html(address: str = "", compact: bool = False) -> str:
@@ -174,8 +172,8 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
     return _write_fragment(explorer_data(), address, compact)
 
 
-EXPERIMENT_WITHOUT = "This experiment needs JavaScript; the text below describes what it shows."
-FORM_WITHOUT = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
+EXPERIMENT_FALLBACK = "This experiment needs JavaScript; the text below describes what it shows."
+FORM_FALLBACK = "This form needs JavaScript; `thesis list NAME` lists the same of a figure set."
 DEMO_NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
 
@@ -186,13 +184,13 @@ def write_experiment(name: str) -> str:
     state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
     traits = {"experiment": name} | ({"data": state} if name == "rounding_beam" else {})
     css = VIEWER_CSS + read_asset("rounding.css")
-    return static_html(join_modules("rounding"), css, traits, EXPERIMENT_WITHOUT, prints=True)
+    return static_html(join_modules("rounding"), css, traits, EXPERIMENT_FALLBACK, prints=True)
 
 
 def rerun_form_html() -> str:
     """Write the form with every parameter of every figure set as a self-contained fragment."""
     state = {"form": form_data(), "page": True}
-    return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_WITHOUT)
+    return static_html(form_esm("beam", "plate"), FORM_CSS, state, FORM_FALLBACK)
 
 
 DEMO_PAGES: dict[str, Callable[[], str]] = {
