@@ -209,16 +209,13 @@ def is_spaced(scene: Scene, places: Array) -> bool:
     """Return whether the cameras of a layout are far enough from each other."""
     where = positions.camera_centres(scene, places)
     gap = np.linalg.norm(where[:, None] - where, axis=2)[np.triu_indices(len(where), 1)]
-    return bool(np.all(gap >= scene.rules.separation * (1 - positions.LIMIT_SLACK)))
+    return bool(np.all(gap >= scene.rules.least_gap))
 
 
 def too_near(scene: Scene, grid: Array) -> Mask:
     """Return which candidates may not stand in one layout; each of them with itself."""
     where = positions.camera_centres(scene, grid)
-    return np.asarray(
-        scipy.spatial.distance.cdist(where, where)
-        < max(scene.rules.separation * (1 - positions.LIMIT_SLACK), 1e-9)
-    )
+    return np.asarray(scipy.spatial.distance.cdist(where, where) < max(scene.rules.least_gap, 1e-9))
 
 
 def exchange_cameras(

@@ -200,6 +200,11 @@ class Rules:
     #: (sectors, 4)
     sectors: Array
 
+    @property
+    def least_gap(self) -> float:
+        """Return the distance below which two cameras are too close, in m, but for rounding."""
+        return self.separation * (1 - LIMIT_SLACK)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -333,7 +338,7 @@ def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
 
     centres, other_centres = camera_centres(scene, places), camera_centres(scene, others)
     gap = cdist(centres, other_centres)
-    return np.asarray(np.all(gap >= scene.rules.separation * (1 - LIMIT_SLACK), axis=1))
+    return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
 
 
 def direction_grid(scene: Scene, step: float) -> Array:
