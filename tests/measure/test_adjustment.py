@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import bundle_adjustment
 from thesis_lib.measure.calibration.bundle_adjustment import (
+    CalibrationError,
     adjust_bundle,
     align_cameras,
     camera_deviations,
     fit_alignment,
 )
-from thesis_lib.measure.calibration.rig import unify_corners
+from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
-from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera
 from thesis_lib.vision import lens
 
 SIGMA = 0.01

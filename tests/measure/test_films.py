@@ -9,8 +9,7 @@ import pytest
 from av.stream import Disposition
 from scenes.sounds import write_film
 
-from thesis_lib.measure.recordings.encode import pack_frames
-from thesis_lib.measure.recordings.media import read_frames
+from thesis_lib.measure.recordings.media import pack_frames, read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
     describe_reading,

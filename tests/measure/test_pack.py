@@ -8,8 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from thesis_lib.cli import cli
-from thesis_lib.measure.recordings.encode import pack_frames
-from thesis_lib.measure.recordings.media import read_frames, write_png
+from thesis_lib.measure.recordings.media import pack_frames, read_frames, write_png
 from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe_media
 
 FRAMES = np.random.default_rng(0).integers(0, 4096, (7, 48, 64), np.uint16)  # of twelve bits

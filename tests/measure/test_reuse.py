@@ -18,7 +18,6 @@ from scenes.jackknife import deviations_of, differences
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
-from thesis_lib.measure.calibration.reused import reuse_calibration
 from thesis_lib.measure.calibration.uncertainty import (
     jackknife_cameras,
     read_deviations,
@@ -26,7 +25,7 @@ from thesis_lib.measure.calibration.uncertainty import (
     with_lenses,
 )
 from thesis_lib.measure.exchange import cameras as written
-from thesis_lib.measure.exchange.cameras import read_cameras
+from thesis_lib.measure.exchange.cameras import read_cameras, reuse_calibration
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.recordings.manifest import ManifestError, read_manifest
 from thesis_lib.measure.report.warnings import check_shape

@@ -15,7 +15,6 @@ from thesis_lib.measure.recordings.manifest_model import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tracker as tracking
-from thesis_lib.measure.tracking.centres import refine_centres
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
@@ -25,7 +24,7 @@ from thesis_lib.measure.tracking.homography import (
     fit_homography,
     view_of,
 )
-from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
+from thesis_lib.measure.tracking.tracker import Tracker, assign_places, refine_centres, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens

@@ -35,7 +35,7 @@ _PAPER_OPTION = click.option(
 @contextlib.contextmanager
 def one_line(place: Path) -> Iterator[None]:
     """Report every failure as one line, also errors of the system or of another library."""
-    from thesis_lib.measure.paper.pages import PaperError
+    from thesis_lib.measure.paper import PaperError
     from thesis_lib.measure.recordings.manifest import ManifestError
     from thesis_lib.outputs import OutputError
 
@@ -163,7 +163,7 @@ def _length_option(name: str, default: float, what: str) -> _Option:
 @_PAPER_OPTION
 def board(file: Path, **given: Any) -> None:
     """Draw a calibration board into FILE, board.pdf if not given."""
-    from thesis_lib.measure.paper.pages import write_board
+    from thesis_lib.measure.paper import write_board
 
     with one_line(file):
         said = write_board(file, **given)
@@ -182,7 +182,7 @@ def board(file: Path, **given: Any) -> None:
 @_PAPER_OPTION
 def markers(file: Path, **given: Any) -> None:
     """Draw markers into FILE, markers.pdf if not given, on as many pages as they need."""
-    from thesis_lib.measure.paper.pages import write_markers
+    from thesis_lib.measure.paper import write_markers
 
     with one_line(file):
         count = write_markers(file, **given)
@@ -195,7 +195,7 @@ def markers(file: Path, **given: Any) -> None:
 @_PAPER_OPTION
 def stand(manifest: Path, file: Path, paper: str) -> None:
     """Draw where the cameras of MANIFEST.yaml stand into FILE, stand.pdf if not given."""
-    from thesis_lib.measure.paper.pages import write_stand
+    from thesis_lib.measure.paper import write_stand
     from thesis_lib.measure.recordings.manifest import read_manifest
 
     with one_line(file):
@@ -239,7 +239,7 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     Nothing is lost except the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.
     """
-    from thesis_lib.measure.recordings.encode import pack_frames
+    from thesis_lib.measure.recordings.media import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.outputs import check_outputs
 

@@ -16,9 +16,8 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
-from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import files, history
-from thesis_lib.measure.exchange.cameras import OWN_FILE, Found
+from thesis_lib.measure.exchange.cameras import OWN_FILE, Found, as_calibrated, reuse_calibration
 from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
 from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.fitting.result import shape_result

@@ -17,8 +17,12 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.calibration.rig import cameras_in, single_threaded_opencv
-from thesis_lib.measure.calibration.zhang import calibrate_camera, central_corners
+from thesis_lib.measure.calibration.rig import (
+    calibrate_camera,
+    cameras_in,
+    central_corners,
+    single_threaded_opencv,
+)
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,

@@ -28,7 +28,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.calibration.zhang import CalibrationError
 from thesis_lib.vision.lens import (
     Camera,
     distort_coordinates,
@@ -39,6 +38,10 @@ from thesis_lib.vision.lens import (
 )
 
 POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
+
+
+class CalibrationError(ValueError):
+    """Shots that do not determine a camera or a rig; the message says which and why."""
 
 
 @dataclass(frozen=True)

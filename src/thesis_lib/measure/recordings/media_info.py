@@ -412,3 +412,11 @@ def frame_times(path: Path) -> Array:
     if not len(ordered):
         raise MediaError(f"{path}: no frames")
     return np.asarray(ordered - ordered[0])
+
+
+def rate_of(clock: Array, nominal: float) -> float:
+    """Return a clock's frames per second; the nominal rate if they differ by rounding alone."""
+    if len(clock) < 2:
+        return nominal
+    mean = float((len(clock) - 1) / clock[-1])
+    return nominal if abs(mean / nominal - 1) < 1e-12 else mean

@@ -34,9 +34,10 @@ from thesis_lib.measure.recordings.media_info import (
     frame_clock,
     frame_times,
     probe_media,
+    rate_of,
     source_of_packed,
 )
-from thesis_lib.measure.recordings.validation import is_slowed, rate_of
+from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.outputs import put_files
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
+from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
 from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note

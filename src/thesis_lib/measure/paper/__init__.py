@@ -1,1 +1,0 @@
-"""What is needed on paper: boards, markers and where cameras stand, as PDF to true scale."""
