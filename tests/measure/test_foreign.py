@@ -37,8 +37,7 @@ from thesis_lib.measure.calibration.rig import (
 )
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.delays import delay_deviation
 from thesis_lib.vision.lens import Camera

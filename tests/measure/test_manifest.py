@@ -10,13 +10,14 @@ from scenes.manifests import change
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.manifest import (
+    Manifest,
     ManifestError,
     read_manifest,
     rename_options,
     shot_paths,
     write_manifest,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest, StructureSpec
+from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.measure.recordings.validation import check_excitation, check_recordings
 

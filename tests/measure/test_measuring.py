@@ -15,7 +15,8 @@ from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
 from thesis_lib.measure.fitting.models import candidate_modes, scale_model
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, StructureSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles
+from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.vision.lens import Camera

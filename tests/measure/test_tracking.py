@@ -11,7 +11,7 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tracker as tracking

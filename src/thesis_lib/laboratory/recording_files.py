@@ -17,16 +17,9 @@ from thesis_lib.files import staging
 from thesis_lib.laboratory.render import BeamView, Sensor, render_board
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.excitation import Excitation
-from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import (
-    BoardSpec,
-    CameraFiles,
-    Manifest,
-    MarkersSpec,
-    StructureSpec,
-)
+from thesis_lib.measure.recordings.board import BoardSpec, Markers, MarkersSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, write_manifest
+from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vibration.beam import Beam

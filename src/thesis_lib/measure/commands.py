@@ -15,7 +15,7 @@ import click
 from thesis_lib.asides import echo, print_json
 
 if TYPE_CHECKING:
-    from thesis_lib.measure.recordings.manifest_model import Manifest
+    from thesis_lib.measure.recordings.manifest import Manifest
 
 _Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
-from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.outputs import check_file
 from thesis_lib.plotting.style import cycle_color, drawable_names
 

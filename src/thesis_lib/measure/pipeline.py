@@ -25,8 +25,7 @@ from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings import validation as recordings_check
-from thesis_lib.measure.recordings.manifest import read_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.report import animation, build

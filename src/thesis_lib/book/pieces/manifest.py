@@ -33,15 +33,16 @@ from thesis_lib.measure.messages import (
     NOTE_GROUPS,
     UNCHECKED_MESSAGES,
 )
-from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
-from thesis_lib.measure.recordings.manifest_model import (
-    BoardSpec,
-    CameraFiles,
-    Manifest,
-    MarkersSpec,
+from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_parts import (
+    Excitation,
+    Force,
     Radiation,
     Reuse,
+    Sought,
     StructureSpec,
+    Sweep,
 )
 from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render

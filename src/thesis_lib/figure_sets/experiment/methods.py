@@ -34,8 +34,7 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.fitting.reconstruction import check_frame
 from thesis_lib.measure.recordings.board import Board, Markers
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_files, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers

@@ -32,8 +32,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
 )
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import shot_paths
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.studies.parallel import map_in_pairs
 from thesis_lib.vision.lens import HALF_PIXEL, Camera

@@ -24,8 +24,7 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.files import whole_text
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS, POSE_UNKNOWNS
 from thesis_lib.measure.calibration.rig import cameras_in
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.text_files import (
     TextFileError,
     parse_json,

@@ -10,8 +10,7 @@ import numpy as np
 
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.prediction import view_markers
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.template import (
     ASKED_FIELDS,
     list_asked,

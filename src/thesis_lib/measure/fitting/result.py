@@ -42,7 +42,7 @@ from thesis_lib.measure.fitting.residuals import (
     restore_scatter,
     without_each,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, read_variables

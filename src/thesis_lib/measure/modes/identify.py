@@ -44,7 +44,7 @@ from thesis_lib.measure.modes.shapes import (
     without_outliers,
     without_strays,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.schema import label_values, read_variables

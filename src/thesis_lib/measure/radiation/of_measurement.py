@@ -27,9 +27,9 @@ from thesis_lib.measure.radiation.radiated import (
     estimate_change,
     radiate_sound,
 )
-from thesis_lib.measure.recordings.manifest_model import (
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import (
     MIN_SURFACE_MARKERS,
-    Manifest,
     Radiation,
     StructureSpec,
 )

@@ -20,12 +20,12 @@ from pydantic import BaseModel, ValidationError
 from thesis_lib.files import staging
 from thesis_lib.measure.recordings.manifest import (
     IMAGE_SUFFIXES,
+    Manifest,
     ManifestError,
     find_images,
     is_hidden,
     shot_paths,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,

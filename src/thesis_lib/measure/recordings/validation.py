@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
-from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, StructureSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
+from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import read_frames, read_png
 from thesis_lib.measure.recordings.media_info import (
     MediaError,

@@ -20,7 +20,7 @@ from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report.warnings import (
     check_modes,
