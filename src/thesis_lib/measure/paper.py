@@ -75,11 +75,11 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
 
-def _draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
-    """Draw filled polygons without outline, (polygons, vertices, 2), mm."""
+def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
+    """Draw black polygons without outline, (polygons, vertices, 2), mm."""
+    polygons = [*np.asarray(vertices, float)]
     axes.add_collection(
-        PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
-        autolim=False,
+        PolyCollection(polygons, facecolors="black", edgecolors="none"), autolim=False
     )
 
 

@@ -20,9 +20,9 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
-from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS, POSE_UNKNOWNS
+from thesis_lib.measure.calibration.bundle_adjustment import camera_unknowns
 from thesis_lib.measure.calibration.rig import cameras_in
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.text_files import (
@@ -411,16 +411,9 @@ def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
         )
     covariance = found.covariance
     if covariance is not None:
-        rows = _covariance_rows(np.array(order), len(names))
+        rows = camera_unknowns(np.array(order), len(names))
         covariance = covariance[np.ix_(rows, rows)]
     return Found([found.cameras[k] for k in order], found.placed, covariance)
-
-
-def _covariance_rows(order: IntArray, count: int) -> IntArray:
-    """Return the rows of the unknowns of some of a covariance's cameras."""
-    poses = POSE_UNKNOWNS * order[:, None] + np.arange(POSE_UNKNOWNS)
-    lenses = POSE_UNKNOWNS * count + LENS_UNKNOWNS * order[:, None] + np.arange(LENS_UNKNOWNS)
-    return np.concatenate([poses.ravel(), lenses.ravel()])
 
 
 def as_calibrated(found: Found) -> xr.Dataset:

@@ -39,6 +39,8 @@ LEAST_SCORE = 0.45  # of the correlation with a disc, for a match to be consider
 MAX_POOR_SHARE = 0.15
 EDGE_STD_PX = 0.05  # px by which the beam's edge may be off its place
 NOISE_GREY = 3.0  # grey levels against which that is weighed
+GAUSS_NEWTON_STEPS = 4
+cached_rule = cache(np.polynomial.legendre.leggauss)
 
 
 def sharpen_view(image: Image, view: View) -> View:
@@ -137,10 +139,8 @@ class Tracker:
     def __init__(self, view: View, turn: float = 0.0) -> None:
         self.view, self.turn = view, turn
         markers = view.markers
-        self.scale, self.reach = (
-            PIXELS_PER_MARKER / markers.diameter,
-            SEARCH_DIAMETERS * markers.diameter,
-        )
+        self.scale = PIXELS_PER_MARKER / markers.diameter
+        self.reach = SEARCH_DIAMETERS * markers.diameter
         self.origin = np.full(2, -self.reach) + 0.5 / self.scale
         nx, ny = (int(self.scale * (size + 2 * self.reach)) for size in markers.extent)
         if nx * ny > MAX_RESAMPLED_PIXELS:
@@ -255,7 +255,7 @@ def assign_places(predicted: Array, found: Array, gate: float) -> tuple[Array, i
 # Sub-pixel centres: blurred discs on a white beam, fitted to the grey levels of a frame.
 
 
-def refine_centres(image: Image, view: View, plane: Array, steps: int = 4) -> tuple[Array, float]:
+def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float]:
     """Return centres in px by a least-squares fit of blurred discs on a white beam to the frame.
 
     The model of the grey levels around a marker is g + (b − g) W − c D: W is 1 on the beam and D
@@ -271,8 +271,6 @@ def refine_centres(image: Image, view: View, plane: Array, steps: int = 4) -> tu
         How the camera sees the beam's plane.
     plane : ndarray, shape (2, n)
         First guess on the plane in m, of all markers in their order; NaN is left out.
-    steps : int
-        Gauss–Newton steps.
 
     Returns
     -------
@@ -307,7 +305,7 @@ def refine_centres(image: Image, view: View, plane: Array, steps: int = 4) -> tu
     centre, outer = start.copy(), np.zeros(len(known))
     bright = np.quantile(np.where(usable, grey, 0), 0.9, axis=(1, 2))
     contrast = bright - np.min(np.where(usable, grey, 255), axis=(1, 2))
-    for _ in range(steps):
+    for _ in range(GAUSS_NEWTON_STEPS):
         du, dv = u - centre[0, :, None], v - centre[1, :, None]
         dark, *dark_by = blur_ellipses(du, dv, ellipses, blur)
         white, outward = patch.beam(u - start[0, :, None], v - start[1, :, None], outer)
@@ -412,7 +410,7 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     disc. The result (3, n, rows, columns) is the indicator, and its derivatives in u and v in 1/px.
     """
     tall = np.linalg.norm(ellipses[:, 1], axis=1)
-    nodes, weights = _gauss_legendre(int(3 * tall.max() / blur) + 6)
+    nodes, weights = cached_rule(int(3 * tall.max() / blur) + 6)
     sine, cosine = np.sin(nodes * np.pi / 2), np.cos(nodes * np.pi / 2)
     across = ellipses[:, 1] / tall[:, None]
     lean = np.sum(ellipses[:, 0] * across, axis=1)[:, None] * sine
@@ -424,13 +422,10 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
     )  # (n, chords, columns + 1)
     left, right = (_ramp_and_normal(x) for x in ends)
     along, d_along = np.diff(left - right)
-    offset = (
-        _pixel_borders(v)[:, :, None] - tall[:, None, None] * sine
-    ) / blur  # (n, rows + 1, chords)
-    spread, d_spread = (
-        np.diff(ndtr(offset), axis=1),
-        -np.diff(_normal_density(offset), axis=1) / blur,
-    )
+    # (n, rows + 1, chords)
+    offset = (_pixel_borders(v)[:, :, None] - tall[:, None, None] * sine) / blur
+    spread = np.diff(ndtr(offset), axis=1)
+    d_spread = -np.diff(_normal_density(offset), axis=1) / blur
     chord = tall[:, None, None] * weights * cosine * np.pi / 2
     along, spread, d_spread = blur * along, chord * spread, chord * d_spread
     return np.stack([spread @ along, -spread @ d_along, d_spread @ along])
@@ -439,12 +434,6 @@ def blur_ellipses(u: Array, v: Array, ellipses: Array, blur: float) -> Array:
 def _pixel_borders(x: Array) -> Array:
     """Return borders (n, m + 1) of pixels with centres x (n, m), one px apart."""
     return np.concatenate([x - HALF_PIXEL, x[:, -1:] + HALF_PIXEL], axis=1)
-
-
-@cache
-def _gauss_legendre(n: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of a rule on −1…1."""
-    return np.polynomial.legendre.leggauss(n)
 
 
 def _normal_density(x: Array) -> Array:
