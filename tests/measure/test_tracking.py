@@ -18,13 +18,12 @@ from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
-    View,
     apply_homography,
     find_view,
     fit_homography,
     view_of,
 )
-from thesis_lib.measure.tracking.tracker import Tracker, assign_places, refine_centres, sharpen_view
+from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import lens
@@ -538,10 +537,9 @@ def test_markers_off_their_grid_are_refused(rest):
     assert "px off their grid; do rows, columns and spacing agree" in message
 
 
-@pytest.mark.parametrize("noise", [0.0, 2.0])
-def test_given_corners_need_not_be_exact(conforms, rest, noise):
+def test_given_corners_need_not_be_exact(conforms, rest):
     at, image, view, _ = rest
-    given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    given = corners(at) + 2.0 * np.random.default_rng(3).uniform(-1, 1, (2, 4))
     own = sharpen_view(image, view_of(at, MARKERS, given))
     conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
 
@@ -698,13 +696,6 @@ def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
 
 
-def test_fewer_than_four_points_give_no_homography():
-    plane = np.random.default_rng(0).uniform(0, 1, (2, 5))
-    plane[0, :2] = np.nan
-    assert "only 3 of 5 points" in one_line(fit_homography, plane, plane)
-    assert "line" in one_line(fit_homography, np.ones((2, 6)), np.ones((2, 6)))
-
-
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     at, _, _, _ = rest
     view = view_of(at, MARKERS, corners(at))
@@ -712,14 +703,6 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), lens.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
-
-
-def test_nothing_to_refine_is_nothing(rest):
-    _, image, view, _ = rest
-    assert isinstance(view, View)
-    found, misfit = refine_centres(image, view, np.full((2, 76), np.nan))
-    assert np.isnan(found).all()
-    assert np.isnan(misfit)
 
 
 # Light.
