@@ -70,7 +70,7 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
             )
             axes.set_axis_off()
             draw(axes)
-            _ruler(axes, words, width - 2 * BORDER_MM)
+            _ruler(axes, words)
             file.savefig(figure)
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
@@ -90,7 +90,7 @@ def _rectangle_vertices(
     return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
 
 
-def _ruler(axes: Axes, words: str, width: float) -> None:
+def _ruler(axes: Axes, words: str) -> None:
     y = -STRIP_MM + 4
     _draw_polygons(axes, [_rectangle_vertices(0, y, RULER_MM, 0.25)])
     for k in range(11):
@@ -99,8 +99,6 @@ def _ruler(axes: Axes, words: str, width: float) -> None:
     told = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
     axes.text(0, y - 3.2, told, size=6.5)
     axes.text(RULER_MM + 6, y, words, size=6.5, va="bottom", wrap=False)
-    if width < RULER_MM + 6:
-        raise PaperError(f"--paper: narrower than the ruler of {RULER_MM:g} mm")
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame

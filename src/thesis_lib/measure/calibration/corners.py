@@ -104,13 +104,11 @@ def _tiles_continue(image: Image, corners: Array) -> bool:
         along = np.arange(-0.5, length)
         parity = 1 - 2 * (np.arange(length + 1) % 2) * 1.0
         parity -= parity.mean()
-        for last, beyond in ((-0.5, -1.5), (width - 0.5, width + 0.5)):
-            rows = []
-            for off in (last, beyond):
-                places = np.stack([along, np.full_like(along, off)])
-                grey = _sample_grey(image, H, places[::-1] if across else places)
-                rows.append(float(parity @ grey))
-            if -rows[1] * np.sign(rows[0]) > _MIN_CONTINUED_SHARE * abs(rows[0]):
+        for ends in ((-0.5, -1.5), (width - 0.5, width + 0.5)):  # the last tiles, and beyond
+            rows = [np.stack([along, np.full_like(along, off)]) for off in ends]
+            rows = [row[::-1] if across else row for row in rows]
+            inner, outer = (float(parity @ _sample_grey(image, H, row)) for row in rows)
+            if -outer * np.sign(inner) > _MIN_CONTINUED_SHARE * abs(inner):
                 return True
     return False
 
@@ -195,8 +193,7 @@ def _describe_other_marks(image: Image, name: str, count: int) -> str:
 
 def _border_distances(corners: Array, image: Image) -> Array:
     """Return the distances (ny, nx) of corners from the image's border, px; NaN where they are."""
-    height, width = image.shape
-    u, v = corners
+    (u, v), (height, width) = corners, image.shape
     return np.minimum.reduce([u, v, width - u, height - v])
 
 
@@ -280,7 +277,7 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
     while reduction > 1:
         height, width = (side // reduction for side in image.shape)
         part = image[: height * reduction, : width * reduction]
-        small = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA))
+        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
         grid = reduction * _refine_grid(small, grid / reduction, seen, board)[0]
         reduction //= 2
     grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)

@@ -128,7 +128,8 @@ def calibrate_camera(
     rms, K, k, turns, moves, deviations, _, _ = cv2.calibrateCameraExtended(
         objects, pixels, size, np.eye(3), np.zeros(5), flags=flags
     )
-    ours = np.asarray(K, float) + HALF_PIXEL * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+    ours = np.array(K, float)
+    ours[:2, 2] += HALF_PIXEL
     sigma = np.ravel(np.asarray(deviations, float))[:4]
     relative = float(np.max(sigma[:2] / np.diag(ours)[:2]))
     if not 0 <= relative <= _LEAST_PRECISION:
@@ -136,22 +137,13 @@ def calibrate_camera(
             f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
             f"allowed {_LEAST_PRECISION:.0%}"
         )
-    rotations: list[Array | None] = [None] * len(shots)
-    translations: list[Array | None] = [None] * len(shots)
+    poses: list[tuple[Array | None, Array | None]] = [(None, None)] * len(shots)
     for shot, turn, move in zip(used, turns, moves, strict=True):
-        rotations[shot] = np.asarray(cv2.Rodrigues(turn)[0], float)
-        translations[shot] = np.ravel(move)
+        poses[shot] = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(move)
+    rotations, translations = zip(*poses, strict=True)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
-    return Calibration(
-        name,
-        size,
-        ours,
-        np.ravel(np.asarray(k, float))[:5],
-        tuple(rotations),
-        tuple(translations),
-        float(rms / np.sqrt(2)),
-        sigma,
-    )
+    lens, error = np.ravel(np.asarray(k, float))[:5], float(rms / np.sqrt(2))
+    return Calibration(name, size, ours, lens, rotations, translations, error, sigma)
 
 
 def central_corners(board: Board) -> IntArray:
@@ -438,14 +430,11 @@ def adjust_cameras(
         lost.append(f"pose {pose + 1} ({files or 'no picture'}): {why}; it is left out")
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
-    full = adjust_bundle(used, board.corners_in_images(used), cameras, not lenses, not lenses)
-    if (
-        not lenses
-        and contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
-    ):
-        full = adjust_bundle(
-            used, board.corners_in_images(used), cameras, intrinsics=False, distortion=False
-        )
+    points = board.corners_in_images(used)
+    full = adjust_bundle(used, points, cameras, not lenses, not lenses)
+    apart = contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
+    if not lenses and apart:
+        full = adjust_bundle(used, points, cameras, intrinsics=False, distortion=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)

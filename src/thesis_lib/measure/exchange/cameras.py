@@ -50,16 +50,8 @@ MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are ta
 _BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
 # Names under which programs and scripts write what a camera needs, in lower case
 _MATRIX_NAMES = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
-_COEFFICIENT_NAMES = (
-    "distortion_coefficients",
-    "distortions",
-    "distortion_coeffs",
-    "dist_coeffs",
-    "dist_coeff",
-    "distcoeffs",
-    "dist",
-    "d",
-)
+_COEFFICIENT_NAMES = ("distortion_coefficients", "distortions", "distortion_coeffs", "dist_coeffs",
+                      "dist_coeff", "distcoeffs", "dist", "d")  # fmt: skip
 _SIZE_NAMES = ("size", "image_size", "imagesize", "resolution")
 _ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
@@ -127,8 +119,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if apart > MIN_MILLIMETRE_SPAN_M:
         raise ManifestError(
             f"{path}: cameras {apart:.4g} m apart, allowed: {MIN_MILLIMETRE_SPAN_M:g} m; if its "
-            "lengths are in mm, "
-            "give calibration.unit: mm"
+            "lengths are in mm, give calibration.unit: mm"
         )
     return Found(cameras, all(placed))
 
@@ -183,10 +174,8 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return
     if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
-        name = next(
-            (own[key] for key in ("name", "camera_name", "cam_id", "port") if key in own), stem
-        )
-        yield str(name), own
+        keys = "name", "camera_name", "cam_id", "port"
+        yield str(next((own[key] for key in keys if key in own), stem)), own
         return
     if cameras := {k: v for k, v in values.items() if isinstance(v, Mapping) and "intrinsics" in v}:
         yield from _of_kalibr(cameras)

@@ -60,11 +60,9 @@ class Measured:
     @property
     def available_contents(self) -> set[Content]:
         """What there is: the result, and perhaps motion and cameras."""
-        return {
-            self.result,
-            *(("motion",) if self.motion is not None else ()),
-            *(("cameras",) if self.recordings else ()),
-        }
+        motion: set[Content] = set() if self.motion is None else {"motion"}
+        cameras: set[Content] = {"cameras"} if self.recordings else set()
+        return {self.result} | motion | cameras
 
 
 def write_formats(folder: Path, measured: Measured) -> None:
@@ -74,16 +72,9 @@ def write_formats(folder: Path, measured: Measured) -> None:
             write(folder / name, measured)
 
 
-def _write_shape_grids(folder: Path, measured: Measured) -> None:
-    folder.mkdir(exist_ok=True)
-    write_vtk(folder, measured.data)
-
-
 def _write_mode_grids(folder: Path, measured: Measured) -> None:
     for k in range(measured.data.sizes["mode"]):
-        part = folder / f"mode-{k + 1}"
-        part.mkdir(parents=True)
-        write_vtk(part, measured.data.isel(mode=k))
+        write_vtk(folder / f"mode-{k + 1}", measured.data.isel(mode=k))
 
 
 def _motion_of(measured: Measured) -> xr.Dataset:
@@ -97,7 +88,7 @@ FORMATS: tuple[tuple[Content, str, Callable[[Path, Measured], None]], ...] = (
     ("motion", "motion.uff", lambda path, one: write_motion(path, one.data, _motion_of(one))),
     ("shape", "shapes.uff", lambda path, one: write_uff(path, one.data)),
     ("shape", "measured.mat", lambda path, one: write_matlab(path, one.data, _motion_of(one))),
-    ("shape", "vtk", _write_shape_grids),
+    ("shape", "vtk", lambda path, one: write_vtk(path, one.data)),
     ("modes", "modes.uff", lambda path, one: write_modes(path, one.data)),
     ("modes", "vtk", _write_mode_grids),
     ("response", "response.uff", lambda path, one: write_response(path, one.data)),
@@ -193,10 +184,11 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     Parameters
     ----------
     folder : Path
-        Folder to write into.
+        Folder to write into; it is made where there is none.
     data : xarray.Dataset
         What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
     known = np.isfinite(amplitude) & np.isfinite(data["rest_position"].values).all(axis=0)
     points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]

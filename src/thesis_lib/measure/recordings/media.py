@@ -216,9 +216,6 @@ def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
     return np.array(image, np.uint8, order="C")  # not the decoder's own
 
 
-# Images.
-
-
 def write_png(path: Path, image: Image) -> None:
     """Write a gray image, uint8 of shape (height, width), whole or not at all.
 
@@ -255,14 +252,8 @@ def read_png(path: Path, depth: int | None = None) -> Image:
     return np.asarray(np.minimum(levels >> (used - 8), 255), np.uint8)
 
 
-def depth_of(path: Path) -> int:
-    """Return how many bits hold the grey levels of an image: 8, or of 16 as many as are used.
-
-    Raises
-    ------
-    MediaError
-        As :func:`read_png`.
-    """
+def _depth_of(path: Path) -> int:
+    """Return how many bits hold the grey levels of an image: 8, or of 16 as many as are used."""
     levels = _levels(path)
     return 8 if levels.dtype == np.uint8 else depth_for(int(levels.max()))
 
@@ -272,8 +263,8 @@ def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     data = path.read_bytes()
-    png = data.startswith(b"\x89PNG")
-    whole = not png or b"IEND" in data[-12:]  # OpenCV fills what is cut off
+    # OpenCV fills what is cut off of a PNG.
+    whole = not data.startswith(b"\x89PNG") or b"IEND" in data[-12:]
     if data[4:8] == b"ftyp":
         return _read_heic(path)
     code, flags = np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE
@@ -297,15 +288,13 @@ def _read_heic(path: Path) -> Image:
         picture = np.asarray(pillow_heif.open_heif(path, convert_hdr_to_8bit=True))
     except (ValueError, OSError, EOFError, SyntaxError):
         raise MediaError(f"{path}: not a readable image, or cut off") from None
-    to_grey = {3: cv2.COLOR_RGB2GRAY, 4: cv2.COLOR_RGBA2GRAY}
     if picture.ndim == 3:
-        picture = cv2.cvtColor(picture, to_grey[picture.shape[2]])
+        four = picture.shape[2] == 4
+        picture = cv2.cvtColor(picture, cv2.COLOR_RGBA2GRAY if four else cv2.COLOR_RGB2GRAY)
     return np.ascontiguousarray(picture, np.uint8)
 
 
-# Images in a folder, raw frames, or a film at another rate, as a lossless video. Industrial cameras
-# write one image per frame, and Photron's raw frames (.mraw) beside a header in text (.cih) or XML
-# (.cihx). Phantom's .cine is read as it is.
+# Images, raw frames, or a film at another rate as a video. Phantom's .cine is read as it is.
 
 
 def pack_frames(
@@ -329,10 +318,8 @@ def pack_frames(
 
     Returns
     -------
-    frames : int
-        How many there are.
-    size : tuple of int
-        Width and height in px; a last odd row or column is left out.
+    tuple
+        Number of frames; their width and height in px, less a last odd row or column.
 
     Raises
     ------
@@ -350,18 +337,10 @@ def pack_frames(
     own, frames = _raw(source) if raw else (None, _pictures(source, say))
     if rate is None and own is None:
         raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
-    count, shape = 0, (0, 0)
-
-    def even() -> Iterator[Image]:
-        nonlocal count, shape
-        for frame in frames:
-            shape = (frame.shape[0] // 2 * 2, frame.shape[1] // 2 * 2)
-            count += 1
-            yield frame[: shape[0], : shape[1]]
-
-    frequency = float(rate or own or 0)
-    write_video(target, even(), frequency, None, codec="h264", crf=0)  # 0 loses nothing
-    return count, shape[::-1]
+    even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
+    write_video(target, even, float(rate or own or 0), None, codec="h264", crf=0)  # loses nothing
+    info = probe_media(target)
+    return info.frames or 0, info.size
 
 
 def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
@@ -370,7 +349,7 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
     files = find_images(folder.iterdir())
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
-    depth = max(map(depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
+    depth = max(map(_depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
     if 8 < depth < 16:
         say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
     return (read_png(file, depth) for file in files)

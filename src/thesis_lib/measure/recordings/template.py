@@ -206,12 +206,10 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         shots = [shot for shot in shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        board = (
-            f"; {len(shots)} board images in {camera.board_images}" if camera.board_images else ""
-        )
+        images = f"; {len(shots)} board images in {camera.board_images}"
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
-            f"frames per second{seconds}{board}"
+            f"frames per second{seconds}{images if camera.board_images else ''}"
         )
         yield from describe_reading(folder / camera.video)
         if is_slowed(info):
