@@ -220,14 +220,6 @@ def test_what_is_fixed_stays():
     assert (partly.deviations[:, :4] > 0).all()
 
 
-def test_residuals_are_absent_where_views_are(conforms):
-    absent = [(1, 2), (3, 3)]
-    result = adjust_bundle(without(observations(SIGMA), absent), POINTS, rig())
-    gone = np.isnan(result.residuals).all(axis=(2, 3))
-    assert sorted(map(tuple, np.argwhere(gone).tolist())) == absent
-    conforms.closed_form(np.sqrt(np.nanmean(result.residuals**2)), result.rms, rtol=1e-6)
-
-
 def test_boards_that_are_cut_off_count_with_the_corners_that_are_seen(conforms):
     uv = observations(SIGMA, 3)
     few = np.arange(POINTS.shape[1]) % 8 < 5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import pytest
 import yaml
 from command import thesis
 from scenes.manifests import SIZE, change, plain
-from scenes.sounds import write_film
+from scenes.sounds import turn_film, write_film
 
 from thesis_lib.measure.recordings.media import write_png, write_video
 
@@ -112,11 +111,7 @@ def coded(silent: bool = False, turned: bool = False, **options: str) -> Change:
         write_film(path, tracks, frames=frames, frame_rate=RATE, pictures="libx264",
                    options=options)  # fmt: skip
         if turned:
-            data = path.read_bytes()
-            upright = struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
-            quarter = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, HEIGHT << 16, 0, 1 << 30)
-            at = data.index(upright, data.index(b"tkhd"))
-            path.write_bytes(data[:at] + quarter + data[at + 36 :])
+            turn_film(path, path, (0, 1, -1, 0))
 
     return change
 

@@ -334,16 +334,3 @@ def test_a_reused_calibration_gives_the_same_shape(conforms, first, calibration)
     if calibration in ("measured", {"file": "measured", "poses": "anew"}):
         page = measure_recordings(first / "again.yaml", first / "again", lambda line: None).page
         assert ("comes from the calibration that was reused" in page) == placed
-
-
-def test_pictures_are_needed_unless_the_places_are_known(tmp_path):
-    cameras = [{"name": n, "video": f"{n}.mkv", "exposure_s": 0.001} for n in "AB"]
-    path = tmp_path / "manifest.yaml"
-    for calibration, allowed in (("c.nc", True), ({"file": "c.nc", "poses": "anew"}, False)):
-        values = {"cameras": cameras, "calibration": calibration}
-        path.write_text(yaml.safe_dump(values), encoding="utf-8")
-        if allowed:
-            assert read_manifest(path, check_files=False).calibration.file == "c.nc"
-        else:
-            with pytest.raises(ManifestError, match=r"cameras\[0\]\.board_images: given null"):
-                read_manifest(path, check_files=False)

@@ -10,6 +10,7 @@ before the first one and up to 1024 after the last, and trusts the reader to dro
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -449,11 +450,8 @@ def _retime_frames(source: Path, target: Path, rate: float) -> int:
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
         unit = 1 / Fraction(rate).limit_denominator(1001) if even else TIME_UNIT_S
         stamps = np.rint(order if even else clock[order] * pace / float(TIME_UNIT_S)).astype(int)
-        try:
+        with contextlib.suppress(av.FFmpegError, ValueError):  # .mov does not hold VP8, for one
             whole_file(target, lambda part: _copy(source, part, stamps, unit))
-        except (av.FFmpegError, ValueError):  # a codec that .mov does not hold, such as VP8
-            pass
-        else:
             return len(order)
     if not even:
         raise MediaError(
