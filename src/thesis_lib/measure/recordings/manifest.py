@@ -332,37 +332,35 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         except (ValueError, OSError, RuntimeError):  # null characters, loops of links
             return True
 
-    named = [("truth", manifest.truth)] if manifest.truth else []
-    numbers = {}
+    named = [("truth", manifest.truth)]
+    counts = []
     for i, camera in enumerate(manifest.cameras):
         named.append((f"cameras[{i}].video", camera.video))
-        where = f"cameras[{i}].board_images"
-        if camera.board_images is None:
+        where, given = f"cameras[{i}].board_images", camera.board_images
+        if given is None:
             continue
-        if isinstance(camera.board_images, str):
-            if outside(camera.board_images):
-                yield f"{where}: given {format_given(camera.board_images)}, allowed: {INSIDE_TEXT}"
-                continue
-        else:
-            named += [
-                (f"{where}[{k}]", s) for k, s in enumerate(camera.board_images) if s is not None
-            ]
+        if not isinstance(given, str):
+            named += [(f"{where}[{k}]", shot) for k, shot in enumerate(given)]
+        elif outside(given):
+            yield f"{where}: given {format_given(given)}, allowed: {INSIDE_TEXT}"
+            continue
         shots = shot_paths(camera, folder)
-        numbers[where] = len(shots)
+        counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
             yield (
-                f"{where}: given {format_given(camera.board_images)}, which is "
-                f"{len(files)} images, allowed: at least 3{_unread(camera, folder)}"
+                f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
+                f"least 3{_unread(camera, folder)}"
             )
-        if isinstance(camera.board_images, str):
-            for shot in files:  # which may be links
-                if outside(str(shot.relative_to(folder))):
-                    name = format_given(shot.name)
-                    yield f"{where}: {name} leads outside, allowed: {INSIDE_TEXT}"
-    named += [("force.file", manifest.force.file)] if manifest.force else []  # or a video named
+        for shot in files if isinstance(given, str) else []:  # which may be links
+            if outside(str(shot.relative_to(folder))):
+                yield f"{where}: {format_given(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
+    force = manifest.force
+    named.append(("force.file", None if force is None else force.file))  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
+        if text is None:
+            continue
         if outside(text):
             yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
         elif exist and not _is_file(folder / text):
@@ -371,10 +369,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             first = videos.setdefault((root / text).resolve(), where)
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
-    if exist and len(set(numbers.values())) > 1:
-        counts = ", ".join(map(str, numbers.values()))
+    if exist and len(set(counts)) > 1:
+        given = ", ".join(map(str, counts))
         allowed = "as many for every camera, in the same order"
-        yield f"cameras: given {counts} board images, allowed: {allowed}"
+        yield f"cameras: given {given} board images, allowed: {allowed}"
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:
