@@ -10,6 +10,7 @@ from scenes.manifests import SIZE, change, plain
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.manifest import (
+    Manifest,
     ManifestError,
     read_manifest,
     rename_options,
@@ -151,7 +152,9 @@ SILLY = [  # place, value, words of the refusal
     (("board",), {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),
     (("excitation", "frequency_hz"), -4, ["excitation.frequency_hz: given -4", "in Hz"]),
+    (("excitation", "rest_duration_s"), -1, ["excitation.rest_duration_s: given -1", "in s"]),
     (("truth",), "../truth.nc", ['truth: given "../truth.nc"', "inside"]),
+    (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
 ]  # fmt: skip
 
 
@@ -233,6 +236,21 @@ def test_recordings_other_than_the_manifest_says_are_named(recordings):
     assert sum("cameras[0].board_images" in line for line in lines) == 12
     assert not any("cameras[1]" in line for line in lines)
     assert len(lines) == 14
+
+
+def test_broken_recordings_are_named(recordings, tmp_path):
+    manifest = Manifest.model_validate_json(
+        '{"cameras": [{"name": "A", "video": "A.mkv", "exposure_s": 0.004, "board_images": "s"},'
+        '{"name": "B", "video": "none.mkv", "exposure_s": 0.004, "board_images": "s"}]}'
+    )
+    (tmp_path / "A.mkv").write_text("no video")
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "1.png").write_text("no picture")
+    lines = check_recordings(manifest, tmp_path)
+    assert [line.split(":")[0] for line in lines] == [
+        "cameras[0].video", "cameras[0].board_images",
+        "cameras[1].video", "cameras[1].board_images",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
