@@ -13,8 +13,7 @@ from thesis_lib.cli import cli
 from thesis_lib.files import project_root
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.messages import ALL_MESSAGES, CHECK_GROUPS, NEW_MESSAGES, NOTE_GROUPS
-from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, read_manifest, write_manifest
 from thesis_lib.studies import fields
 
 NAMES = ("recordings", "recordings-filming", "recordings-results", "recordings-warnings",

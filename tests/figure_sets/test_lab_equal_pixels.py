@@ -9,7 +9,7 @@ from thesis_lib.figure_sets.lab_equal_pixels import compute
 from thesis_lib.figure_sets.lab_equal_pixels.figure_set import STORED_REPLICATES
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
-from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.measure.calibration.bundle_adjustment import CalibrationError
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.pinhole import project

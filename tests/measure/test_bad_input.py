@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,27 +12,12 @@ import numpy as np
 import pytest
 import yaml
 from command import thesis
-from scenes.manifests import change
-from scenes.sounds import write_film
+from scenes.manifests import SIZE, change, plain
+from scenes.sounds import turn_film, write_film
 
 from thesis_lib.measure.recordings.media import write_png, write_video
 
-WIDTH, HEIGHT, RATE = 64, 48, 60
-
-
-def plain() -> dict[str, Any]:
-    """Values of a manifest of two cameras, to which the folder fits."""
-    return {
-        "structure": {"kind": "flat"},
-        "cameras": [
-            {
-                "name": name, "video": f"{name}.mkv", "width_px": WIDTH, "height_px": HEIGHT,
-                "frame_rate_hz": RATE, "exposure_s": 0.004, "board_images": f"shots/{name}",
-            }
-            for name in "AB"
-        ],
-        "excitation": {"frequency_hz": 8.0, "rest_duration_s": 0.5},
-    }  # fmt: skip
+(WIDTH, HEIGHT), RATE = SIZE, 60
 
 
 def tone(frequency: float = 8.0) -> np.ndarray:
@@ -127,11 +111,7 @@ def coded(silent: bool = False, turned: bool = False, **options: str) -> Change:
         write_film(path, tracks, frames=frames, frame_rate=RATE, pictures="libx264",
                    options=options)  # fmt: skip
         if turned:
-            data = path.read_bytes()
-            upright = struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
-            quarter = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, HEIGHT << 16, 0, 1 << 30)
-            at = data.index(upright, data.index(b"tkhd"))
-            path.write_bytes(data[:at] + quarter + data[at + 36 :])
+            turn_film(path, path, (0, 1, -1, 0))
 
     return change
 
@@ -206,16 +186,12 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "places on a line": (
         given("structure.markers.points_mm", [[10 * k, 15] for k in range(1, 9)]), WRONG,
         ["structure.markers.points_mm", "not on one line"]),
-    "a force beside it": (given("structure.force_position_mm", 4000), WRONG, ["length_mm"]),
-    "damping in percent": (given("structure.damping", 2), WRONG, ["structure.damping: given 2"]),
     # Cameras.
     "exposure in ms": (given("cameras.1.exposure_s", 4), WRONG, ["cameras[1].exposure_s: given 4"]),
     "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
     "a slow shutter": (given("cameras.1.readout_s", 0.1), WRONG, ["cameras[1].readout_s"]),
     # Videos.
     "no video": (gone("B.mkv"), WRONG, ['cameras[1].video: given "B.mkv", no such file']),
-    "a folder for a video": (given("cameras.1.video", "shots"), WRONG, ["no such file"]),
-    "an empty video": (file("B.mkv", b""), WRONG, ["cameras[1].video", "not a video"]),
     "a text for a video": (file("B.mkv", b"later"), WRONG, ["cameras[1].video", "not a video"]),
     "a cut video": (file("B.mkv", keep=0.6), FAILED, ["B.mkv: ends before frame"]),
     "an MP4 without its index": (both(coded(), file("B.mp4", keep=0.9)), WRONG,
@@ -230,7 +206,6 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "a rate that the frequency betrays": (
         both(given("cameras.1.frame_rate_hz", 15), given("excitation.frequency_hz", 8.0)), WRONG,
         ["60 frames per second, allowed: 15", "cameras[1].frame_rate_hz"]),
-    "slow motion": (video(rate=240), WRONG, ["240 frames per second, allowed: 60"]),
     "shorter than the rest": (video(count=24), WRONG, ["more than rest_duration_s, 0.5 s"]),
     # Sound.
     "no sound": (coded(silent=True), WRONG, ["no audio track", "excitation.sound: none"]),
@@ -258,7 +233,6 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
         ["0 images", ".jpg", '4 of ".dng", which are not read: export JPEG']),
     "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable image"]),
-    "a text for a picture": (file("shots/B/2.png", b"none"), WRONG, ["2.png: not a readable"]),
     "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
                           ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 board images show the board", "9 × 9 tiles"]),
@@ -282,7 +256,6 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "two cameras of one name": (
         both(calibration(lambda cameras: cameras.append(cameras[1]))), WRONG, ["two cameras B"]),
     "a fisheye": (second(fisheye=True), WRONG, ['camera B: distortion model "fisheye"', "Brown"]),
-    "an equidistant lens": (second(distortion_model="equidistant"), WRONG, ['"equidistant"']),
     "a rational lens": (second(distortions=[0.1] * 8), WRONG, ["camera B: 8", "rational model"]),
     "three coefficients": (second(distortions=[0.1] * 3), WRONG, ["camera B: 3 coefficients"]),
     "a mirror": (second(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), WRONG,
@@ -310,7 +283,9 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_wrong_is_one_line(recordings, tmp_path, case):
     change, status, words = CASES[case]
-    folder, values = tmp_path / "recordings", plain()
+    folder = tmp_path / "recordings"
+    driven = {"frequency_hz": 8.0, "rest_duration_s": 0.5}
+    values = plain(structure={"kind": "flat"}, excitation=driven)
     shutil.copytree(recordings, folder)
     change(folder, values)
     if values:

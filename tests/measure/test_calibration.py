@@ -10,8 +10,12 @@ from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.corners import BoardNotFound
-from thesis_lib.measure.calibration.rig import unify_corners
-from thesis_lib.measure.calibration.zhang import CalibrationError, calibrate_camera, central_corners
+from thesis_lib.measure.calibration.rig import (
+    CalibrationError,
+    calibrate_camera,
+    central_corners,
+    unify_corners,
+)
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import read_manifest
 from thesis_lib.measure.report.warnings import check_board

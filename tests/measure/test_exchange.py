@@ -19,7 +19,7 @@ from sdypy_sep005 import Sep005Data
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.exchange import files, mesh, sep005, uff
+from thesis_lib.measure.exchange import files, sep005
 from thesis_lib.measure.exchange.history import time_histories
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import media
@@ -207,7 +207,7 @@ def test_universal_files(conforms, measured):
     lines = [one for one in sets if one["type"] == 82]
     assert all(one["n_nodes"] <= 125 for one in lines)
     drawn = [(int(a), int(b)) for one in lines for a, b in pairwise([*one["nodes"]]) if a and b]
-    assert sorted(drawn) == sorted(map(tuple, mesh.marker_edges(data["x"], data["y"]) + 1))
+    assert sorted(drawn) == sorted(map(tuple, files.marker_edges(data["x"], data["y"]) + 1))
     z = moved["displacement"].sel(axis="z").values
     for one in (one for one in sets if one["type"] == 58):
         conforms.closed_form(one["x"], moved["time"], atol=1e-5)
@@ -220,7 +220,7 @@ def test_uneven_times_are_written_one_by_one(conforms, measured, tmp_path):
     times = moved["time"].values.copy()
     times[1::2] += 0.004
     uneven = moved.assign_coords(time=times)
-    uff.write_motion(tmp_path / "motion.uff", data, uneven)
+    files.write_motion(tmp_path / "motion.uff", data, uneven)
     response = pyuff.UFF(str(tmp_path / "motion.uff")).read_sets()[-1]
     conforms.closed_form(response["x"], times, atol=1e-4)
     channel = sep005.channels(uneven)[0]
@@ -242,7 +242,7 @@ def test_paraview(conforms, measured):
         conforms.closed_form(grid.point_data["deflection"], turned, atol=1e-9)
         (cells,) = grid.cells
         assert cells.type == "quad"
-        np.testing.assert_array_equal(cells.data, mesh.marker_faces(data["x"], data["y"]))
+        np.testing.assert_array_equal(cells.data, files.marker_faces(data["x"], data["y"]))
 
 
 def test_matlab(conforms, measured):
@@ -298,28 +298,28 @@ def test_cameras_for_opencv_and_aniposelib_see_the_markers_where_ours_do(conform
 def test_a_grid_has_rectangles_whatever_its_order():
     x, y = (part.ravel() for part in np.meshgrid([0.0, 0.1, 0.3], [0.0, 0.2]))
     order = np.random.default_rng(0).permutation(6)
-    faces = mesh.marker_faces(x[order], y[order])
+    faces = files.marker_faces(x[order], y[order])
     assert faces.shape == (2, 4)
     for face in faces:
         u, v = x[order][face], y[order][face]
         area = 0.5 * np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v)
         assert area == pytest.approx(np.ptp(u) * np.ptp(v))  # one sense of rotation
-    assert len(mesh.marker_edges(x[order], y[order])) == 7
+    assert len(files.marker_edges(x[order], y[order])) == 7
 
 
 def test_scattered_markers_have_triangles_but_none_across_a_gap():
     rng = np.random.default_rng(1)
     left, right = rng.uniform(0, 1, (2, 40)), rng.uniform(0, 1, (2, 40)) + [[4.0], [0.0]]
     points = np.column_stack([left, right])
-    faces = mesh.marker_faces(*points)
+    faces = files.marker_faces(*points)
     assert faces.shape[1] == 3
     sides = (faces < 40).sum(axis=1)
     assert set(sides) == {0, 3}
 
 
 def test_markers_on_one_line_are_joined_along_it():
-    assert mesh.marker_faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
-    assert mesh.marker_edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
+    assert files.marker_faces([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).shape == (0, 3)
+    assert files.marker_edges([0.0, 0.2, 0.1], [0.0, 0.0, 0.0]).tolist() == [[0, 2], [2, 1]]
 
 
 # Moving images.
@@ -379,7 +379,7 @@ def test_the_report_s_shape_moves_with_two_standard_errors(conforms, measured, c
     page.wait_for_selector(".tl-dot")
     dots = page.locator(".tl-dot")
     assert dots.count() == known
-    assert page.locator(".tl-face").count() == len(mesh.marker_faces(data["x"], data["y"]))
+    assert page.locator(".tl-face").count() == len(files.marker_faces(data["x"], data["y"]))
 
     def heights():
         return np.array(dots.evaluate_all("nodes => nodes.map(node => +node.getAttribute('cy'))"))

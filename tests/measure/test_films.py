@@ -1,16 +1,11 @@
 """Films as other cameras and programs write them: turned, covered, slowed down, cut, deep."""
 
-import struct
-
-import av
 import cv2
 import numpy as np
 import pytest
-from av.stream import Disposition
-from scenes.sounds import write_film
+from scenes.sounds import append_sony_rate, copy_tracks, turn_film, write_film
 
-from thesis_lib.measure.recordings.encode import pack_frames
-from thesis_lib.measure.recordings.media import read_frames
+from thesis_lib.measure.recordings.media import pack_frames, read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
     describe_reading,
@@ -31,10 +26,10 @@ def image(k, levels=(40, 220, 150)):
     return grey
 
 
-def places(path):
+def places(path, rate=RATE):
     """Where the square is in each frame."""
     clock = frame_clock(path)
-    np.testing.assert_allclose(clock, np.arange(len(clock)) / RATE, atol=1e-6)
+    np.testing.assert_allclose(clock, np.arange(len(clock)) / rate, atol=1e-6 * RATE / rate)
     rows = [frame[4:20].mean(axis=0) for frame in read_frames(path, clock=clock)]
     return [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
 
@@ -64,12 +59,8 @@ TURNS = {  # the matrix of the film's track header, and what it makes of a frame
 
 @pytest.mark.parametrize(("matrix", "turned"), TURNS.values(), ids=TURNS)
 def test_frames_are_turned_and_mirrored_as_they_are_to_be_shown(tmp_path, plain, matrix, turned):
-    a, b, c, d = (65536 * value for value in matrix)
-    data, one = plain.read_bytes(), struct.pack(">9i", 65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
-    at = data.index(one, data.index(b"tkhd"))
-    new = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
     path = tmp_path / "turned.mp4"
-    path.write_bytes(data[:at] + new + data[at + len(new) :])
+    turn_film(plain, path, matrix)
     wanted = [turned(frame) for frame in read_frames(plain, stop=4)]
     found = list(read_frames(path, stop=4))
     np.testing.assert_array_equal(found, wanted)
@@ -81,18 +72,7 @@ def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
     """Drones and phones put an image before the film, marked as one or not."""
     still, path = tmp_path / "still.mkv", tmp_path / "covered.mkv"
     film(still, "yuvj420p", "mjpeg", count=1)
-    with av.open(str(still)) as one, av.open(str(plain)) as two, av.open(str(path), "w") as file:
-        tracks = []
-        for source in (one, two):
-            track = file.add_stream_from_template(source.streams.video[0])
-            tracks.append(track)
-        if marked:
-            tracks[0].disposition = Disposition.attached_pic
-        for source, track in zip((one, two), tracks, strict=True):
-            for packet in source.demux(source.streams.video[0]):
-                if packet.size:
-                    packet.stream = track
-                    file.mux(packet)
+    copy_tracks([still, plain], path, still=marked)
     assert len(places(path)) == COUNT
     assert probe_media(path).frame_rate == RATE
     assert "number 2" in describe_reading(path)[0]
@@ -135,21 +115,10 @@ def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth
 
 def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
     path = tmp_path / "slow.mp4"
-    with (
-        av.open(str(plain)) as source,
-        av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as file,
-    ):
-        file.metadata["com.android.capture.fps"] = "240.000000"
-        track = file.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(source.streams.video[0]):
-            if packet.size:
-                packet.stream = track
-                file.mux(packet)
+    copy_tracks([plain], path, options={"movflags": "use_metadata_tags"},
+                metadata={"com.android.capture.fps": "240.000000"})  # fmt: skip
     assert (probe_media(path).frame_rate, probe_media(path).captured_hz) == (RATE, 240)
-    xml = b'<VideoFrame videoCodec="AVC" captureFps="119.88p" formatFps="29.97p"/>'
-    (tmp_path / "sony.mp4").write_bytes(
-        plain.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml
-    )
+    append_sony_rate(plain, tmp_path / "sony.mp4", 119.88, 29.97)
     assert probe_media(tmp_path / "sony.mp4").captured_hz == 119.88
     assert probe_media(plain).captured_hz is None
 
@@ -170,12 +139,9 @@ def test_a_film_is_given_its_true_rate(tmp_path, name, how):
     before = source.read_bytes()
     assert pack_frames(source, target, 240) == (COUNT, (WIDTH, HEIGHT))
     assert source.read_bytes() == before
-    clock = frame_clock(target)
-    np.testing.assert_allclose(clock, np.arange(COUNT) / 240, atol=1e-9)
+    np.testing.assert_allclose(frame_clock(target), np.arange(COUNT) / 240, atol=1e-9)
     assert probe_media(target).codec == (probe_media(source).codec if copied else "h264")
-    rows = [frame[4:20].mean(axis=0) for frame in read_frames(target, clock=clock)]
-    found = [round(np.flatnonzero(row > 130).mean() - 3.5) for row in rows]
-    assert found == [2 * k % (WIDTH - 8) for k in range(COUNT)]
+    assert places(target, 240) == [2 * k % (WIDTH - 8) for k in range(COUNT)]
     with pytest.raises(MediaError, match="the source itself"):
         pack_frames(target, target, 240)
     with pytest.raises(MediaError, match="give --rate-hz"):

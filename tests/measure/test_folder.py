@@ -2,12 +2,12 @@
 
 import re
 import shutil
-import struct
 
 import cv2
 import numpy as np
 import pytest
 from command import thesis
+from scenes.sounds import append_sony_rate
 
 from thesis_lib.measure.recordings.manifest import read_manifest, shot_paths
 from thesis_lib.measure.recordings.media import write_video
@@ -90,9 +90,8 @@ def test_other_endings_are_read_or_named(tmp_path, video):
 
 
 def test_slow_motion_is_taken_at_its_own_rate(tmp_path, video):
-    xml = b'<VideoFrame captureFps="400.00p" formatFps="50p"/>'
     slow = tmp_path / "slow.mov"
-    slow.write_bytes(video.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml)
+    append_sony_rate(video, slow, "400.00", 50)
     folder = tmp_path / "f"
     done = new(folder, slow, "a.mov", "b.mov")
     assert "taken at 400" in done.out

@@ -29,12 +29,15 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
     camera_deviations,
 )
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.rig import adjust_cameras, unify_corners
+from thesis_lib.measure.calibration.rig import (
+    Calibration,
+    adjust_cameras,
+    calibrate_camera,
+    unify_corners,
+)
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
-from thesis_lib.measure.calibration.zhang import Calibration, calibrate_camera
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.delays import delay_deviation
 from thesis_lib.vision.lens import Camera

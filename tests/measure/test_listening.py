@@ -10,9 +10,8 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory import rig as laboratory
 from thesis_lib.measure.recordings.audio import open_audio, read_audio
-from thesis_lib.measure.recordings.excitation import Excitation
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
+from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.validation import check_excitation
 from thesis_lib.measure.synchronisation import audio as hearing

@@ -5,40 +5,26 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from scenes.manifests import change
+from scenes.manifests import SIZE, change, plain
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.recordings.manifest import (
+    Manifest,
     ManifestError,
     read_manifest,
     rename_options,
     shot_paths,
     write_manifest,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest, StructureSpec
+from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.measure.recordings.validation import check_excitation, check_recordings
-
-SIZE = (64, 48)
 
 
 def hiss(samples):
     """Return noise, which is sound that a recording may have."""
     return np.random.default_rng(1).uniform(-0.1, 0.1, samples)
-
-
-def plain(cameras="AB"):
-    """Values of a small manifest."""
-    return {
-        "cameras": [
-            {
-                "name": name, "video": f"{name}.mkv", "width_px": 64, "height_px": 48,
-                "frame_rate_hz": 60, "exposure_s": 0.004, "board_images": f"shots/{name}",
-            }
-            for name in cameras
-        ]
-    }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -126,30 +112,18 @@ def test_markers_may_lie_anywhere_and_have_no_hole_then():
 SILLY = [  # place, value, words of the refusal
     (("cameras", 0, "width_px"), -1, ["cameras[0].width_px: given -1", "20000", "px"]),
     (("cameras", 0, "width_px"), 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
-    (("cameras", 1, "height_px"), "48", ['cameras[1].height_px: given "48"', "whole number"]),
-    (("cameras", 0, "frame_rate_hz"), 0, ["cameras[0].frame_rate_hz: given 0", "in Hz"]),
     (("cameras", 0, "frame_rate_hz"), float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
     (("cameras", 0, "exposure_s"), 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
-    (("cameras", 0, "readout_s"), 0.1, ["cameras[0].readout_s: given 0.1", "in s"]),
-    (("cameras", 0, "exposure_s"), ..., ["cameras[0].exposure_s: missing", "in s"]),
-    (("cameras", 0, "vidio"), "A.mkv", ["cameras[0].vidio: no such field (did you mean video?)"]),
     (("cameras", 0, "video"), ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
     (("cameras", 1, "video"), "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
     (("cameras", 1, "video"), "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
-    (("cameras", 1, "video"), "a/../../x.mkv", ["cameras[1].video", "inside"]),
-    (("cameras", 1, "video"), "none.mkv", ['cameras[1].video: given "none.mkv"', "no such file"]),
     (("cameras", 1, "video"), "", ['cameras[1].video: given ""', "inside"]),
     (("cameras", 1, "video"), "a\0b", ["cameras[1].video", "inside"]),
-    (("cameras", 1, "video"), 3, ["cameras[1].video: given 3", "inside"]),
     (("cameras", 1, "video"), "A.mkv", ['cameras[1].video: given "A.mkv"', "cameras[0].video"]),
-    (("cameras", 1, "video"), "./A.mkv", ['given "./A.mkv", the same as cameras[0].video']),
     (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
     (("cameras", 1, "name"), "A", ['cameras[1].name: given "A", the same as cameras[0].name']),
     (("cameras", 1, "name"), "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
-    (("cameras", 1, "name"), False, ["cameras[1].name: given false", "40 characters"]),
     (("cameras", 0, "board_images"), "../shots", ["cameras[0].board_images", "inside"]),
-    (("cameras", 0, "board_images"), "shots/none",
-     ["cameras[0].board_images", "0 images", "at least 3"]),
     (("cameras", 0, "board_images"), "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
     (("cameras", 0, "board_images"), ["shots/A/1.png"],
      ["cameras[0].board_images: given", "3 to 200"]),
@@ -157,30 +131,19 @@ SILLY = [  # place, value, words of the refusal
      ['cameras[0].board_images[0]: given "a.png"', "no such"]),
     (("cameras", 0, "board_images"), ["../a.png"] * 12,
      ["cameras[0].board_images[0]: given", "inside"]),
-    (("cameras", 0, "board_images"), [1, 2, 3], ["cameras[0].board_images", "3 to 200"]),
-    (("cameras", 0, "corners_px"), [[0, 0], [1, 1]], ["cameras[0].corners_px", "4 lists of 2"]),
     (("cameras", 0, "corners_px"), [[0, 0], [9, 9], [9, 0], [0, 9]],
      ["cameras[0].corners_px: given", "convex"]),
-    (("cameras",), [], ["cameras: given []", "2 to 16"]),
     (("cameras",), plain("A")["cameras"], ["cameras: given", "2 to 16"]),
-    (("cameras",), {"A": 1}, ["cameras: given", "2 to 16"]),
     (("cameras",), ..., ["cameras: missing", "2 to 16"]),
     (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
     (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
-    (("structure", "length_mm"), 0, ["structure.length_mm: given 0", "in mm"]),
-    (("structure", "length"), 3, ["structure.length: no such field (did you mean length_mm?)"]),
-    (("structure", "force_position_mm"), 700, ["structure.force_position_mm: given 700", "in mm"]),
     (("structure", "markers", "columns"), 26, ["structure.markers: given", "on the structure"]),
     (("structure", "markers", "spacing_mm"), 3, ["structure.markers", "do not overlap"]),
     (("structure", "markers", "hole_mm"), [11.5, 5], ["structure.markers.hole_mm: given [11.5"]),
     (("structure", "markers", "hole_mm"), [24, 31], ["structure.markers.hole_mm: given [24"]),
     (("structure", "markers", "points_mm"), [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
-    (("structure", "markers", "tone"), "white", ['structure.markers.tone: given "white"']),
-    (("structure", "markers"), 5, ["structure.markers: given 5", "an object"]),
     (("board", "tile_mm"), 0, ["board.tile_mm: given 0", "in mm"]),
-    (("board", "columns"), 3, ["board.columns: given 3", "4 to 100"]),
     (("board", "two_sided"), "yes please", ["board.two_sided", "true or false"]),
-    (("board", "kind"), "chess", ['board.kind: given "chess"', '"charuco"']),
     (("board",), {"mark_mm": 20}, ["board.mark_mm: given 20", "kind is checkerboard"]),
     (("board",), {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
     (("board",), {"kind": "charuco", "two_sided": True}, ["board.two_sided: given true"]),
@@ -189,7 +152,6 @@ SILLY = [  # place, value, words of the refusal
     (("board",), {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),
     (("excitation", "frequency_hz"), -4, ["excitation.frequency_hz: given -4", "in Hz"]),
-    (("excitation", "sound"), "music", ['excitation.sound: given "music"', '"none"']),
     (("excitation", "rest_duration_s"), -1, ["excitation.rest_duration_s: given -1", "in s"]),
     (("truth",), "../truth.nc", ['truth: given "../truth.nc"', "inside"]),
     (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
@@ -204,13 +166,10 @@ def test_a_silly_manifest_is_refused_in_one_line(recordings, place, value, words
 
 
 TEXTS = [
-    ("", ["given null", "fields"]),
     ("- 1\n- 2\n", ["given [1, 2]", "fields"]),
-    ("just text", ["given", "fields"]),
     ("cameras: [\n  a: 1\n", ["line"]),
     ("cameras:\n\t- x\n", ["line 2"]),
     ("truth: a\ntruth: b\n", ["line 2", "truth is given twice"]),
-    ("truth: !!python/object/apply:os.system ['true']\n", ["line 1"]),
     ("truth: 2020-01-01\n", ["date"]),
     ("truth: a\nboard: " + "9" * 5000, ["line 2", "given 999", "..."]),
     ("board:\n  ? [a, b]\n  : 1\n", ["line 2", "a field's name", "text"]),
@@ -254,10 +213,6 @@ def test_links_do_not_lead_outside(tmp_path):
     message = refusal(written(folder, values), check_files=False)
     assert "cameras[0].board_images" in message
     assert "0.png" in message
-
-
-def test_files_need_not_exist_yet_if_so_asked(tmp_path):
-    assert read_manifest(written(tmp_path, plain()), check_files=False).cameras[0].name == "A"
 
 
 def test_shots_come_in_the_order_of_their_numbers(recordings):
@@ -307,8 +262,6 @@ def test_broken_recordings_are_named(recordings, tmp_path):
 @pytest.mark.parametrize(
     ("field", "value", "line"),
     [
-        ("frequency_hz", 1e5, "excitation.frequency_hz: given 100000, allowed: below half of the "
-         "frame rate, 30 Hz"),
         ("frequency_hz", 30.0, "excitation.frequency_hz: given 30, allowed: below half of the "
          "frame rate, 30 Hz"),
         ("rest_duration_s", 0, "excitation.rest_duration_s: given 0, allowed: at least 0.05 s, "
@@ -332,8 +285,6 @@ def test_three_frames_at_rest_are_enough(recordings):
     ("frames", "samples", "words"),
     [
         (66, 85000, ["images end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
-        (150, 62400, ["images end at 2.500 s, its sound at 1.300 s", "0.5 s apart"]),
-        (60, 48000, ["1.000 s of images, allowed: more than rest_duration_s, 1 s"]),
         (66, 33600, []),
     ],
 )

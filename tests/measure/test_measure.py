@@ -35,8 +35,7 @@ from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.feasibility.assess import assess_manifest
 from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUT_FILES
-from thesis_lib.measure.recordings.manifest import read_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape

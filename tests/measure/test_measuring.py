@@ -10,12 +10,13 @@ import xarray as xr
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import render_frames
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.exchange import uff
+from thesis_lib.measure.exchange import files
 from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
 from thesis_lib.measure.fitting.models import candidate_modes, scale_model
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, StructureSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles
+from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.vision.lens import Camera
@@ -141,7 +142,7 @@ def test_the_universal_file_holds_nodes_shape_and_motion(conforms, tmp_path):
         },
         attrs={"title": "a beam"},
     )
-    uff.write_uff(tmp_path / "shapes.uff", data)
+    files.write_uff(tmp_path / "shapes.uff", data)
     file = pyuff.UFF(str(tmp_path / "shapes.uff"))
     assert list(file.get_set_types()) == [151, 164, 15, 82, 55] + 5 * [58]
     header, units, nodes, lines, shape, *responses = file.read_sets()

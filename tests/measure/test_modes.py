@@ -32,8 +32,7 @@ from thesis_lib.measure.modes.poles import (
     residual_scatter,
 )
 from thesis_lib.measure.pipeline import Recorded, measure_modes
-from thesis_lib.measure.recordings.excitation import Excitation
-from thesis_lib.measure.recordings.manifest_model import Radiation
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
 from thesis_lib.measure.report.warnings import check_modes
 from thesis_lib.vibration.motion import Component
 

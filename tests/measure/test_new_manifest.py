@@ -122,8 +122,6 @@ def test_a_calibration_that_is_reused_needs_no_pictures(tmp_path):
     ("options", "words"),
     [
         (["-p", "board.tile=30"], ["board.tile", "no such field"]),
-        (["-p", "board.tile_mm=-1"], ["board.tile_mm", "-1", "above 0"]),
-        (["-p", "structure.kind=disc"], ["structure.kind", "disc", "plate"]),
         (["-p", "board=5"], ["board", "5"]),
         (["-p", "cameras.colour=red"], ["colour", "no such field"]),
         (["-p", "board=5", "-p", "board.tile_mm=3"], ["board.tile_mm", "allowed: one"]),

@@ -12,9 +12,8 @@ from command import thesis
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.paper import PAGE_SIZES_MM, STRIP_MM
-from thesis_lib.measure.recordings.board import MARK_RATIO, Board
+from thesis_lib.measure.recordings.board import MARK_RATIO, Board, BoardSpec
 from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import BoardSpec
 
 DPI = 200
 PX = DPI / 25.4  # of a mm

@@ -26,9 +26,9 @@ from sdypy import EMA
 from thesis_lib.measure.modes.identify import modal_assurance, rest_of
 from thesis_lib.measure.pipeline import Recorded, measure_motion
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, Sought, Sweep
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings

@@ -9,7 +9,7 @@ import pytest
 from command import thesis
 from scipy.signal import butter, sosfilt
 
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.synchronisation.alone import synchronise_videos
 from thesis_lib.measure.synchronisation.drift import drift_of

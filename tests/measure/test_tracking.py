@@ -11,15 +11,13 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
 from thesis_lib.measure.tracking import tracker as tracking
-from thesis_lib.measure.tracking.centres import refine_centres
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
-    View,
     apply_homography,
     find_view,
     fit_homography,
@@ -539,10 +537,9 @@ def test_markers_off_their_grid_are_refused(rest):
     assert "px off their grid; do rows, columns and spacing agree" in message
 
 
-@pytest.mark.parametrize("noise", [0.0, 2.0])
-def test_given_corners_need_not_be_exact(conforms, rest, noise):
+def test_given_corners_need_not_be_exact(conforms, rest):
     at, image, view, _ = rest
-    given = corners(at) + noise * np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    given = corners(at) + 2.0 * np.random.default_rng(3).uniform(-1, 1, (2, 4))
     own = sharpen_view(image, view_of(at, MARKERS, given))
     conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
 
@@ -713,14 +710,6 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
     conforms.independent(view.to_image(plane), lens.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
-
-
-def test_nothing_to_refine_is_nothing(rest):
-    _, image, view, _ = rest
-    assert isinstance(view, View)
-    found, misfit = refine_centres(image, view, np.full((2, 76), np.nan))
-    assert np.isnan(found).all()
-    assert np.isnan(misfit)
 
 
 # Light.

@@ -1,9 +1,24 @@
-"""Manifests with one of their values changed."""
+"""Values of a small manifest, and manifests with one of their values changed."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+
+SIZE = (64, 48)  # width and height, px
+
+
+def plain(cameras: str = "AB", **parts: Any) -> dict[str, Any]:
+    """The values of a manifest of small videos."""
+    return {
+        "cameras": [
+            {
+                "name": name, "video": f"{name}.mkv", "width_px": SIZE[0], "height_px": SIZE[1],
+                "frame_rate_hz": 60, "exposure_s": 0.004, "board_images": f"shots/{name}",
+            }
+            for name in cameras
+        ]
+    } | parts  # fmt: skip
 
 
 def change(values: dict[str, Any], place: Sequence[str | int], value: Any) -> dict[str, Any]:

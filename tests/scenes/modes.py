@@ -14,13 +14,12 @@ from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.calibration.reused import as_calibrated
-from thesis_lib.measure.exchange.cameras import Found
+from thesis_lib.measure.exchange.cameras import Found, as_calibrated
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
 from thesis_lib.measure.modes.shapes import Rest, Track
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.measure.recordings.excitation import Excitation, Sought
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Sought
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vision import lens

@@ -19,8 +19,7 @@ from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import MAX_START_S, Rig, default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
-from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion

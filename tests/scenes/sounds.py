@@ -1,6 +1,7 @@
 """Videos with sound as recorders write it: paces, jumps, priming, channels and tracks."""
 
-from contextlib import nullcontext
+import struct
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import av
 import numpy as np
+from av.stream import Disposition
 
 from thesis_lib.measure.recordings.audio import AudioTrack
 from thesis_lib.measure.synchronisation.audio import AudioSource
@@ -144,3 +146,36 @@ def _blocks(samples, track, rate, layout):
         frame = av.AudioFrame.from_ndarray(part, "fltp", layout)
         frame.sample_rate, frame.pts, frame.time_base = rate, k, Fraction(1, rate)
         yield from av.AudioResampler(format=track.format, layout=layout).resample(frame)
+
+
+def copy_tracks(sources, path, *, options=None, metadata=None, still=False):
+    """The films of other files in one, as they are; the first of them may be marked as a still."""
+    with ExitStack() as stack:
+        files = [stack.enter_context(av.open(str(source))) for source in sources]
+        new = stack.enter_context(av.open(str(path), "w", options=options or {}))
+        new.metadata.update(metadata or {})
+        tracks = [new.add_stream_from_template(file.streams.video[0]) for file in files]
+        if still:
+            tracks[0].disposition = Disposition.attached_pic
+        for file, track in zip(files, tracks, strict=True):
+            for packet in file.demux(file.streams.video[0]):
+                if packet.size:
+                    packet.stream = track
+                    new.mux(packet)
+
+
+def turn_film(path, to, matrix):
+    """An upright film in .mp4 or .mov with another matrix (a, b, c, d) in its track's header."""
+    data = path.read_bytes()
+    one, new = (
+        struct.pack(">9i", a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30)
+        for a, b, c, d in ((1, 0, 0, 1), matrix)
+    )
+    at = data.index(one, data.index(b"tkhd"))
+    to.write_bytes(data[:at] + new + data[at + len(new) :])
+
+
+def append_sony_rate(path, to, captured, shown):
+    """A film with the rate of the sensor at its end, as Sony's cameras write it."""
+    xml = f'<VideoFrame videoCodec="AVC" captureFps="{captured}p" formatFps="{shown}p"/>'.encode()
+    to.write_bytes(path.read_bytes() + struct.pack(">I4s", 8 + len(xml), b"free") + xml)

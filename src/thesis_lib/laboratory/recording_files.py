@@ -16,11 +16,10 @@ from thesis_lib.facts import setups
 from thesis_lib.files import staging
 from thesis_lib.laboratory.render import BeamView, Sensor, render_board
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
-from thesis_lib.measure.recordings import manifest_model as model
 from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.excitation import Excitation
-from thesis_lib.measure.recordings.manifest import write_manifest
+from thesis_lib.measure.recordings.board import BoardSpec, Markers, MarkersSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, write_manifest
+from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.beam import Beam
@@ -91,13 +90,13 @@ def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
     return path
 
 
-def manifest_of(rig: Rig) -> model.Manifest:
+def manifest_of(rig: Rig) -> Manifest:
     """Describe the files of a rendered rig."""
     board = rig.board
-    return model.Manifest(
+    return Manifest(
         structure=_describe_structure(rig.motion.structure, rig.markers),
         cameras=tuple(
-            model.CameraFiles(
+            CameraFiles(
                 name=station.camera.name,
                 video=f"{station.camera.name}.mkv",
                 width_px=station.camera.size[0],
@@ -108,7 +107,7 @@ def manifest_of(rig: Rig) -> model.Manifest:
             )
             for station in rig.stations
         ),
-        board=model.BoardSpec(
+        board=BoardSpec(
             columns=board.columns,
             rows=board.rows,
             tile_mm=_mm(board.tile),
@@ -122,7 +121,7 @@ def manifest_of(rig: Rig) -> model.Manifest:
     )
 
 
-def _describe_structure(structure: Structure, markers: Markers) -> model.StructureSpec:
+def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec:
     """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
     if isinstance(structure, Plate):
@@ -148,8 +147,8 @@ def _describe_structure(structure: Structure, markers: Markers) -> model.Structu
     }
     points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
 
-    def spec(layout: dict[str, Any]) -> model.StructureSpec:
-        return model.StructureSpec(
+    def spec(layout: dict[str, Any]) -> StructureSpec:
+        return StructureSpec(
             length_mm=_mm(structure.length),
             width_mm=_mm(structure.width),
             thickness_mm=_mm(structure.thickness),
@@ -157,7 +156,7 @@ def _describe_structure(structure: Structure, markers: Markers) -> model.Structu
             youngs_modulus_pa=structure.youngs_modulus,
             damping=structure.damping,
             force_position_mm=_mm(x),
-            markers=model.MarkersSpec(**given, **layout),
+            markers=MarkersSpec(**given, **layout),
             **own,
         )
 
@@ -197,7 +196,7 @@ def example_rig() -> Rig:
     )
 
 
-def example_manifest(rig: Rig) -> model.Manifest:
+def example_manifest(rig: Rig) -> Manifest:
     """Return the manifest of the example, with what the warnings before measuring ask for."""
     manifest, cameras = manifest_of(rig), []
     lens = {"focal_length_mm": FOCAL_MM, "sensor_width_mm": SENSOR_MM, "f_number": 11.0}

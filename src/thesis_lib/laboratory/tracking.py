@@ -34,8 +34,7 @@ from thesis_lib.laboratory.rig import (
 )
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
-from thesis_lib.measure.calibration.rig import unify_corners
-from thesis_lib.measure.calibration.zhang import calibrate_camera
+from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
     Harmonics,

@@ -15,7 +15,7 @@ import click
 from thesis_lib.outputs import echo, print_json
 
 if TYPE_CHECKING:
-    from thesis_lib.measure.recordings.manifest_model import Manifest
+    from thesis_lib.measure.recordings.manifest import Manifest
 
 _Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
@@ -239,7 +239,7 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     Nothing is lost except the sound of a film; SOURCE is not changed. VIDEO is SOURCE.mov if not
     given; a file that is there is not replaced.
     """
-    from thesis_lib.measure.recordings.encode import pack_frames
+    from thesis_lib.measure.recordings.media import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
     from thesis_lib.outputs import check_outputs
 

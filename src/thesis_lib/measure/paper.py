@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
-from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.outputs import check_file
 from thesis_lib.plotting.style import cycle_color, drawable_names
 
@@ -70,16 +70,16 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
             )
             axes.set_axis_off()
             draw(axes)
-            _ruler(axes, words, width - 2 * BORDER_MM)
+            _ruler(axes, words)
             file.savefig(figure)
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
 
-def _draw_polygons(axes: Axes, vertices: ArrayLike, colour: str = "black") -> None:
-    """Draw filled polygons without outline, (polygons, vertices, 2), mm."""
+def _draw_polygons(axes: Axes, vertices: ArrayLike) -> None:
+    """Draw black polygons without outline, (polygons, vertices, 2), mm."""
+    polygons = [*np.asarray(vertices, float)]
     axes.add_collection(
-        PolyCollection([*np.asarray(vertices, float)], facecolors=colour, edgecolors="none"),
-        autolim=False,
+        PolyCollection(polygons, facecolors="black", edgecolors="none"), autolim=False
     )
 
 
@@ -90,7 +90,7 @@ def _rectangle_vertices(
     return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
 
 
-def _ruler(axes: Axes, words: str, width: float) -> None:
+def _ruler(axes: Axes, words: str) -> None:
     y = -STRIP_MM + 4
     _draw_polygons(axes, [_rectangle_vertices(0, y, RULER_MM, 0.25)])
     for k in range(11):
@@ -99,8 +99,6 @@ def _ruler(axes: Axes, words: str, width: float) -> None:
     told = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
     axes.text(0, y - 3.2, told, size=6.5)
     axes.text(RULER_MM + 6, y, words, size=6.5, va="bottom", wrap=False)
-    if width < RULER_MM + 6:
-        raise PaperError(f"--paper: narrower than the ruler of {RULER_MM:g} mm")
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame

@@ -16,9 +16,8 @@ from thesis_lib import __version__
 from thesis_lib.files import staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
-from thesis_lib.measure.calibration.reused import as_calibrated, reuse_calibration
 from thesis_lib.measure.exchange import files, history
-from thesis_lib.measure.exchange.cameras import OWN_FILE, Found
+from thesis_lib.measure.exchange.cameras import OWN_FILE, Found, as_calibrated, reuse_calibration
 from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
 from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.fitting.result import shape_result
@@ -26,8 +25,7 @@ from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings import validation as recordings_check
-from thesis_lib.measure.recordings.manifest import read_manifest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.report import animation, build

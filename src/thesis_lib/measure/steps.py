@@ -14,8 +14,7 @@ from tqdm import tqdm
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
-from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
 from thesis_lib.measure.recordings.media_info import describe_reading
 from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays

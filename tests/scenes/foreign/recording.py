@@ -17,8 +17,9 @@ import numpy as np
 from PIL import Image
 from scenes.foreign.rays import Chessboard, Eye, Film, Optics, Sensor, Strip, looking
 
-from thesis_lib.measure.recordings.excitation import Excitation
-from thesis_lib.measure.recordings.manifest_model import BoardSpec, CameraFiles, Manifest
+from thesis_lib.measure.recordings.board import BoardSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_parts import Excitation
 
 RATE, SOUND_RATE = 60, 48000  # frames and samples a second
 FREQUENCY, TIP = 11.3, 0.004  # Hz, m

@@ -38,15 +38,16 @@ from thesis_lib.measure.messages import (
     NOTE_GROUPS,
     UNCHECKED_MESSAGES,
 )
-from thesis_lib.measure.recordings.excitation import Excitation, Force, Sought, Sweep
-from thesis_lib.measure.recordings.manifest_model import (
-    BoardSpec,
-    CameraFiles,
-    Manifest,
-    MarkersSpec,
+from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest_parts import (
+    Excitation,
+    Force,
     Radiation,
     Reuse,
+    Sought,
     StructureSpec,
+    Sweep,
 )
 from thesis_lib.measure.report.build import build_shape, summarise_shape
 from thesis_lib.measure.report.figures import draw_shape

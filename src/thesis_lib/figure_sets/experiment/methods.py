@@ -17,8 +17,12 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.calibration.rig import cameras_in, single_threaded_opencv
-from thesis_lib.measure.calibration.zhang import calibrate_camera, central_corners
+from thesis_lib.measure.calibration.rig import (
+    calibrate_camera,
+    cameras_in,
+    central_corners,
+    single_threaded_opencv,
+)
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -30,8 +34,7 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.fitting.reconstruction import check_frame
 from thesis_lib.measure.recordings.board import Board, Markers
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_files, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers

@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.experiment.figures import (
     camera_letters,
     tip_marker,
 )
-from thesis_lib.measure.calibration.zhang import central_corners
+from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import tracker
 from thesis_lib.measure.tracking.follow import reduce_frame

@@ -1,6 +1,7 @@
 """Images of a board to cameras.
 
-From images on: `corners` finds the board's corners; `zhang` calibrates each camera by itself; `rig`
+From images on: `corners` finds the board's corners; `rig` calibrates each camera by itself and
 orders the corners alike for all cameras, and `bundle_adjustment` adjusts these together;
-`uncertainty` tells how exact they are. `reused` has cameras from elsewhere.
+`uncertainty` estimates how far they are off. Cameras from elsewhere are read by
+:mod:`thesis_lib.measure.exchange.cameras`.
 """

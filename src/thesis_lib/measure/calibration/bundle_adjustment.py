@@ -27,8 +27,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.calibration.zhang import CalibrationError
+from thesis_lib.arrays import Array, IntArray, Mask
 from thesis_lib.vision.lens import (
     Camera,
     distort_coordinates,
@@ -39,6 +38,10 @@ from thesis_lib.vision.lens import (
 )
 
 POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
+
+
+class CalibrationError(ValueError):
+    """Shots that do not determine a camera or a rig; the message says which and why."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ class Network:
         return (POSE_UNKNOWNS + LENS_UNKNOWNS) * len(self.cameras) + POSE_UNKNOWNS * len(
             self.rotations
         )
+
+
+def without_boards(cameras: Sequence[Camera]) -> Network:
+    """Return a network of cameras alone."""
+    return Network(tuple(cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
 
 def start_network(observations: Array, points: Array, cameras: Sequence[Camera]) -> Network:
@@ -158,22 +166,16 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
     )
     J = np.concatenate(
         [
-            _cross_product(np.stack([x, y, z])[:, None], in_xyz),
+            # The derivative in a rotation of a is a × b if b is the one in a.
+            np.cross(np.stack([x, y, z])[:, None], in_xyz, axis=0),
             -in_world,
-            _cross_product(on_board[:, None], in_world),
+            np.cross(on_board[:, None], in_world, axis=0),
             in_world,
             [[distorted[0], zero], [zero, distorted[1]], [one, zero], [zero, one]],
             np.einsum("ij,kj...->ki...", scale, lens),
         ]
     )
     return to_pixels(camera.K, distorted), J
-
-
-def _cross_product(a: Array, b: Array) -> Array:
-    """Return the product a × b: the derivative in a rotation of a if b is the one in a."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
 
 
 def normal_equations(
@@ -205,17 +207,20 @@ def normal_equations(
         A = np.where(missing[:, None], 0, J[:, :, shots].transpose(2, 0, 1, 3))
         A = A.reshape(len(shots), POSE_UNKNOWNS * 2 + LENS_UNKNOWNS, -1)
         r = np.where(missing, 0, residuals[c][shots]).reshape(len(shots), -1, 1)
-        index = np.empty((len(shots), A.shape[1]), int)
-        index[:, :POSE_UNKNOWNS] = c * POSE_UNKNOWNS + np.arange(POSE_UNKNOWNS)
-        index[:, POSE_UNKNOWNS : 2 * POSE_UNKNOWNS] = (
-            n + shots[:, None]
-        ) * POSE_UNKNOWNS + np.arange(POSE_UNKNOWNS)
-        index[:, 2 * POSE_UNKNOWNS :] = (
-            (n + m) * POSE_UNKNOWNS + c * LENS_UNKNOWNS + np.arange(LENS_UNKNOWNS)
-        )
+        pose, lens = np.split(camera_unknowns(np.array([c]), n, m), [POSE_UNKNOWNS])
+        boards = (n + shots[:, None]) * POSE_UNKNOWNS + np.arange(POSE_UNKNOWNS)
+        index = np.array([[*pose, *board, *lens] for board in boards])
         np.add.at(normal, (index[:, :, None], index[:, None]), A @ A.swapaxes(1, 2))
         np.add.at(right, index, (A @ r)[..., 0])
     return normal, right, residuals
+
+
+def camera_unknowns(which: IntArray, cameras: int, boards: int = 0) -> IntArray:
+    """Return the numbers of the unknowns of some of the cameras: their poses, then their lenses."""
+    first = POSE_UNKNOWNS * (cameras + boards)
+    poses = POSE_UNKNOWNS * which[:, None] + np.arange(POSE_UNKNOWNS)
+    lenses = first + LENS_UNKNOWNS * which[:, None] + np.arange(LENS_UNKNOWNS)
+    return np.concatenate([poses.ravel(), lenses.ravel()])
 
 
 def gauge_directions(network: Network) -> Array:
@@ -268,7 +273,7 @@ def transform_network(network: Network, rotation: Array, translation: Array) -> 
     return Network(cameras, rotation @ network.rotations, places)
 
 
-_MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
+MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
 @dataclass(frozen=True)
@@ -288,7 +293,6 @@ class Adjustment(Network):
     #: the choice of a datum, shape (unknowns, unknowns); see
     #: :func:`camera_deviations`
     covariance: Array
-    iterations: int  #: Steps taken
 
 
 def adjust_bundle(
@@ -342,12 +346,12 @@ def adjust_bundle(
     poses = POSE_UNKNOWNS * (len(cameras) + len(network.rotations))
     lenses = [intrinsics] * 4 + [distortion] * 4
     free = np.array([True] * poses + lenses * len(cameras))
-    network, iterations = _minimise_cost(observations, points, network, free, steps)
+    network = _minimise_cost(observations, points, network, free, steps)
     R, t = network.rotations[0], network.translations[0]
     network = transform_network(network, R.T, -R.T @ t)
     normal, _, residuals = normal_equations(observations, points, network)
     inverse, least = _invert_normal(normal, network, free)
-    if least < _MIN_EIGENVALUE:
+    if least < MIN_EIGENVALUE:
         raise CalibrationError("adjustment: the board images do not determine all unknowns")
     squares, count = float(np.nansum(residuals**2)), int(np.isfinite(observations).sum())
     freedom = count - (int(free.sum()) - POSE_UNKNOWNS)
@@ -363,23 +367,21 @@ def adjust_bundle(
         sigma,
         np.sqrt(variances).reshape(-1, LENS_UNKNOWNS),
         covariance,
-        iterations,
     )
 
 
 def _minimise_cost(
     observations: Array, points: Array, network: Network, free: Mask, steps: int
-) -> tuple[Network, int]:
-    """Minimise by Levenberg–Marquardt; return the network and the number of steps."""
+) -> Network:
+    """Return the network of least squares, by Levenberg–Marquardt."""
     normal, right, residuals = normal_equations(observations, points, network)
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
-    for step in range(1, steps + 1):
-        inverse, _ = _invert_normal(normal, network, free, damping)
-        change = inverse @ right
+    for _ in range(steps):
+        change = _invert_normal(normal, network, free, damping)[0] @ right
         hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
         if hoped <= 1e-12 * cost or hoped < 1e-18:
-            return step_network(network, change), step
+            return step_network(network, change)
         trial = step_network(network, change)
         new = normal_equations(observations, points, trial)
         new_cost = np.sum(new[2][observed] ** 2)  # NaN if a board came to lie behind a camera
@@ -450,8 +452,7 @@ def align_cameras(
         Errors of the orientations about the cameras' axes, rad.
     """
     rotation, translation = fit_alignment(cameras, truth)
-    free = Network(tuple(cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    found = transform_network(free, rotation, translation).cameras
+    found = transform_network(without_boards(cameras), rotation, translation).cameras
     centres = np.array([p.centre - q.centre for p, q in zip(found, truth, strict=True)])
     turns = np.array(
         [p.R_camera_world @ q.R_camera_world.T for p, q in zip(found, truth, strict=True)]

@@ -104,13 +104,11 @@ def _tiles_continue(image: Image, corners: Array) -> bool:
         along = np.arange(-0.5, length)
         parity = 1 - 2 * (np.arange(length + 1) % 2) * 1.0
         parity -= parity.mean()
-        for last, beyond in ((-0.5, -1.5), (width - 0.5, width + 0.5)):
-            rows = []
-            for off in (last, beyond):
-                places = np.stack([along, np.full_like(along, off)])
-                grey = _sample_grey(image, H, places[::-1] if across else places)
-                rows.append(float(parity @ grey))
-            if -rows[1] * np.sign(rows[0]) > _MIN_CONTINUED_SHARE * abs(rows[0]):
+        for ends in ((-0.5, -1.5), (width - 0.5, width + 0.5)):  # the last tiles, and beyond
+            rows = [np.stack([along, np.full_like(along, off)]) for off in ends]
+            rows = [row[::-1] if across else row for row in rows]
+            inner, outer = (float(parity @ _sample_grey(image, H, row)) for row in rows)
+            if -outer * np.sign(inner) > _MIN_CONTINUED_SHARE * abs(inner):
                 return True
     return False
 
@@ -153,9 +151,8 @@ def _find_marks(image: Image, board: Board) -> Array:
     corners[:, _find_off_plane(corners, board)] = np.nan
     seen, least = int(np.isfinite(corners[0]).sum()), min(_MIN_MARKED_CORNERS, nx * ny // 2)
     if seen < least:
-        others = (
-            _describe_other_marks(image, f"{bits}_{size}", count) if 2 * len(marks) < count else ""
-        )
+        few = 2 * len(marks) < count
+        others = _describe_other_marks(image, f"{bits}_{size}", count) if few else ""
         raise BoardNotFound(
             f"{len(marks)} marks of {board.dictionary} seen{others}; {seen} corners between them "
             f"as on a board of {nx + 1} × {ny + 1} tiles, needs {least}"
@@ -196,8 +193,7 @@ def _describe_other_marks(image: Image, name: str, count: int) -> str:
 
 def _border_distances(corners: Array, image: Image) -> Array:
     """Return the distances (ny, nx) of corners from the image's border, px; NaN where they are."""
-    height, width = image.shape
-    u, v = corners
+    (u, v), (height, width) = corners, image.shape
     return np.minimum.reduce([u, v, width - u, height - v])
 
 
@@ -254,9 +250,8 @@ def find_corners(image: Image, board: Board) -> Array:
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ValueError(f"image: given {image.dtype} of shape {image.shape}, needs uint8 (h, w)")
     unseen, refused = list[BoardNotFound](), list[BoardNotFound]()
-    ways = (
-        (_find_marks,) if board.mark else (_find_by_quads, _find_by_reduced_quads, _find_by_sectors)
-    )
+    plain = _find_by_quads, _find_by_reduced_quads, _find_by_sectors
+    ways = (_find_marks,) if board.mark else plain
     for negative, find in product((False, True), ways):  # as of a board printed white on black
         shown = 255 - image if negative else image
         try:
@@ -277,19 +272,17 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
     smooth = _smooth_grid(found, seen, board)
     grid = np.where(seen, found, smooth)
     _check_grid(grid, smooth, _MAX_FOUND_OFFSET)
-    reduction = int(
-        2 ** max(np.floor(np.log2(np.median(_corner_spacing(grid)) / _LARGE_TILE_PX)) + 1, 0)
-    )
+    size = np.median(_corner_spacing(grid)) / _LARGE_TILE_PX
+    reduction = int(2 ** max(np.floor(np.log2(size)) + 1, 0))
     while reduction > 1:
-        grid = (
-            reduction
-            * _refine_grid(_reduce_image(image, reduction), grid / reduction, seen, board)[0]
-        )
+        height, width = (side // reduction for side in image.shape)
+        part = image[: height * reduction, : width * reduction]
+        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
+        grid = reduction * _refine_grid(small, grid / reduction, seen, board)[0]
         reduction //= 2
     grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)
-    _check_fit(
-        start[:, seen], _corner_spacing(grid)[seen], state, np.indices(seen.shape).sum(0)[seen] % 2
-    )
+    parity = np.indices(seen.shape).sum(0)[seen] % 2
+    _check_fit(start[:, seen], _corner_spacing(grid)[seen], state, parity)
     _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
     smooth = _smooth_grid(grid, seen, board)
     _check_grid(np.where(seen, grid, smooth), smooth, _MAX_FITTED_OFFSET)
@@ -298,11 +291,11 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
 
 def _corner_spacing(grid: Array) -> Array:
     """Return distance of each corner (2, ny, nx) from its nearest neighbour, shape (ny, nx), px."""
-    along_x = np.linalg.norm(np.diff(grid, axis=2), axis=0)
-    along_y = np.linalg.norm(np.diff(grid, axis=1), axis=0)
-    padded_x = np.pad(along_x, ((0, 0), (1, 1)), constant_values=np.inf)
-    padded_y = np.pad(along_y, ((1, 1), (0, 0)), constant_values=np.inf)
-    return np.minimum.reduce([padded_x[:, 1:], padded_x[:, :-1], padded_y[1:], padded_y[:-1]])
+    y, x = (
+        np.linalg.norm(np.diff(grid, axis=axis, prepend=np.inf, append=np.inf), axis=0)
+        for axis in (1, 2)
+    )
+    return np.minimum.reduce([x[:, 1:], x[:, :-1], y[1:], y[:-1]])
 
 
 def _smooth_grid(grid: Array, seen: Mask, board: Board) -> Array:
@@ -332,13 +325,6 @@ def _check_grid(grid: Array, smooth: Array, allowed: float) -> None:
             f"false grid: a corner is {off.flat[worst]:.1f} px off a plane under a lens, allowed "
             f"{allowed:.0%} of the {spacing.flat[worst]:.0f} px between corners"
         )
-
-
-def _reduce_image(image: Image, factor: int) -> Image:
-    """Average blocks of factor × factor pixels."""
-    height, width = (side // factor for side in image.shape)
-    part = image[: height * factor, : width * factor]
-    return np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def _refine_grid(
@@ -451,12 +437,11 @@ def _cut_windows(
     if np.isfinite(beside):  # not what marks reach, which are in the lighter of the tiles
         px = abs(determinant) / np.stack([np.hypot(bu, bv), np.hypot(au, av)])  # of one of these
         across = off[0] * off[1] > 0
-        mean = [
+        one, other = (
             np.mean(grey, axis=1, where=inside & part, keepdims=True) for part in (across, ~across)
-        ]
-        inside &= np.any((beside - abs(off)) * px >= _OFF_MARK, axis=0) | (
-            across == (mean[0] < mean[1])
         )
+        clear = np.any((beside - abs(off)) * px >= _OFF_MARK, axis=0)
+        inside &= clear | (across == (one < other))
     return pixels, inside.astype(float), grey
 
 
@@ -468,30 +453,19 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
     """
     u, v, angle_x, angle_y, mean, half, s = state[:, :, None]
     du, dv = pixels[0] - u, pixels[1] - v
-    values, along, by_u, by_v, by_angle = [], [], [], [], []
+    edges = []
     for angle, kappa in zip((angle_x, angle_y), bend[:, :, None], strict=True):
         cos, sin = np.cos(angle), np.sin(angle)
         t, d = cos * du + sin * dv, cos * dv - sin * du
         curved = d - kappa * t**2 / 2
-        values.append(erf(curved / s))
-        along.append(2 / np.sqrt(np.pi) * np.exp(-((curved / s) ** 2)) / s)
-        by_u.append(sin + kappa * t * cos)
-        by_v.append(-cos + kappa * t * sin)
-        by_angle.append(-t - kappa * t * d)
-        along.append(curved)
-    (f, g), (df, x, dg, y) = values, along
+        slope = 2 / np.sqrt(np.pi) * np.exp(-((curved / s) ** 2)) / s
+        by_centre = sin + kappa * t * cos, -cos + kappa * t * sin
+        edges.append((erf(curved / s), slope, curved, *by_centre, -t - kappa * t * d))
+    (f, df, x, *f_centre, f_angle), (g, dg, y, *g_centre, g_angle) = edges
     fg, gf = half * g * df, half * f * dg
-    J = np.stack(
-        [
-            fg * by_u[0] + gf * by_u[1],
-            fg * by_v[0] + gf * by_v[1],
-            fg * by_angle[0],
-            gf * by_angle[1],
-            np.ones_like(f),
-            f * g,
-            -(fg * x + gf * y) / s,
-        ]
-    )
+    centre = [fg * one + gf * other for one, other in zip(f_centre, g_centre, strict=True)]
+    angles = [fg * f_angle, gf * g_angle]
+    J = np.stack([*centre, *angles, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
     return mean + half * f * g, J
 
 

@@ -34,14 +34,17 @@ from thesis_lib import __version__
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.calibration.bundle_adjustment import (
     LENS_UNKNOWNS,
+    MIN_EIGENVALUE,
     POSE_UNKNOWNS,
     Adjustment,
     Network,
     adjust_bundle,
     camera_deviations,
+    camera_unknowns,
     gauge_directions,
     normal_equations,
     of_pictures,
+    without_boards,
 )
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
@@ -52,16 +55,14 @@ from thesis_lib.vision.lens import Camera
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
 MIN_JACKKNIFE_IMAGES = 5
 _COVERED_PROBABILITY = 0.97725  # of the distribution of an error, below two standard deviations
-_MIN_EIGENVALUE = 1e-11  # least eigenvalue of scaled normal equations, as of a bundle adjustment
 
 
 def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment) -> Adjustment:
     """Return the cameras of an adjustment, with deviations that hold for the images as they are.
 
     With fewer than :data:`MIN_JACKKNIFE_IMAGES` shots, or one that nothing can do without, the
-    adjustment's own
-    covariance is widened by as much as shots differ more than independent corners would: how errors
-    of corners go together is then taken to be the same in all directions.
+    adjustment's own covariance is widened by as much as shots differ more than independent corners
+    would: how errors of corners go together is then taken to be the same in all directions.
 
     Parameters
     ----------
@@ -104,10 +105,8 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
         covariance[np.ix_(free, free)] = (m - 1) / m * changes.T @ changes
         adjusted = int(free[-LENS_UNKNOWNS * n :].sum())
         widths[free[-LENS_UNKNOWNS * n :]] = _widening_factors(parts, gauge, adjusted)
-    deviations = (widths * np.sqrt(np.diag(covariance)[-LENS_UNKNOWNS * n :])).reshape(
-        -1, LENS_UNKNOWNS
-    )
-    return replace(alone, covariance=covariance, deviations=deviations)
+    deviations = widths * np.sqrt(np.diag(covariance)[-LENS_UNKNOWNS * n :])
+    return replace(alone, covariance=covariance, deviations=deviations.reshape(-1, LENS_UNKNOWNS))
 
 
 def of_cameras(adjustment: Adjustment) -> Array:
@@ -134,8 +133,8 @@ def with_lenses(
     units = np.sqrt(np.diag(poses)[:cut])
     N = _image_contributions(observations, points, adjustment)[0].sum(axis=0)
     own = N[:cut, :cut] * units[:, None] * units
-    bare = Network(adjustment.cameras, np.zeros((0, 3, 3)), np.zeros((0, 3)))
-    Q, _ = np.linalg.qr(gauge_directions(bare)[:cut] / units[:, None])
+    gauge = gauge_directions(without_boards(adjustment.cameras))[:cut]
+    Q, _ = np.linalg.qr(gauge / units[:, None])
     moved = -np.linalg.solve(own + Q @ Q.T, units[:, None] * N[:cut, cut:]) * units[:, None]
     T = np.concatenate([moved, np.eye(len(held))])
     return np.asarray(poses + T @ held @ T.T)
@@ -160,10 +159,8 @@ def _image_contributions(
         both = np.column_stack([N, g])
         both = both - N[:, board] @ np.linalg.solve(N[np.ix_(board, board)], both[board])
         both = np.delete(np.delete(both, board, axis=0), board, axis=1)
-        of_poses = POSE_UNKNOWNS * views[:, None] + np.arange(POSE_UNKNOWNS)
-        of_lenses = POSE_UNKNOWNS * n + LENS_UNKNOWNS * views[:, None] + np.arange(LENS_UNKNOWNS)
-        index = np.r_[of_poses.ravel(), of_lenses.ravel()]
-        matrices[np.ix_([s], index, index)] = both[:, :-1]
+        index = camera_unknowns(views, n)
+        matrices[s][np.ix_(index, index)] = both[:, :-1]
         sides[s, index] = both[:, -1]
     return matrices, sides
 
@@ -174,7 +171,7 @@ def _changes_without_each(parts: Array, right: Array, gauge: Array) -> Array | N
     The gauge's directions, orthonormal here, are kept still.
     """
     rest = parts.sum(axis=0) + gauge @ gauge.T - parts
-    if np.linalg.eigvalsh(rest)[:, 0].min() < _MIN_EIGENVALUE:
+    if np.linalg.eigvalsh(rest)[:, 0].min() < MIN_EIGENVALUE:
         return None
     return -np.linalg.solve(rest, right[..., None])[..., 0]
 
@@ -244,11 +241,8 @@ def jackknife_calibration(
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
             cameras = replace(cameras, covariance=covariance)
-        focal = (
-            cameras.deviations[:, 0]
-            if lenses is None
-            else np.sqrt(np.diag(lenses)[::LENS_UNKNOWNS])
-        )
+        own = cameras.deviations[:, 0]
+        focal = own if lenses is None else np.sqrt(np.diag(lenses)[::LENS_UNKNOWNS])
         values = {
             "board_poses": corners.shape[1],
             "focal_deviation": focal,
@@ -270,11 +264,8 @@ def _single_lens_covariance(corners: Array, points: Array, cameras: Sequence[Cam
     for k, camera in enumerate(cameras):
         seen = np.isfinite(corners[k]).any(axis=(1, 2))
         own, of = corners[[k]][:, seen], points if points.ndim == 2 else points[[k]][:, seen]
-        blocks.append(
-            jackknife_cameras(own, of, adjust_bundle(own, of, [camera])).covariance[
-                POSE_UNKNOWNS:, POSE_UNKNOWNS:
-            ]
-        )
+        alone = jackknife_cameras(own, of, adjust_bundle(own, of, [camera]))
+        blocks.append(alone.covariance[POSE_UNKNOWNS:, POSE_UNKNOWNS:])
     return block_diag(*blocks)
 
 
@@ -282,15 +273,10 @@ def read_deviations(calibration: xr.Dataset, covariance: Array | None) -> xr.Dat
     """Return a reused calibration with the deviations of its covariance; NaN without one."""
     cameras = cameras_in(calibration)
     n = len(cameras)
-    known = (
-        np.full([(POSE_UNKNOWNS + LENS_UNKNOWNS) * n] * 2, np.nan)
-        if covariance is None
-        else covariance
-    )
-    none = np.zeros((0, 3, 3)), np.zeros((0, 3))
-    bare = Adjustment(
-        tuple(cameras), *none, np.zeros(0), 0, 0, np.zeros((n, LENS_UNKNOWNS)), known, 0
-    )
+    size = (POSE_UNKNOWNS + LENS_UNKNOWNS) * n
+    known = np.full((size, size), np.nan) if covariance is None else covariance
+    none = np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0)
+    bare = Adjustment(tuple(cameras), *none, 0, 0, np.zeros((n, LENS_UNKNOWNS)), known)
     values = {
         "board_poses": 0,
         "focal_deviation": np.sqrt(np.diag(known)[POSE_UNKNOWNS * n :: LENS_UNKNOWNS]),

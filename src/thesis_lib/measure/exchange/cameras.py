@@ -22,8 +22,9 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
+from thesis_lib.measure.calibration.bundle_adjustment import camera_unknowns
 from thesis_lib.measure.calibration.rig import cameras_in
-from thesis_lib.measure.recordings.manifest import ManifestError
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.text_files import (
     TextFileError,
     parse_json,
@@ -32,8 +33,11 @@ from thesis_lib.measure.recordings.text_files import (
     parse_yaml,
     read_text,
 )
+from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
+from thesis_lib.studies.cache import key_of
 from thesis_lib.studies.fields import format_given
+from thesis_lib.studies.schema import label_values
 from thesis_lib.text import one_line
 from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
@@ -46,16 +50,8 @@ MIN_MILLIMETRE_SPAN_M = 100.0  # m between cameras, from which on lengths are ta
 _BROWN_MODELS = {"", "plumb_bob", "opencv", "pinhole", "brown", "radtan"}  # all the same one
 # Names under which programs and scripts write what a camera needs, in lower case
 _MATRIX_NAMES = ("camera_matrix", "matrix", "cameramatrix", "intrinsic_matrix", "k", "mtx")
-_COEFFICIENT_NAMES = (
-    "distortion_coefficients",
-    "distortions",
-    "distortion_coeffs",
-    "dist_coeffs",
-    "dist_coeff",
-    "distcoeffs",
-    "dist",
-    "d",
-)
+_COEFFICIENT_NAMES = ("distortion_coefficients", "distortions", "distortion_coeffs", "dist_coeffs",
+                      "dist_coeff", "distcoeffs", "dist", "d")  # fmt: skip
 _SIZE_NAMES = ("size", "image_size", "imagesize", "resolution")
 _ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "translation", "t")
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
@@ -123,8 +119,7 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if apart > MIN_MILLIMETRE_SPAN_M:
         raise ManifestError(
             f"{path}: cameras {apart:.4g} m apart, allowed: {MIN_MILLIMETRE_SPAN_M:g} m; if its "
-            "lengths are in mm, "
-            "give calibration.unit: mm"
+            "lengths are in mm, give calibration.unit: mm"
         )
     return Found(cameras, all(placed))
 
@@ -179,10 +174,8 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return
     if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
-        name = next(
-            (own[key] for key in ("name", "camera_name", "cam_id", "port") if key in own), stem
-        )
-        yield str(name), own
+        keys = "name", "camera_name", "cam_id", "port"
+        yield str(next((own[key] for key in keys if key in own), stem)), own
         return
     if cameras := {k: v for k, v in values.items() if isinstance(v, Mapping) and "intrinsics" in v}:
         yield from _of_kalibr(cameras)
@@ -360,3 +353,73 @@ def write_aniposelib(path: Path, cameras: Sequence[Camera]) -> None:
 def _toml(value: object) -> str:
     """Write texts, numbers and lists in TOML, and texts in YAML, as in JSON."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+# A calibration that a manifest reuses, as a whole or its lenses.
+
+
+def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
+    """Return the manifest's cameras of the calibration that it reuses; None if it reuses none.
+
+    Raises
+    ------
+    ManifestError
+        If that cannot be read, or is not of these cameras, in one line.
+    """
+    asked = manifest.calibration
+    if asked is None:
+        return None
+    path = folder / asked.file
+    try:
+        found = read_cameras(path, asked.unit)
+        return _choose_cameras(found, manifest, path)
+    except ManifestError as error:
+        raise ManifestError(f"calibration: {error}") from None
+
+
+def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
+    """Return the cameras that the manifest has, in its order."""
+    names = [one.name for one in found.cameras]
+    there = ", ".join(names)
+    order = []
+    for camera in manifest.cameras:
+        if names.count(camera.name) != 1:
+            what = "two cameras" if camera.name in names else "no camera"
+            raise ManifestError(f"{path}: {what} {camera.name} in it; there are {there}")
+        order.append(names.index(camera.name))
+        if (given := found.cameras[order[-1]].size) != camera.size:
+            raise ManifestError(
+                f"{path}: camera {camera.name} is of {given[0]} × {given[1]} px, allowed: "
+                f"{camera.size[0]} × {camera.size[1]} px as the manifest says"
+            )
+    assert manifest.calibration is not None
+    if manifest.calibration.poses == "kept" and not found.placed:
+        raise ManifestError(
+            f"{path}: does not say where all cameras are, allowed: poses: anew, with images of "
+            "the board"
+        )
+    covariance = found.covariance
+    if covariance is not None:
+        rows = camera_unknowns(np.array(order), len(names))
+        covariance = covariance[np.ix_(rows, rows)]
+    return Found([found.cameras[k] for k in order], found.placed, covariance)
+
+
+def as_calibrated(found: Found) -> xr.Dataset:
+    """Return reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
+    n = len(found.cameras)
+    nothing: Array = np.full((n, 1, 2, 1), np.nan)
+    kept = ("K", "distortion", "R_camera_world", "centre", "size")
+    values = {name: [getattr(one, name) for one in found.cameras] for name in kept} | {
+        "reprojection_rms": np.nan,
+        "single_rms": [np.nan] * n,
+        "single_focal": [one.K[[0, 1], [0, 1]] for one in found.cameras],
+        "focal_deviation": [np.nan] * n,
+        "centre_deviation": [np.nan] * n,
+        "corners": nothing,
+        "residuals": nothing,
+    }
+    numbers = [np.asarray(values[name]).tolist() for name in kept]
+    names = [one.name for one in found.cameras]
+    attrs = {"notes": "", "key": key_of([names, numbers])}
+    return xr.Dataset(label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)

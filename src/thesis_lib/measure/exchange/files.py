@@ -1,26 +1,42 @@
 """All files of a measurement that other programs open: one list of formats.
 
 A format is a function that takes a path and a :class:`Measured`, and a line in :data:`FORMATS`.
+Below it stand MATLAB's, ParaView's grids of the markers, and modal software's universal files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import pyuff
 import scipy.io
 import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.spatial import Delaunay, QhullError
 
-from thesis_lib.measure.exchange import history, uff
+from thesis_lib.arrays import Array, ComplexArray, IntArray
+from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import in_structure_axes, write_aniposelib, write_opencv
-from thesis_lib.measure.exchange.mesh import write_vtk
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
 from thesis_lib.vision.lens import Camera
+
+MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
+MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
+FRAMES_PER_PERIOD = 32  # of a period
+CELL_TYPES = {2: 3, 3: 5, 4: 9}  # VTK's numbers of a line, a triangle and a rectangle, by corners
+RESPONSE_CODE, RECEPTANCE_CODE, COHERENCE_CODE = 1, 4, 6  # UFF's numbers of functions
+TRANSLATION_Z = 3  # and of a direction
+SAMPLES_PER_PERIOD = 64  # of the period that is written
+LINES_PER_DATASET = 40  # in one dataset 82, which some programs read to its 125th node only
+MAX_UNEVENNESS = 1e-6  # of a step, within which times or frequencies are even
 
 Content = Literal["shape", "modes", "response", "motion", "cameras"]
 
@@ -44,11 +60,9 @@ class Measured:
     @property
     def available_contents(self) -> set[Content]:
         """What there is: the result, and perhaps motion and cameras."""
-        return {
-            self.result,
-            *(("motion",) if self.motion is not None else ()),
-            *(("cameras",) if self.recordings else ()),
-        }
+        motion: set[Content] = set() if self.motion is None else {"motion"}
+        cameras: set[Content] = {"cameras"} if self.recordings else set()
+        return {self.result} | motion | cameras
 
 
 def write_formats(folder: Path, measured: Measured) -> None:
@@ -58,16 +72,9 @@ def write_formats(folder: Path, measured: Measured) -> None:
             write(folder / name, measured)
 
 
-def _write_shape_grids(folder: Path, measured: Measured) -> None:
-    folder.mkdir(exist_ok=True)
-    write_vtk(folder, measured.data)
-
-
 def _write_mode_grids(folder: Path, measured: Measured) -> None:
     for k in range(measured.data.sizes["mode"]):
-        part = folder / f"mode-{k + 1}"
-        part.mkdir(parents=True)
-        write_vtk(part, measured.data.isel(mode=k))
+        write_vtk(folder / f"mode-{k + 1}", measured.data.isel(mode=k))
 
 
 def _motion_of(measured: Measured) -> xr.Dataset:
@@ -78,13 +85,13 @@ def _motion_of(measured: Measured) -> xr.Dataset:
 FORMATS: tuple[tuple[Content, str, Callable[[Path, Measured], None]], ...] = (
     ("motion", "motion.nc", lambda path, one: storage.write_netcdf(_motion_of(one), path)),
     ("motion", "motion.csv", lambda path, one: history.write_csv(path, _motion_of(one))),
-    ("motion", "motion.uff", lambda path, one: uff.write_motion(path, one.data, _motion_of(one))),
-    ("shape", "shapes.uff", lambda path, one: uff.write_uff(path, one.data)),
+    ("motion", "motion.uff", lambda path, one: write_motion(path, one.data, _motion_of(one))),
+    ("shape", "shapes.uff", lambda path, one: write_uff(path, one.data)),
     ("shape", "measured.mat", lambda path, one: write_matlab(path, one.data, _motion_of(one))),
-    ("shape", "vtk", _write_shape_grids),
-    ("modes", "modes.uff", lambda path, one: uff.write_modes(path, one.data)),
+    ("shape", "vtk", lambda path, one: write_vtk(path, one.data)),
+    ("modes", "modes.uff", lambda path, one: write_modes(path, one.data)),
     ("modes", "vtk", _write_mode_grids),
-    ("response", "response.uff", lambda path, one: uff.write_response(path, one.data)),
+    ("response", "response.uff", lambda path, one: write_response(path, one.data)),
     ("cameras", "cameras.yaml", lambda path, one: write_opencv(path, one.placed_cameras)),
     ("cameras", "cameras.toml", lambda path, one: write_aniposelib(path, one.placed_cameras)),
 )
@@ -98,11 +105,14 @@ def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     ``shape.amplitude`` is complex, ``units`` has the unit of every field.
     """
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
-    values = {"shape": _structure(data) | {"amplitude": amplitude}, "motion": _structure(moved)}
+    values = {
+        "shape": _matlab_fields(data) | {"amplitude": amplitude},
+        "motion": _matlab_fields(moved),
+    }
     scipy.io.savemat(path, values, do_compression=True, long_field_names=True, oned_as="column")
 
 
-def _structure(data: xr.Dataset) -> dict[str, object]:
+def _matlab_fields(data: xr.Dataset) -> dict[str, object]:
     """Return the variables by name, with what MATLAB keeps: numbers, and texts as cells."""
     fields: dict[str, object] = {}
     for name, variable in data.variables.items():
@@ -110,3 +120,328 @@ def _structure(data: xr.Dataset) -> dict[str, object]:
         fields[str(name)] = np.array(variable.values, dtype=object) if texts else variable.values
     units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
     return fields | {"units": units}
+
+
+# Which markers are neighbours, and one period of their motion as grids for ParaView.
+
+
+def marker_faces(x: ArrayLike, y: ArrayLike) -> IntArray:
+    """Return the faces between markers, counted from 0, with corners in one sense of rotation.
+
+    Parameters
+    ----------
+    x, y : array_like, shape (markers,)
+        Places in m.
+
+    Returns
+    -------
+    ndarray of int, shape (faces, 4) or (faces, 3)
+        Rectangles if the markers fill a grid of rows and columns, else triangles (Delaunay) without
+        those that span a gap; none if all markers stand on one line.
+    """
+    points = np.column_stack([np.asarray(x, float), np.asarray(y, float)])
+    column, row = (_classes(values) for values in points.T)
+    columns, rows = column.max() + 1, row.max() + 1
+    if min(columns, rows) >= 2 and len(points) == columns * rows:
+        place = np.full((rows, columns), -1)
+        place[row, column] = np.arange(len(points))
+        if (place >= 0).all():
+            corners = place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]
+            return np.stack(corners, axis=-1).reshape(-1, 4)
+    try:
+        found = Delaunay(points).simplices
+    except (QhullError, ValueError):  # on one line, or fewer than three
+        return np.empty((0, 3), int)
+    sides = np.linalg.norm(points[found] - points[np.roll(found, 1, axis=1)], axis=2)
+    return np.asarray(found[sides.max(axis=1) <= MAX_EDGE_RATIO * np.median(sides)], int)
+
+
+def marker_edges(x: ArrayLike, y: ArrayLike) -> IntArray:
+    """Return lines between neighbours, (lines, 2), each once; along the row if all stand in one."""
+    corners = marker_faces(x, y)
+    if not len(corners):
+        order = np.lexsort((np.asarray(y, float), np.asarray(x, float)))
+        return np.column_stack([order[:-1], order[1:]])
+    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def _classes(values: Array) -> IntArray:
+    """Return the numbers of values in ascending order; those that are as good as equal have one."""
+    order = np.argsort(values)
+    number = np.empty(len(values), int)
+    number[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > MAX_ROW_OFFSET_M)])
+    return number
+
+
+def write_vtk(folder: Path, data: xr.Dataset) -> None:
+    """Write ``period.pvd`` and the unstructured grids ``period-00.vtu`` … that it lists.
+
+    Points are the markers at rest, in m. ``displacement`` is a vector in m for ParaView's *Warp By
+    Vector*; ``deflection``, ``amplitude`` and ``standard_error`` in m and ``phase_deg`` are numbers
+    for its colours. Markers without a result are left out.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to write into; it is made where there is none.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    known = np.isfinite(amplitude) & np.isfinite(data["rest_position"].values).all(axis=0)
+    points, amplitude = data["rest_position"].values[:, known].T, amplitude[known]
+    x, y = data["x"].values[known], data["y"].values[known]
+    cells = marker_faces(x, y) if len(marker_faces(x, y)) else marker_edges(x, y)
+    fixed = {
+        "amplitude": np.abs(amplitude),
+        "phase_deg": np.degrees(np.angle(amplitude)),
+        "standard_error": data["standard_error"].values[known],
+        "marker": np.flatnonzero(known) + 1.0,
+    }
+    period, rows = 1 / float(data["frequency"]), []
+    for k in range(FRAMES_PER_PERIOD):
+        deflection = np.real(amplitude * np.exp(2j * np.pi * k / FRAMES_PER_PERIOD))
+        vector = np.column_stack([np.zeros((len(points), 2)), deflection])
+        values = {"displacement": vector, "deflection": deflection} | fixed
+        name = f"period-{k:02d}.vtu"
+        (folder / name).write_text(_vtk_grid(points, cells, values), encoding="utf-8")
+        time = f"{k / FRAMES_PER_PERIOD * period:.9g}"
+        rows.append(f'<DataSet timestep="{time}" group="" part="0" file="{name}"/>')
+    listed = _vtk_file("Collection", "<Collection>\n" + "\n".join(rows) + "\n</Collection>")
+    (folder / "period.pvd").write_text(listed, encoding="utf-8")
+
+
+def _vtk_grid(points: Array, cells: IntArray, values: dict[str, Array]) -> str:
+    """Return an unstructured grid as text."""
+    count, corners = cells.shape
+    arrays = [
+        _vtk_array("connectivity", cells),
+        _vtk_array("offsets", corners * np.arange(1, count + 1)),
+    ]
+    arrays.append(_vtk_array("types", np.full(count, CELL_TYPES[corners])))
+    return _vtk_file(
+        "UnstructuredGrid",
+        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n'
+        f"<Points>\n{_vtk_array('points', points)}\n</Points>\n"
+        "<Cells>\n" + "\n".join(arrays) + "\n</Cells>\n"
+        '<PointData Scalars="deflection" Vectors="displacement">\n'
+        + "\n".join(_vtk_array(name, each) for name, each in values.items())
+        + "\n</PointData>\n</Piece>\n</UnstructuredGrid>",
+    )
+
+
+def _vtk_array(name: str, values: Array | IntArray) -> str:
+    whole = values.dtype.kind == "i"
+    kind, form = ("Int64", "d") if whole else ("Float64", ".9g")
+    wide = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 and not whole else ""
+    text = " ".join(format(value, form) for value in values.ravel())
+    return (
+        f'<DataArray type="{kind}" Name={quoteattr(name)}{wide} format="ascii">{text}</DataArray>'
+    )
+
+
+def _vtk_file(kind: str, inner: str) -> str:
+    return (
+        f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" '
+        f'byte_order="LittleEndian" header_type="UInt64">\n{inner}\n</VTKFile>\n'
+    )
+
+
+# The universal file format.
+
+
+def write_uff(path: Path, data: xr.Dataset) -> None:
+    """Write the markers and their motion as universal datasets 151, 164, 15, 82, 55 and 58.
+
+    Markers are nodes 1, 2, … at their places on the structure (dataset 15, SI units by 164), lines
+    join neighbours (82). The complex amplitude of the deflection at the frequency of the vibration
+    is dataset 55, a shape along Z; and once more, node by node, one period of the fitted motion as
+    a time response, dataset 58, which programs animate that know no shapes. Markers without a
+    result are left out of both.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
+    """
+    frequency = float(data["frequency"])
+    amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
+    nodes = np.arange(1, len(amplitude) + 1)
+    known = np.isfinite(amplitude)
+    name = _title_of(data)
+    shape = amplitude[known]
+    mode = _shape_set(name, amplitude, analysis_type=5, data_ch=2, freq_step_n=1, freq=frequency)
+    times = np.arange(SAMPLES_PER_PERIOD) / (SAMPLES_PER_PERIOD * frequency)
+    period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
+    responses = _responses(name, nodes[known], times, period)
+    _write_sets(path, [*_geometry(name, data), mode, *responses])
+
+
+def write_modes(path: Path, data: xr.Dataset) -> None:
+    """Write the markers and several modes: datasets 151, 164, 15, 82 and, for each, 55.
+
+    Damped modes are complex eigenvectors with their eigenvalue in 1/s, steady tones are responses
+    at a frequency. Markers without a result are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.modes.identify.modes_result` returns.
+    """
+    name, sets = _title_of(data), []
+    for k in range(data.sizes["mode"]):
+        one = data.isel(mode=k)
+        shape = one["amplitude_real"].values + 1j * one["amplitude_imag"].values
+        frequency, zeta = float(one["frequency"]), float(one["damping"])
+        kind: dict[str, Any] = {"analysis_type": 5, "data_ch": 2, "freq_step_n": k + 1,
+                                "freq": frequency}  # fmt: skip
+        if zeta:
+            eigenvalue = 2 * np.pi * frequency * complex(-zeta, np.sqrt(1 - zeta**2))
+            kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k + 1, "eig": eigenvalue,
+                    "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
+        sets.append(_shape_set(name, shape, **kind))
+    _write_sets(path, [*_geometry(name, data), *sets])
+
+
+def _shape_set(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
+    """Return a dataset 55 of deflections along Z of the markers that have one."""
+    known = np.isfinite(amplitude)
+    shape = amplitude[known]
+    return pyuff.prepare_55(
+        id1=name, model_type=1, spec_data_type=8, data_type=5, n_data_per_node=3, load_case=1,
+        node_nums=np.flatnonzero(known) + 1, r1=0 * shape, r2=0 * shape, r3=shape, **kind
+    )  # fmt: skip
+
+
+def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
+    """Write the measured time history of every marker: datasets 151, 164, 15, 82 and 58.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        As for :func:`write_uff`.
+    moved : xarray.Dataset
+        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns. Deflections along
+        Z are written, in m; 0 stands for what is missing, since the format has no sign for that,
+        and a marker that is never seen is left out.
+    """
+    deflection = moved["displacement"].sel(axis="z").values.T / 1e3
+    seen = np.isfinite(deflection).any(axis=1)
+    nodes = np.flatnonzero(seen) + 1
+    name = _title_of(moved)
+    rows = np.nan_to_num(deflection[seen].astype(float))
+    responses = _responses(name, nodes, moved["time"].values, rows)
+    _write_sets(path, [*_geometry(name, data), *responses])
+
+
+def write_response(path: Path, data: xr.Dataset) -> None:
+    """Write receptances by H1 and coherences of every marker: datasets 151, 164, 15, 82 and 58.
+
+    The node after the markers' is where the force acts. Functions are of type 4, motion along Z in
+    m over a force along Z in N, and coherences of type 6; markers that were lost are left out.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is overwritten.
+    data : xarray.Dataset
+        What :func:`~thesis_lib.measure.response.result.estimate_response` returns.
+    """
+    name, f = _title_of(data), data["frequency"].values
+    curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
+    sets = [*_geometry(name, _with_force(data))]
+    receptance = {"func_type": RECEPTANCE_CODE, "ordinate_spec_data_type": 8,
+                  "ordinate_axis_units_lab": "m", "orddenom_spec_data_type": 13,
+                  "orddenom_axis_units_lab": "N"}  # fmt: skip
+    coherence = {"func_type": COHERENCE_CODE, "ordinate_spec_data_type": 0,
+                 "ordinate_axis_units_lab": "", "orddenom_spec_data_type": 0,
+                 "orddenom_axis_units_lab": ""}  # fmt: skip
+    for k in np.flatnonzero(np.isfinite(curves).all(axis=1)):
+        for kind, row in ((receptance, curves[k]), (coherence, data["coherence"].values[k])):
+            sets.append(
+                _function_set(
+                    name, int(k) + 1, f, row, abscissa_spec_data_type=18, ref_dir=TRANSLATION_Z,
+                    abscissa_axis_units_lab="Hz", ref_node=len(curves) + 1, **kind
+                )
+            )  # fmt: skip
+    _write_sets(path, sets)
+
+
+def _with_force(data: xr.Dataset) -> xr.Dataset:
+    """Return the markers with the force's point after them."""
+    x, y = data["force_place"].values
+    middle = np.array([data["x"].values.mean(), data["y"].values.mean()])
+    shift = np.nanmean(data["rest_position"].values[:2], axis=1) - middle
+    point = np.array([x + shift[0], y + shift[1], 0.0])
+    values = {
+        "x": ("node", np.append(data["x"].values, x)),
+        "y": ("node", np.append(data["y"].values, y)),
+        "rest_position": (("axis", "node"), np.c_[data["rest_position"].values, point]),
+    }
+    return xr.Dataset(values, attrs=data.attrs)
+
+
+def _title_of(data: xr.Dataset) -> str:
+    return str(data.attrs.get("title", "deflection"))[:80]
+
+
+def _write_sets(path: Path, sets: Iterable[dict[str, Any]]) -> None:
+    file = pyuff.UFF(str(path))
+    for k, one in enumerate(sets):
+        file.write_sets(one, "add" if k else "overwrite")
+
+
+def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
+    """Yield the header, units, nodes and the lines between them."""
+    places = data["rest_position"].values
+    x, y, z = np.where(np.isfinite(places), places, 0.0)
+    nodes = np.arange(1, len(x) + 1)
+    when = datetime.fromisoformat(str(data.attrs.get("created", "1970-01-01T00:00:00")))
+    date, time = f"{when:%d-%b-%y}", f"{when:%H:%M:%S}"
+    yield pyuff.prepare_151(
+        model_name=name, description=name, db_app="thesis_lib", program="thesis_lib",
+        date_db_created=date, time_db_created=time, date_db_saved=date, time_db_saved=time,
+    ) | {"date_file_written": date, "time_file_written": time}  # fmt: skip
+    yield pyuff.prepare_164(
+        units_code=1, units_description="SI: m, N, s", temp_mode=1, length=1.0, force=1.0,
+        temp=1.0, temp_offset=0.0)  # fmt: skip
+    yield pyuff.prepare_15(
+        node_nums=nodes, def_cs=0 * nodes, disp_cs=0 * nodes, color=0 * nodes + 1, x=x, y=y, z=z
+    )
+    pairs = marker_edges(data["x"].values, data["y"].values) + 1
+    for k, start in enumerate(range(0, len(pairs), LINES_PER_DATASET)):
+        part = pairs[start : start + LINES_PER_DATASET]
+        pen = np.column_stack([np.zeros(len(part), int), part]).ravel()[1:]  # 0 lifts it
+        yield pyuff.prepare_82(
+            trace_num=k + 1, n_nodes=len(pen), color=1, id="neighbouring markers", nodes=pen
+        )
+
+
+def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
+    """Yield a time response along Z of every node, in m."""
+    for node, row in zip(nodes, rows, strict=True):
+        yield _function_set(
+            name, int(node), times, row, func_type=RESPONSE_CODE, ref_node=0, ref_dir=0,
+            abscissa_spec_data_type=17, abscissa_axis_units_lab="s", ordinate_spec_data_type=8,
+            ordinate_axis_units_lab="m", orddenom_spec_data_type=0)  # fmt: skip
+
+
+def _function_set(
+    name: str, node: int, x: Array, row: Array | ComplexArray, **kind: Any
+) -> dict[str, Any]:
+    """Return a dataset 58 of a node along Z; an uneven abscissa is written value by value."""
+    step = float(x[-1] - x[0]) / (len(x) - 1)
+    even = bool(np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step))
+    made: dict[str, Any] = pyuff.prepare_58(
+        binary=0, id1=name, rsp_node=node, rsp_dir=TRANSLATION_Z, abscissa_spacing=int(even),
+        abscissa_min=float(x[0]), abscissa_inc=step if even else 0.0, z_axis_spec_data_type=0,
+        data=row, x=x, **kind)  # fmt: skip
+    return made

@@ -25,8 +25,7 @@ from thesis_lib.measure.messages import (
     UNCHECKED_MESSAGES,
     format_message,
 )
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
 from thesis_lib.measure.tracking.follow import DETECTORS
 from thesis_lib.text import format_share, one_line
 from thesis_lib.web.html import render_lines

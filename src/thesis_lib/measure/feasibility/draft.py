@@ -11,8 +11,7 @@ import numpy as np
 from thesis_lib.files import whole_text
 from thesis_lib.measure.feasibility.prediction import view_markers
 from thesis_lib.measure.recordings import template
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 
 PHONE_CAMERA: dict[str, Any] = {  # its main camera, as if on a sensor of 36 mm
     "width_px": 1920,

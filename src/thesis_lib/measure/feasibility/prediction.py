@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.messages import CHECK_LIMITS
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.vision import pinhole
 from thesis_lib.vision.optics import blur_circle, depth_of_field
 from thesis_lib.vision.rounding import deflection_variance

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.recordings.manifest_model import StructureSpec
+from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.plate import Plate

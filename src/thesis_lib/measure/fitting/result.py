@@ -15,7 +15,7 @@ from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, read_variables

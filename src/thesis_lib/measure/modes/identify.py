@@ -22,7 +22,7 @@ from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.modes import shapes as motions
 from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock
 from thesis_lib.measure.modes.shapes import Rest, Track
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.schema import label_values, read_variables

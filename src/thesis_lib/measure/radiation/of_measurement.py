@@ -19,9 +19,9 @@ from thesis_lib.measure.fitting.models import model_of
 from thesis_lib.measure.fitting.result import size_off
 from thesis_lib.measure.radiation import radiated
 from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
-from thesis_lib.measure.recordings.manifest_model import (
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import (
     MIN_SURFACE_MARKERS,
-    Manifest,
     Radiation,
     StructureSpec,
 )

@@ -11,12 +11,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 
 import av
 import numpy as np
-from av.audio.stream import AudioStream
-from av.container import InputContainer
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.media_info import MediaError, open_media, start_of_film
@@ -83,19 +82,6 @@ class _Survey:
         return self.products / n - np.outer(self.sums, self.sums) / n**2
 
 
-@dataclass(frozen=True)
-class _Source:
-    """Which part of a file is its sound."""
-
-    track: int  #: Index among the audio tracks
-    channels: tuple[int, ...]  #: Indices of the channels that are mixed
-    first: int  #: First frame
-    last: int  #: One beyond the last frame
-    start: float  #: Time of the first sample, s
-    pace: float  #: Seconds of the time stamps for one of the samples at the stated rate
-    words: str  #: Which track and channels these are
-
-
 @contextmanager
 def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     """Open the sound of a video or a sound file of any length.
@@ -118,22 +104,30 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     with open_media(path) as file:
         if not file.streams.audio:
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
-        source = _source_of(path, channel)
-        track = file.streams.audio[source.track]
+        surveys = _scan_tracks(path)
+        index, chosen, words = (
+            _loud(surveys) if channel is None else _count_channels(path, surveys, channel)
+        )
+        track, survey = file.streams.audio[index], surveys[index]
+        if survey.damaged is not None:
+            raise MediaError(f"{path}: damaged audio after {survey.damaged:.3f} s")
+        if not survey.counts:
+            raise MediaError(f"{path}: the audio track is empty")
+        first, last, start, pace = _timing(path, survey)
         film = start_of_film(path)
-        picture = source.start if film is None else film
-        survey, chosen = _scan_tracks(path)[source.track], source.channels
+        picture = start if film is None else film
         rate, part = survey.rate, survey.covariance[np.ix_(chosen, chosen)]
-        late = MP3_DELAY / rate if film is not None and _hides_delay(file, track) else 0.0
-        own = rate / source.pace if source.pace != 1 else float(rate)
+        # MP3 in a container that cannot state its encoder's delay
+        hidden = file.format.name == "avi" and track.codec_context.name.startswith("mp3")
+        late = MP3_DELAY / rate if film is not None and hidden else 0.0
+        own = rate / pace if pace != 1 else float(rate)
         stamps = f"{own:.2f} samples a second by its time stamps, {rate} stated"
-        words = [source.words, stamps if own != rate else ""]
         yield AudioTrack(
             rate=own,
-            start=source.start - picture - late,
-            blocks=_mix_blocks(path, file, track, source),
+            start=start - picture - late,
+            blocks=_mix_blocks(path, file.decode(track), chosen, slice(first, last)),
             stated_rate=rate,
-            source="; ".join(filter(None, words)),
+            source="; ".join(filter(None, [words, stamps if own != rate else ""])),
             level=float(np.sqrt(max(part.mean(), 0.0))),
         )
 
@@ -159,24 +153,16 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
         return np.concatenate(list(audio.blocks)), audio.rate, audio.start
 
 
-def _hides_delay(file: InputContainer, track: AudioStream) -> bool:
-    """Return whether MP3 stands in a container that cannot state its encoder's delay."""
-    return file.format.name == "avi" and track.codec_context.name.startswith("mp3")
-
-
 def _mix_blocks(
-    path: Path, file: InputContainer, track: AudioStream, source: _Source
+    path: Path, frames: Iterator[av.AudioFrame], channels: Sequence[int], part: slice
 ) -> Iterator[Array]:
+    """Yield the samples of some frames, mixed of some channels, some blocks of them at once."""
     convert = av.AudioResampler(format="fltp")
-    chosen, blocks, held = list(source.channels), [], 0
+    blocks, held = [], 0
     try:
-        for k, frame in enumerate(file.decode(track)):
-            if k >= source.last:
-                break
-            if k < source.first:
-                continue
+        for frame in islice(frames, part.start, part.stop):
             for block in convert.resample(frame):
-                blocks.append(block.to_ndarray()[chosen].mean(axis=0))
+                blocks.append(block.to_ndarray()[list(channels)].mean(axis=0))
             held += frame.samples
             if held >= BLOCK_SAMPLES:
                 yield np.concatenate(blocks, dtype=float)
@@ -226,24 +212,14 @@ def _seconds_of(one: _Survey) -> float:
     return sum(one.counts) / max(one.rate, 1)
 
 
-def _source_of(path: Path, channel: int | None) -> _Source:
-    """Choose the track and channels, and measure their start and pace."""
-    surveys = _scan_tracks(path)
-    if channel is None:
-        track, channels, words = _loud(surveys)
-    else:
-        every = [(k, c) for k, one in enumerate(surveys) for c in range(one.channels)]
-        if channel > len(every):
-            raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
-        track, chosen = every[channel - 1]
-        channels, words = (chosen,), ""
-    own = surveys[track]
-    if own.damaged is not None:
-        raise MediaError(f"{path}: damaged audio after {own.damaged:.3f} s")
-    if not own.counts:
-        raise MediaError(f"{path}: the audio track is empty")
-    first, last, start, pace = _timing(path, own)
-    return _Source(track, tuple(channels), first, last, start, pace, words)
+def _count_channels(
+    path: Path, surveys: Sequence[_Survey], number: int
+) -> tuple[int, Sequence[int], str]:
+    """Return the track and the channel of a number; those of all tracks are counted through."""
+    every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
+    if number > len(every):
+        raise MediaError(f"{path}: given channel {number}, allowed: 1 to {len(every)}")
+    return (*every[number - 1], "")
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
@@ -253,28 +229,25 @@ def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:
         for one in surveys
     ]
     track = next(k for k, level in enumerate(levels) if level >= MAX_FAINT_RATIO * max(levels))
-    words = (
-        ""
-        if track == 0
-        else f"track {track + 1} of {len(surveys)}, since those before it hold no sound"
+    words = [f"track {track + 1} of {len(surveys)}, since those before it hold no sound"] * (
+        track > 0
     )
     covariance = surveys[track].covariance
     each = np.sqrt(np.diag(covariance).clip(0))
     count = len(each)
     channels = np.flatnonzero(each >= MAX_FAINT_RATIO * each.max(initial=0.0))
+    why = []
     if len(channels) < count:
-        names = _list_tracks(channels)
-        why = f"{names} of {count}, since the other{'s hold' if count > 2 else ' holds'} no sound"
-    else:
-        why = ""
+        others = "the others hold" if count > 2 else "the other holds"
+        why = [f"{_list_channels(channels)} of {count}, since {others} no sound"]
     part = covariance[np.ix_(channels, channels)]
     if len(channels) > 1 and part.sum() < MAX_CANCELLED_RATIO**2 * np.trace(part):
         channels = np.array([int(np.argmax(each))])
-        why = f"{_list_tracks(channels)} of {count}, since the channels cancel when mixed"
-    return track, channels.tolist(), "; ".join(filter(None, [words, why]))
+        why = [f"{_list_channels(channels)} of {count}, since the channels cancel when mixed"]
+    return track, channels.tolist(), "; ".join(words + why)
 
 
-def _list_tracks(channels: IntArray) -> str:
+def _list_channels(channels: IntArray) -> str:
     numbers = ", ".join(str(c + 1) for c in channels)
     return f"channel{'s' if len(channels) > 1 else ''} {numbers}"
 

@@ -15,14 +15,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
 from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array
+from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
 from thesis_lib.vibration.beam import Beam
 
+Place = tuple[Real, Real]
 MARK_DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
 MARK_RATIO = 0.7  # side of such a mark over that of its tile
 
@@ -95,6 +99,73 @@ class Board:
         return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
 
 
+class BoardSpec(Fields):
+    """The calibration board."""
+
+    kind: Literal["checkerboard", "charuco"] = Field(
+        "checkerboard",
+        description="whether its light tiles are empty, or carry ArUco marks as OpenCV's "
+        "CharucoBoard has them",
+    )
+    columns: Whole = Field(9, ge=4, le=100, description="tiles along x")
+    rows: Whole = Field(9, ge=4, le=100, description="tiles along y")
+    tile_mm: Positive = Field(45.0, description="side of a tile")
+    margin_mm: Real = Field(45.0, ge=0, le=1e5, description="width of the white margin")
+    mark_mm: Positive | None = Field(
+        default_factory=lambda data: (
+            round(MARK_RATIO * data.get("tile_mm", 0), 9) if _mark_default(data) else None
+        ),
+        description="side of a mark",
+    )
+    dictionary: str | None = Field(
+        default_factory=lambda data: MARK_DICTIONARY if _mark_default(data) else None,
+        pattern=r"^DICT_(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
+        title="null, or DICT_4X4_50 to DICT_7X7_1000",
+        description="OpenCV's name of the dictionary that the marks are of",
+    )
+    two_sided: Flag = Field(
+        default_factory=lambda data: not _mark_default(data),
+        description="whether it is printed on both sides",
+    )
+    thickness_mm: Real = Field(0.0, ge=0, le=100, description="distance of the two printed sides")
+
+    @model_validator(mode="after")
+    def _check(self) -> BoardSpec:
+        if self.kind == "checkerboard":
+            for name in ("mark_mm", "dictionary"):
+                if (given := getattr(self, name)) is not None:
+                    refuse_value(name, given, "allowed where kind is checkerboard: null")
+            return self
+        if self.mark_mm is None or self.mark_mm >= self.tile_mm:
+            self.refuse("mark_mm", "allowed: a number below tile_mm, in mm")
+        marks = self.columns * self.rows // 2
+        if self.dictionary is None or int(self.dictionary.rpartition("_")[2]) < marks:
+            self.refuse(
+                "dictionary",
+                f"allowed: DICT_4X4_50 to DICT_7X7_1000 with enough marks, here {marks}",
+            )
+        if self.two_sided:
+            self.refuse("two_sided", "allowed where kind is charuco: false")
+        return self
+
+    @property
+    def board(self) -> Board:
+        """The board in SI units."""
+        return Board(
+            self.columns,
+            self.rows,
+            self.tile_mm / 1000,
+            self.margin_mm / 1000,
+            self.thickness_mm / 1000,
+            (self.mark_mm or 0) / 1000,
+            self.dictionary or MARK_DICTIONARY,
+        )
+
+
+def _mark_default(given: dict[str, object]) -> bool:
+    return given.get("kind") == "charuco"
+
+
 @dataclass(frozen=True)
 class Markers:
     """Round markers on a flat structure, and one hole that looks like them (thesis 5.1.1)."""
@@ -165,6 +236,59 @@ class Markers:
     def world(self) -> Array:
         """Return the centres at rest in the world, shape (3, n), m."""
         return on_surface(self.extent, self.positions)
+
+
+Count = Annotated[Whole, Field(ge=1, le=200)]
+
+
+def beam_value(name: str) -> Any:
+    """Return a property of the thesis's beam (Table 3.1)."""
+    from thesis_lib.facts import setups
+
+    return getattr(setups.thesis_beam(), name)
+
+
+def beam_default(name: str, scale: float = 1.0) -> Any:
+    """Return a property of the thesis's beam as a default, read where a manifest leaves it out."""
+    return lambda: round(scale * beam_value(name), 9)
+
+
+def _thesis_layout(given: dict[str, Any]) -> bool:
+    """Return whether markers are the thesis's, which alone have a hole unless it is given."""
+    return all(
+        given.get(name) == MarkersSpec.model_fields[name].get_default(call_default_factory=True)
+        for name in ("rows", "columns", "spacing_mm", "row_spacing_mm", "diameter_mm", "points_mm")
+    )
+
+
+class MarkersSpec(Fields):
+    """Round markers on the structure: rows along it, or any given places."""
+
+    rows: Count = Field(3, description="rows of markers, side by side")
+    columns: Count = Field(
+        default_factory=lambda: beam_value("n_markers"), description="markers in each row"
+    )
+    spacing_mm: Positive = Field(
+        default_factory=beam_default("marker_spacing", 1000),
+        description="distance between centres along a row",
+    )
+    row_spacing_mm: Positive = Field(10.0, description="distance between rows")
+    diameter_mm: Positive = Field(5.0, description="diameter of the markers")
+    points_mm: tuple[Place, ...] | None = Field(
+        None,
+        min_length=4,
+        max_length=2000,
+        description="places of markers in no rows, from the clamped corner; replaces rows and "
+        "columns",
+    )
+    tone: Literal["dark", "bright"] = Field(
+        "dark", description="whether they are darker or brighter than the structure"
+    )
+    detector: str = Field("disc", description="what finds them in a frame")
+    hole_mm: Place | None = Field(
+        default_factory=lambda data: (24.0, 10.0) if _thesis_layout(data) else None,
+        description="a hole that looks like a marker, from the clamped corner",
+    )
 
 
 def rows_on(

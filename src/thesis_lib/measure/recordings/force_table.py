@@ -101,14 +101,6 @@ class _Form:
         filled = [number for cell, number in zip(cells, row, strict=True) if cell]
         return row, sum(one is not None for one in filled) >= 2 and filled[0] is not None
 
-    def numbers(self, line: str) -> list[float | None]:
-        """Return the numbers of a line, None where a cell holds none."""
-        return self.parse(line)[0]
-
-    def is_data(self, line: str) -> bool:
-        """Return whether a line is data."""
-        return self.parse(line)[1]
-
 
 CLOCK_PATTERN = re.compile(
     r"(?:(\d{4})-(\d\d)-(\d\d)[T ]\s*)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:\d\d)?"
@@ -199,34 +191,33 @@ def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
         If no form fits, or two that mean other numbers.
     """
     end = lines[-LOOKED_AT:]
-    fits: dict[_Form, list[str]] = {}
-    for form in [*TABLE_FORMS, QUOTED_FORM] if any('"' in line for line in end) else TABLE_FORMS:
-        rows = [line for line in end if form.is_data(line)]
-        if len(rows) > len(end) / 2:
-            fits[form] = rows
-    if not fits:
+    quoted = [QUOTED_FORM] if any('"' in line for line in end) else []
+    parsed = {form: [form.parse(line) for line in end] for form in [*TABLE_FORMS, *quoted]}
+    counts = {form: sum(good for _, good in rows) for form, rows in parsed.items()}
+    most = max(counts.values())
+    if most <= len(end) / 2:
         line = lines[len(lines) // 2].strip()[:40]
         raise ForceError(f"{path}: {line!r} is not a time and a force, {EXAMPLE_TEXT}")
-    most = max(map(len, fits.values()))
-    best = [form for form, rows in fits.items() if len(rows) > 0.98 * most]
-    rows = [line for line in end if all(form.is_data(line) for form in best)]
-    whole = [form for form in best if all(None not in form.numbers(line) for line in rows)]
-    best = whole or best
+    least = max(0.98 * most, len(end) / 2)
+    best = [form for form, count in counts.items() if count > least]
+    data = [k for k in range(len(end)) if all(parsed[form][k][1] for form in best)]
+    numbers = {form: [parsed[form][k][0] for k in data] for form in best}
+    best = [form for form in best if all(None not in row for row in numbers[form])] or best
     form = best[0]
-    if any([form.numbers(x) for x in rows] != [other.numbers(x) for x in rows] for other in best):
+    if any(numbers[form] != numbers[other] for other in best):
         marks = " or ".join(f"{one.separator!r} and {one.decimal!r}" for one in best)
         raise ForceError(
             f"{path}: its numbers can be read in two ways, with {marks} as separator and decimal "
             f"mark, {EXAMPLE_TEXT}"
         )
-    usual = Counter(len(form.cells(line)) for line in rows).most_common(1)[0][0]
+    usual = Counter(len(form.cells(end[k])) for k in data).most_common(1)[0][0]
     begin = next(
         k
         for k, line in enumerate(lines)
-        if form.is_data(line)
+        if form.parse(line)[1]
         and (
             len(form.cells(line)) == usual  # a bad line after it is one of the table's
-            or all(form.is_data(after) for after in lines[k : k + 5])
+            or all(form.parse(after)[1] for after in lines[k : k + 5])
         )
     )
     return form, begin

@@ -1,15 +1,31 @@
-"""Manifests on disk: read and written, and the files that they name."""
+"""Manifests, which name the recordings, the rig and the structure; read, written, and their files.
+
+Lengths are in the units of their suffix here and nowhere else: properties without a suffix are in
+SI units.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
-from pydantic import ValidationError
+from pydantic import Field, ValidationError, model_validator
 
-from thesis_lib.measure.recordings.manifest_model import INSIDE_TEXT, CameraFiles, Manifest
+from thesis_lib.files import whole_text
+from thesis_lib.measure.recordings.board import BoardSpec, Place
+from thesis_lib.measure.recordings.manifest_parts import (
+    Excitation,
+    FileName,
+    Force,
+    Radiation,
+    Reuse,
+    StructureSpec,
+    list_kinds,
+)
 from thesis_lib.measure.recordings.text_files import (
     POWER_PATTERN,
     TextFileError,
@@ -17,14 +33,155 @@ from thesis_lib.measure.recordings.text_files import (
     read_text,
 )
 from thesis_lib.outputs import aside
-from thesis_lib.studies.fields import first_problem, format_given
+from thesis_lib.studies.fields import (
+    Azimuth,
+    Elevation,
+    Fields,
+    Name,
+    Positive,
+    Real,
+    Width,
+    first_problem,
+    format_given,
+    refuse_value,
+)
 
+INSIDE_TEXT = "a path inside the manifest's folder"
 #: Endings of images that are sought in folders
 IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic"}
 #: Old to new names of fields, and of kinds of excitation; read until version 2.
 RENAMED_FIELDS = {"shots": "board_images", "rest_s": "rest_duration_s",
                   "steady_s": "steady_interval_s"}  # fmt: skip
 RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
+
+
+class CameraFiles(Fields):
+    """One camera and its files."""
+
+    name: Name = Field(..., description="its name")
+    video: FileName = Field(..., description="video with the structure's vibration and its sound")
+    width_px: Width = Field(1920, description="width of the images")
+    height_px: Width = Field(1080, description="height of the images")
+    frame_rate_hz: Real = Field(60.0, ge=1, le=1e5, description="frames per second of the video")
+    captured_hz: Real | None = Field(
+        None,
+        ge=1,
+        le=1e5,
+        description="frames per second that the camera took, of slow motion that plays slowly; "
+        "null is frame_rate_hz",
+    )
+    exposure_s: Real = Field(..., gt=0, le=1, description="exposure time of a frame")
+    readout_s: Real = Field(
+        0.0,
+        ge=-1,
+        le=1,
+        description="time from the first row's exposure to the last row's; 0 for a global shutter",
+    )
+    board_images: FileName | tuple[FileName | None, ...] | None = Field(
+        None,
+        title="null, a folder of images, a pattern such as board/A-*.png, or a list of 3 to 200 "
+        "files with null where there is none, each inside the manifest's folder",
+        description="images of the calibration board; the k-th of every camera shows the same "
+        "pose; null if calibration has the cameras' places",
+    )
+    corners_px: tuple[Place, Place, Place, Place] | None = Field(
+        None,
+        description="where the structure's corners lie in the images: at (0, 0), (length, 0), "
+        "(length, width), (0, width)",
+    )
+    focal_length_mm: Positive | None = Field(None, description="focal length of the lens")
+    sensor_width_mm: Positive | None = Field(None, description="width of the sensor")
+    f_number: Positive | None = Field(None, description="focal length over the aperture's diameter")
+    distance_mm: Positive | None = Field(
+        None, description="distance from the structure's centre, which the camera looks at"
+    )
+    azimuth_deg: Azimuth | None = Field(
+        None, description="direction of the camera from +Y towards +X"
+    )
+    elevation_deg: Elevation | None = Field(
+        None, description="direction of the camera above the structure's plane"
+    )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Return the width and height of the images in px."""
+        return self.width_px, self.height_px
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the rate at which the frames were taken, Hz."""
+        return self.captured_hz or self.frame_rate_hz
+
+    @model_validator(mode="after")
+    def _check(self) -> CameraFiles:
+        if self.exposure_s * self.rate_hz > 1 + 1e-9:
+            self.refuse("exposure_s", "allowed: at most 1 / frame_rate_hz, in s")
+        if abs(self.readout_s) * self.rate_hz > 1 + 1e-9:
+            self.refuse("readout_s", "allowed: from -1 / frame_rate_hz to 1 / frame_rate_hz, in s")
+        if isinstance(self.board_images, tuple) and not 3 <= len(self.board_images) <= 200:
+            self.refuse("board_images", "allowed: 3 to 200 files, with null where there is none")
+        if self.corners_px is not None:
+            sides = np.diff([*self.corners_px, *self.corners_px[:2]], axis=0)
+            turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
+            if not (np.all(turns > 0) or np.all(turns < 0)):
+                self.refuse(
+                    "corners_px", "allowed: null, or four [u, v] around a convex quadrilateral"
+                )
+        return self
+
+
+class Manifest(Fields):
+    """Recordings of one structure by 2 to 16 cameras."""
+
+    structure: StructureSpec = Field(default_factory=StructureSpec, description="the structure")
+    cameras: tuple[CameraFiles, ...] = Field(
+        ..., min_length=2, max_length=16, description="the cameras"
+    )
+    board: BoardSpec = Field(default_factory=BoardSpec, description="the calibration board")
+    excitation: Excitation = Field(default_factory=Excitation, description="the excitation")
+    calibration: Reuse | None = Field(
+        None,
+        title="null, a path, or an object",
+        description="a calibration that is reused; null calibrates from the board images",
+    )
+    force: Force | None = Field(
+        None, description="the force that was recorded beside the cameras, for motion over force"
+    )
+    radiation: Radiation | None = Field(None, description="the sound that is wanted of it")
+    truth: FileName | None = Field(None, description="truth of a rendered recording")
+
+    @model_validator(mode="after")
+    def _check(self) -> Manifest:
+        kind, own, behaviour = self.excitation.kind, self.structure, self.excitation.behaviour
+        if self.force is None and behaviour.force == "required":
+            refuse_value("force", None, f"allowed where excitation.kind is {kind}: an object")
+        if self.force is not None:
+            if behaviour.force == "none":
+                forced = list_kinds(lambda one: one.force != "none")
+                refuse_value("excitation.kind", kind, f"allowed with a force: {forced}")
+            x, y = at = self.force.at_mm or (0.0, 0.0)
+            if not (0 <= x <= own.length_mm and 0 <= y <= own.width_mm):
+                refuse_value("force.at_mm", at, "allowed: null, or [x, y] on the structure")
+            if self.excitation.sound == "none" and self.force.offset_s is None:
+                refuse_value("force.offset_s", None, "allowed without sound: a number")
+        if self.radiation is not None and behaviour.result == "response":
+            shaped = list_kinds(lambda one: one.result != "response")
+            refuse_value("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
+        if self.calibration is None or self.calibration.poses == "anew":
+            for i, camera in enumerate(self.cameras):
+                if camera.board_images is None:
+                    why = "allowed without calibration: board images"
+                    refuse_value(f"cameras[{i}].board_images", None, why)
+        for (i, one), (j, other) in combinations(enumerate(self.cameras), 2):
+            for name in ("name", "video"):
+                given = getattr(other, name)
+                if given == getattr(one, name):
+                    why = f"the same as cameras[{i}].{name}, allowed: another one"
+                    refuse_value(f"cameras[{j}].{name}", given, why)
+        if self.radiation is not None:
+            size = own.length_mm / 1000, own.width_mm / 1000
+            self.radiation.check(own.kind, size, own.marker_points, own.markers.diameter_mm / 1000)
+        return self
 
 
 class ManifestError(ValueError):
@@ -121,8 +278,6 @@ def _report_renamed(where: str, found: dict[str, str]) -> None:
 
 def write_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as YAML, whole or not at all."""
-    from thesis_lib.files import whole_text
-
     values = manifest.model_dump(mode="json")
     text = yaml.dump(
         values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None
@@ -177,37 +332,35 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
         except (ValueError, OSError, RuntimeError):  # null characters, loops of links
             return True
 
-    named = [("truth", manifest.truth)] if manifest.truth else []
-    numbers = {}
+    named = [("truth", manifest.truth)]
+    counts = []
     for i, camera in enumerate(manifest.cameras):
         named.append((f"cameras[{i}].video", camera.video))
-        where = f"cameras[{i}].board_images"
-        if camera.board_images is None:
+        where, given = f"cameras[{i}].board_images", camera.board_images
+        if given is None:
             continue
-        if isinstance(camera.board_images, str):
-            if outside(camera.board_images):
-                yield f"{where}: given {format_given(camera.board_images)}, allowed: {INSIDE_TEXT}"
-                continue
-        else:
-            named += [
-                (f"{where}[{k}]", s) for k, s in enumerate(camera.board_images) if s is not None
-            ]
+        if not isinstance(given, str):
+            named += [(f"{where}[{k}]", shot) for k, shot in enumerate(given)]
+        elif outside(given):
+            yield f"{where}: given {format_given(given)}, allowed: {INSIDE_TEXT}"
+            continue
         shots = shot_paths(camera, folder)
-        numbers[where] = len(shots)
+        counts.append(len(shots))
         files = [shot for shot in shots if shot is not None]
         if exist and len(files) < 3:
             yield (
-                f"{where}: given {format_given(camera.board_images)}, which is "
-                f"{len(files)} images, allowed: at least 3{_unread(camera, folder)}"
+                f"{where}: given {format_given(given)}, which is {len(files)} images, allowed: at "
+                f"least 3{_unread(camera, folder)}"
             )
-        if isinstance(camera.board_images, str):
-            for shot in files:  # which may be links
-                if outside(str(shot.relative_to(folder))):
-                    name = format_given(shot.name)
-                    yield f"{where}: {name} leads outside, allowed: {INSIDE_TEXT}"
-    named += [("force.file", manifest.force.file)] if manifest.force else []  # or a video named
+        for shot in files if isinstance(given, str) else []:  # which may be links
+            if outside(str(shot.relative_to(folder))):
+                yield f"{where}: {format_given(shot.name)} leads outside, allowed: {INSIDE_TEXT}"
+    force = manifest.force
+    named.append(("force.file", None if force is None else force.file))  # or a video named
     videos: dict[Path, str] = {}
     for where, text in named:
+        if text is None:
+            continue
         if outside(text):
             yield f"{where}: given {format_given(text)}, allowed: {INSIDE_TEXT}"
         elif exist and not _is_file(folder / text):
@@ -216,10 +369,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             first = videos.setdefault((root / text).resolve(), where)
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
-    if exist and len(set(numbers.values())) > 1:
-        counts = ", ".join(map(str, numbers.values()))
+    if exist and len(set(counts)) > 1:
+        given = ", ".join(map(str, counts))
         allowed = "as many for every camera, in the same order"
-        yield f"cameras: given {counts} board images, allowed: {allowed}"
+        yield f"cameras: given {given} board images, allowed: {allowed}"
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:

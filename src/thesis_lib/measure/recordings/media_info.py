@@ -52,8 +52,7 @@ class VideoInfo:
     #: When the sound ends after the first frame, s, None if the file does not say
     sound_end: float | None
     codec: str  #: Name of the video codec
-    sample_rate: int | None  #: Audio sample rate in Hz, None without audio
-    channels: int  #: Audio channels, 0 without audio
+    has_audio: bool  #: Whether there is an audio track
     #: Whether even and odd lines of a frame were taken at different times
     interlaced: bool = False
     start: float = 0.0  #: Time of the first frame that can be decoded, by the file's clock, s
@@ -64,11 +63,6 @@ class VideoInfo:
     depth: int = 8  #: Bits that hold the grey levels
     stored_depth: int = 8  #: Bits in which they are stored
     captured_hz: float | None = None  #: Rate in Hz at which the file says it was taken
-
-    @property
-    def has_audio(self) -> bool:
-        """Return whether there is an audio track."""
-        return self.channels > 0
 
 
 def file_address(path: Path) -> str:
@@ -249,8 +243,7 @@ def _probe(path: Path, _as_it_is: tuple[int, ...]) -> VideoInfo:
             duration=duration,
             sound_end=None if sound_end is None else sound_end - start,
             codec=video.codec_context.name,
-            sample_rate=sound.sample_rate if sound else None,
-            channels=sound.channels if sound else 0,
+            has_audio=sound is not None,
             interlaced=first.interlaced_frame,
             start=start,
             track=1 + file.streams.video.index(video),
@@ -412,3 +405,11 @@ def frame_times(path: Path) -> Array:
     if not len(ordered):
         raise MediaError(f"{path}: no frames")
     return np.asarray(ordered - ordered[0])
+
+
+def rate_of(clock: Array, nominal: float) -> float:
+    """Return a clock's frames per second; the nominal rate if they differ by rounding alone."""
+    if len(clock) < 2:
+        return nominal
+    mean = float((len(clock) - 1) / clock[-1])
+    return nominal if abs(mean / nominal - 1) < 1e-12 else mean

@@ -20,12 +20,12 @@ from pydantic import BaseModel, ValidationError
 from thesis_lib.files import staging
 from thesis_lib.measure.recordings.manifest import (
     IMAGE_SUFFIXES,
+    Manifest,
     ManifestError,
     find_images,
     is_hidden,
     shot_paths,
 )
-from thesis_lib.measure.recordings.manifest_model import Manifest
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import (
     MediaError,
@@ -34,9 +34,10 @@ from thesis_lib.measure.recordings.media_info import (
     frame_clock,
     frame_times,
     probe_media,
+    rate_of,
     source_of_packed,
 )
-from thesis_lib.measure.recordings.validation import is_slowed, rate_of
+from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.outputs import put_files
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
@@ -205,12 +206,10 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
         shots = [shot for shot in shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
-        board = (
-            f"; {len(shots)} board images in {camera.board_images}" if camera.board_images else ""
-        )
+        images = f"; {len(shots)} board images in {camera.board_images}"
         yield (
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
-            f"frames per second{seconds}{board}"
+            f"frames per second{seconds}{images if camera.board_images else ''}"
         )
         yield from describe_reading(folder / camera.video)
         if is_slowed(info):

@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.excitation import Excitation
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
-from thesis_lib.measure.recordings.manifest import ManifestError, shot_paths
-from thesis_lib.measure.recordings.manifest_model import CameraFiles, Manifest, StructureSpec
+from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
+from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import read_frames, read_png
-from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, frame_clock, probe_media
+from thesis_lib.measure.recordings.media_info import (
+    MediaError,
+    VideoInfo,
+    frame_clock,
+    probe_media,
+    rate_of,
+)
 from thesis_lib.studies.fields import format_given
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
@@ -93,14 +98,6 @@ def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
         for camera, clock in zip(manifest.cameras, clocks, strict=True)
     )
     return manifest.model_copy(update={"cameras": cameras})
-
-
-def rate_of(clock: Array, nominal: float) -> float:
-    """Return a clock's frames per second; the nominal rate if they differ by rounding alone."""
-    if len(clock) < 2:
-        return nominal
-    mean = float((len(clock) - 1) / clock[-1])
-    return nominal if abs(mean / nominal - 1) < 1e-12 else mean
 
 
 def check_excitation(manifest: Manifest) -> list[str]:

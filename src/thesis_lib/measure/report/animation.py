@@ -23,7 +23,7 @@ from PIL import Image as Pictures
 
 from thesis_lib.arrays import Array
 from thesis_lib.files import whole_file
-from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
+from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.media_info import file_address
 from thesis_lib.measure.tracking.tracks import Recording

@@ -14,13 +14,13 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image
-from thesis_lib.measure.exchange.mesh import marker_edges, marker_faces
+from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
 from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import warnings
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure

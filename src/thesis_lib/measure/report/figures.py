@@ -17,8 +17,7 @@ from thesis_lib.measure.feasibility.prediction import predict_errors, view_marke
 from thesis_lib.measure.modes.poles import STANDS_OUT
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.plotting.style import (

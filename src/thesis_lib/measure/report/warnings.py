@@ -14,8 +14,8 @@ from thesis_lib.measure.fitting.models import known_rms
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
-from thesis_lib.measure.recordings.excitation import Sweep
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import Sweep
 from thesis_lib.measure.response.force import dwell_time, settling_time
 from thesis_lib.studies.cubes import iterate_slices
 

@@ -16,9 +16,9 @@ from scipy.signal import ShortTimeFFT
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS
-from thesis_lib.measure.recordings.excitation import Force, Sweep
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
+from thesis_lib.measure.recordings.manifest_parts import Force, Sweep
 from thesis_lib.measure.synchronisation import audio
 from thesis_lib.measure.synchronisation.audio import AudioSource, SynchronisationError
 from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first

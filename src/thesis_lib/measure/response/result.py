@@ -34,7 +34,7 @@ from scipy.sparse import diags_array
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.modes.identify import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.response.displacement import (
     MAX_REPORTED_RATIO,
     at_times,

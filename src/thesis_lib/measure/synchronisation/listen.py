@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.recordings.manifest import ManifestError
-from thesis_lib.measure.recordings.manifest_model import Manifest
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, tones
 from thesis_lib.measure.synchronisation import delays as matching

@@ -2,5 +2,5 @@
 
 From a video on: `tracks` reads its frames and writes centres to disk; `homography` finds the
 structure in the first one; `follow` goes on from frame to frame by a table of grey levels; where
-that fails, `tracker` searches the resampled structure, and `centres` fits each disc.
+that fails, `tracker` searches the resampled structure and fits each disc.
 """

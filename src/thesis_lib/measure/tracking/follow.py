@@ -4,7 +4,7 @@ A marker detector is a function from a camera's view, the vibration's angle from
 the first frame to a :class:`Detector`, and a line in :data:`DETECTORS`, by the name that
 ``structure.markers.detector`` of a manifest gives.
 
-Discs are followed by the fit of :mod:`~thesis_lib.measure.tracking.centres`, made linear. For each
+Discs are followed by the fit of :func:`~.tracker.refine_centres`, made linear. For each
 marker and for 8 × 8 places of its centre in a pixel, the grey levels around it are a sum of
 columns: ground, structure, dark disc, the disc's two derivatives, the structure's edge moved
 outward. A frame then gives the centre by a product with what is kept of these, once more where the
@@ -24,13 +24,6 @@ from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.tracking.centres import (
-    EDGE_STD_PX,
-    MAX_POOR_SHARE,
-    NOISE_GREY,
-    Patch,
-    blur_ellipses,
-)
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
     View,
@@ -38,7 +31,16 @@ from thesis_lib.measure.tracking.homography import (
     find_view,
     view_of,
 )
-from thesis_lib.measure.tracking.tracker import Tracker, fill_missing, sharpen_view
+from thesis_lib.measure.tracking.tracker import (
+    EDGE_STD_PX,
+    MAX_POOR_SHARE,
+    NOISE_GREY,
+    Patch,
+    Tracker,
+    blur_ellipses,
+    fill_missing,
+    sharpen_view,
+)
 from thesis_lib.vision.lens import HALF_PIXEL, Camera, resize_camera, undistort_pixels
 
 CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px

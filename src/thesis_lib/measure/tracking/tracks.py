@@ -22,7 +22,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.manifest_model import CameraFiles
+from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark

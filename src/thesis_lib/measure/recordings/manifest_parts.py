@@ -1,0 +1,477 @@
+"""Parts of a manifest: the structure, how it is driven, a recorded force, its sound.
+
+Lengths are in the units of their suffix here and nowhere else: properties without a suffix are in
+SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from thesis_lib.arrays import Array
+from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
+from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
+
+if TYPE_CHECKING:
+    from thesis_lib.acoustics.sources import Medium
+
+
+class StructureSpec(Fields):
+    """The structure that is filmed."""
+
+    kind: Literal["beam", "plate", "flat"] = Field(
+        "beam", description="what it is, which gives the model that shapes are compared with"
+    )
+    length_mm: Positive = Field(
+        default_factory=beam_default("length", 1000), description="length along x"
+    )
+    width_mm: Positive = Field(
+        default_factory=beam_default("width", 1000), description="width along y"
+    )
+    thickness_mm: Positive = Field(
+        default_factory=beam_default("thickness", 1000), description="thickness"
+    )
+    density_kg_m3: Positive = Field(default_factory=beam_default("density"), description="density")
+    youngs_modulus_pa: Real = Field(
+        default_factory=beam_default("youngs_modulus"), gt=0, le=1e13, description="Young's modulus"
+    )
+    poissons_ratio: Real = Field(
+        0.3, ge=0, le=0.5, description="Poisson's ratio, which a plate's model needs"
+    )
+    damping: Real = Field(
+        default_factory=beam_default("damping"), gt=0, lt=0.7, description="modal damping ratio"
+    )
+    force_position_mm: Positive = Field(
+        default_factory=beam_default("force_position", 1000),
+        description="distance of the force from x = 0, a beam's clamp",
+    )
+    force_across_mm: Positive | None = Field(
+        None, description="distance of the force from y = 0; null is half the width"
+    )
+    markers: MarkersSpec = Field(default_factory=MarkersSpec, description="its markers")
+
+    @model_validator(mode="after")
+    def _check(self) -> StructureSpec:
+        if self.force_position_mm > self.length_mm:
+            self.refuse("force_position_mm", "allowed: at most length_mm, in mm")
+        if self.force_across_mm is not None and self.force_across_mm > self.width_mm:
+            self.refuse("force_across_mm", "allowed: null, or at most width_mm, in mm")
+        if self.kind == "plate" and self.markers.points_mm is None and self.markers.rows < 2:
+            refuse_value("markers.rows", self.markers.rows, "allowed on a plate: at least 2")
+        size, radius = np.array([[self.length_mm], [self.width_mm]]), self.markers.diameter_mm / 2
+        points, hole = 1000 * self.marker_points, self.markers.hole_mm
+        name = "markers.points_mm" if self.markers.points_mm else "markers"
+        given = self.markers.model_dump(mode="json", exclude={"hole_mm"})
+        if np.any(points < radius - 1e-9) or np.any(points > size - radius + 1e-9):
+            refuse_value(name, given, "allowed: markers that lie on the structure")
+        apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
+        if np.any(apart[np.triu_indices(points.shape[1], 1)] < 2 * radius):
+            refuse_value(name, given, "allowed: markers that do not overlap")
+        if hole is not None:
+            place = np.array(hole)[:, None]
+            near = np.linalg.norm(points - place, axis=0).min() < 2 * radius
+            if near or np.any(place < 0) or np.any(place > size):
+                away = "on the structure, at least a diameter from every marker's centre"
+                refuse_value("markers.hole_mm", hole, f"allowed: null, or [x, y] {away}")
+        return self
+
+    @property
+    def marker_points(self) -> Array:
+        """Centres of the markers, shape (2, markers), in m, from the clamped corner; row by row."""
+        m = self.markers
+        if m.points_mm is not None:
+            return np.array(m.points_mm).T / 1000
+        x = self.length_mm / 2 + (np.arange(m.columns) - (m.columns - 1) / 2) * m.spacing_mm
+        y = self.width_mm / 2 + (np.arange(m.rows) - (m.rows - 1) / 2) * m.row_spacing_mm
+        return np.stack([np.tile(x, m.rows), np.repeat(y, m.columns)]) / 1000
+
+    @property
+    def force_place(self) -> Array:
+        """Return the force's point, shape (2,), in m, from the clamped corner."""
+        across = self.force_across_mm or self.width_mm / 2
+        return np.array([self.force_position_mm, across]) / 1000
+
+    @property
+    def hole(self) -> Array | None:
+        """Return the centre of the hole, shape (2,), in m."""
+        return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
+
+
+class Sought(Fields):
+    """Which modes or tones are looked for, where there are several."""
+
+    from_hz: Positive = Field(2.0, description="lowest frequency")
+    to_hz: Positive | None = Field(
+        None,
+        description="highest frequency; null is half of the lowest frame rate, above which "
+        "cameras must differ in rate or start",
+    )
+    count: Whole | None = Field(
+        None, ge=1, le=20, description="how many; null takes all that stand out of the noise"
+    )
+    near_hz: tuple[Positive, ...] | None = Field(
+        None,
+        min_length=1,
+        max_length=20,
+        description="frequencies near which they are; replaces count",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Sought:
+        if self.to_hz is not None and self.to_hz <= self.from_hz:
+            self.refuse("to_hz", "allowed: null, or a number above from_hz, in Hz")
+        high = self.to_hz or np.inf
+        if self.near_hz and not all(self.from_hz <= f <= high for f in self.near_hz):
+            self.refuse("near_hz", "allowed: null, or frequencies between from_hz and to_hz")
+        return self
+
+
+Kind = Literal["sine", "multisine", "free_decay", "sweep", "random"]
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """What follows from a kind of excitation: what may be given, and how it is measured."""
+
+    #: First result: one deflection shape, several modes or tones, or motion over a recorded force
+    result: Literal["shape", "modes", "response"]
+    title: str  #: What is measured, as reports name it
+    force: Literal["none", "optional", "required"] = "none"  #: Whether a force is recorded
+    has_one_frequency: bool = False  #: Sound and phase follow from one steady sine
+    decays: bool = False  #: The modes lose their energy, fitted from the largest motion on
+    sweeps: bool = False  #: The force goes from one frequency to another
+    is_noise: bool = False  #: Segments are averaged, for the force neither begins nor ends at rest
+    assumption: str = ""  #: What the fit assumes and cannot prove
+
+
+EXCITATION_KINDS: dict[Kind, Behaviour] = {
+    "sine": Behaviour("shape", "Deflection", has_one_frequency=True),
+    "multisine": Behaviour(
+        "modes",
+        "Tones",
+        assumption="Each tone is steady. Its shape is that of the motion, which may hold several "
+        "modes.",
+    ),
+    "free_decay": Behaviour(
+        "modes",
+        "Modes",
+        force="optional",
+        decays=True,
+        assumption="Nothing drives the structure in the interval that is fitted: each mode decays "
+        "freely.",
+    ),
+    "sweep": Behaviour("response", "Receptance", force="required", sweeps=True),
+    "random": Behaviour("response", "Receptance", force="required", is_noise=True),
+}
+"""Every kind of excitation; nothing else depends on its name."""
+
+
+def list_kinds(wanted: Callable[[Behaviour], bool]) -> str:
+    """Return the kinds that behave so, as a refusal lists them."""
+    *others, last = (f'"{name}"' for name, one in EXCITATION_KINDS.items() if wanted(one))
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+TABLE_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".tab", ".dat", ".asc", ".lvm"])
+"""Endings of files that are read as a table of a force."""
+
+FileName = Annotated[
+    str, Field(min_length=1, max_length=500, title="a path inside the manifest's folder")
+]
+Channel = Annotated[Whole, Field(ge=1, le=64)]
+
+
+class Sweep(Fields):
+    """A force whose frequency goes from one to another."""
+
+    from_hz: Positive | None = Field(
+        None, description="frequency at its begin; null looks in the force"
+    )
+    to_hz: Positive | None = Field(
+        None, description="frequency at its end; null looks in the force"
+    )
+    duration_s: Positive | None = Field(
+        None, description="how long it takes; null looks in the force"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Sweep:
+        if self.to_hz is not None and self.to_hz == self.from_hz:
+            self.refuse("to_hz", "allowed: null, or a number that is not from_hz, in Hz")
+        return self
+
+
+class Force(Fields):
+    """A force, and where it acts."""
+
+    file: FileName = Field(
+        ...,
+        description="its recording: a sound file, a video whose sound track carries it, or a "
+        "table (.csv, .txt, .tsv, .dat, .lvm) of time and force",
+    )
+    full_scale_n: Positive | None = Field(
+        None, description="force in N at full scale of a sound file"
+    )
+    channel: Channel = Field(1, description="which channel of a sound file carries it")
+    sound_channel: Channel | None = Field(
+        None,
+        description="which channel has a sound that the first camera recorded, too, by which the "
+        "clocks are compared; null takes that of the force",
+    )
+    offset_s: Annotated[Real, Field(ge=-1e5, le=1e5)] | None = Field(
+        None, description="when the file begins on the first camera's clock; null finds it by sound"
+    )
+    at_mm: Place | None = Field(
+        None,
+        description="where it acts, from the clamped corner; null is the structure's "
+        "force_position_mm and force_across_mm",
+    )
+    segment_s: Positive | Literal["whole"] | None = Field(
+        None,
+        description="length of the parts that are averaged; whole is for what begins and ends at "
+        "rest; null takes whole for a decay or a sweep, and an eighth of the recording for "
+        "random",
+    )
+
+    @property
+    def is_table(self) -> bool:
+        """Return whether the force is given in N already."""
+        return PurePath(self.file).suffix.lower() in TABLE_SUFFIXES
+
+    def place(self, usual: Array) -> Array:
+        """Return the force's point in m, shape (2,); `usual` if it is not given."""
+        return usual if self.at_mm is None else np.array(self.at_mm) / 1000
+
+    @model_validator(mode="after")
+    def _check(self) -> Force:
+        if self.is_table and self.full_scale_n is not None:
+            self.refuse("full_scale_n", "allowed with a table, which is in N: null")
+        if not self.is_table and self.full_scale_n is None:
+            self.refuse("full_scale_n", "allowed with a sound file: a number above 0, in N")
+        if self.is_table and self.offset_s is None:
+            self.refuse("offset_s", "allowed with a table, which has no sound: a number")
+        return self
+
+
+class Excitation(Fields):
+    """How the structure is driven, and what the sound tracks carry."""
+
+    kind: Kind = Field(
+        "sine",
+        description="what is filmed after rest_duration_s: a steady sine, several, the free decay "
+        "after a tap or a release, or the motion that a force causes as a sweep or as noise",
+    )
+    modes: Sought = Field(
+        default_factory=Sought, description="which modes, where kind is multisine or free_decay"
+    )
+    sweep: Sweep = Field(default_factory=Sweep, description="the sweep, where kind is sweep")
+    frequency_hz: Positive | None = Field(
+        default_factory=lambda data: (
+            4.25 if EXCITATION_KINDS[data.get("kind", "sine")].has_one_frequency else None
+        ),
+        description="frequency of the vibration; null looks for it",
+    )
+    undersampled: Flag = Field(
+        False,
+        description="whether frequency_hz is so well known that it may exceed half of the frame "
+        "rate",
+    )
+    amplitude_mm: Positive | None = Field(
+        None, description="largest deflection that is expected, for the warnings before measuring"
+    )
+    sound: Literal["force", "room", "none"] = Field(
+        "force",
+        description="what the sound tracks carry: the force's signal, what microphones hear, or "
+        "none that is needed, since the vibration is steady and the images tell its phase",
+    )
+    steady_interval_s: tuple[Real, Real] | None = Field(
+        None,
+        description="from when to when the vibration is steady, on the first camera's clock; "
+        "null looks for it in the force's signal, or takes all after rest_duration_s",
+    )
+    rest_duration_s: Real = Field(
+        1.0,
+        ge=0,
+        le=3600,
+        description="time at rest at the start; 0 without sound if there is none",
+    )
+    force_per_full_scale_n: Positive | None = Field(
+        None, description="force at the sound's full scale"
+    )
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """Return the behaviour that follows from the kind."""
+        return EXCITATION_KINDS[self.kind]
+
+    @model_validator(mode="after")
+    def _check(self) -> Excitation:
+        one = self.behaviour.has_one_frequency
+        if not one and self.frequency_hz is not None:
+            self.refuse("frequency_hz", f"allowed where kind is {self.kind}: null")
+        if not one and self.sound == "none":
+            self.refuse("sound", 'allowed for several modes: "force" or "room"')
+        if self.undersampled and self.frequency_hz is None:
+            self.refuse("undersampled", "allowed with a given frequency_hz: true or false")
+        if (
+            self.steady_interval_s is not None
+            and not 0 <= self.steady_interval_s[0] < self.steady_interval_s[1] <= 1e5
+        ):
+            self.refuse(
+                "steady_interval_s", "allowed: [begin, end] in this order, from 0 to 100000, in s"
+            )
+        return self
+
+
+class Reuse(Fields):
+    """A calibration that was made before, here or by another program; a path alone is its file."""
+
+    file: Annotated[str, Field(min_length=1, max_length=500)] = Field(
+        ...,
+        description="folder of an earlier measurement, or of one file for each camera; or a "
+        "file: calibration.nc, YAML, XML or JSON of OpenCV, YAML of ROS or Kalibr, TOML of "
+        "aniposelib, caliscope or Pose2Sim",
+    )
+    poses: Literal["kept", "anew"] = Field(
+        "kept",
+        description="whether the cameras stand where they stood, or are placed again by this "
+        "folder's board images, which need no lens then",
+    )
+    unit: Literal["m", "mm"] | None = Field(
+        None, description="unit of the file's lengths; null is what the file says, else m"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _path(cls, given: Any) -> Any:
+        return {"file": given} if isinstance(given, str) else given
+
+
+Length = Annotated[Real, Field(ge=-1e5, le=1e5)]
+Point = tuple[Length, Length, Annotated[Real, Field(gt=0, le=1e5)]]
+Edge = Literal["free", "held"]
+Wall = Annotated[
+    Literal["yes", "no", "unknown"],  # YAML reads yes and no as true and false
+    BeforeValidator(lambda value: ("no", "yes")[value] if isinstance(value, bool) else value),
+]
+MIN_SURFACE_MARKERS = 6  # markers that a surface needs
+
+
+class Radiation(Fields):
+    """What the structure radiates, and where that is wanted."""
+
+    outline_mm: Literal["structure", "hull"] | tuple[Place, ...] = Field(
+        "structure",
+        description="what radiates: length by width, the hull of the markers, or corners from "
+        "the clamped corner",
+    )
+    edges: Literal["by kind"] | tuple[Edge, ...] = Field(
+        "by kind",
+        description="edges of the outline that are held at rest, from each corner to the next; "
+        "by kind: a beam's at x = 0, a plate's four, else none",
+    )
+    between: Literal["model", "spline"] | None = Field(
+        None,
+        description="what is fitted between markers: modes of the model, or a thin plate spline; "
+        "null takes the model where there is one that fits",
+    )
+    points_mm: tuple[Point, ...] = Field(
+        ((0.0, 0.0, 1000.0),),
+        min_length=1,
+        max_length=20,
+        description="where the pressure is wanted: X, Y from the structure's centre, Z above its "
+        "plane",
+    )
+    plane_half_width_mm: Positive | None = Field(
+        None, description="the planes XZ and YZ reach so far; null is the longer side"
+    )
+    plane_bottom_mm: Positive = Field(50.0, description="lowest height of the planes")
+    plane_top_mm: Positive | None = Field(
+        None, description="greatest height of the planes; null is the longer side above the lowest"
+    )
+    wall: Wall = Field(
+        "unknown",
+        description="whether the structure lies in a wall, in whose plane no air flows around "
+        "its edges",
+    )
+    speed_of_sound_m_s: Positive = Field(343.0, description="speed of sound in the air")
+    air_density_kg_m3: Positive = Field(1.21, description="density of the air")
+
+    @property
+    def medium(self) -> Medium:
+        """The air."""
+        from thesis_lib.acoustics.sources import Medium
+
+        return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
+
+    @property
+    def points(self) -> Array:
+        """Return the points at which the pressure is computed, shape (3, n), m."""
+        return np.array(self.points_mm, float).T / 1000
+
+    def corners(self, size: tuple[float, float], markers: Array, diameter: float) -> Array:
+        """Return the corners (n, 2) in m of the outline, for a size and markers (2, m)."""
+        if isinstance(self.outline_mm, tuple):
+            return np.array(self.outline_mm, float) / 1000
+        if self.outline_mm == "structure":
+            return np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(size)
+        from scipy.spatial import ConvexHull
+
+        turn = 2 * np.pi * np.arange(8) / 8
+        discs = markers[:, :, None] + diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])[:, None]
+        every = discs.reshape(2, -1).T
+        return np.asarray(every[ConvexHull(every).vertices], float)
+
+    def held_edges(self, kind: str, corners: int) -> list[int]:
+        """Return the numbers of the edges that are held at rest."""
+        if self.edges != "by kind":
+            return [i for i, edge in enumerate(self.edges) if edge == "held"]
+        if self.outline_mm != "structure":
+            return []
+        return {"beam": [3], "plate": [0, 1, 2, 3]}.get(kind, [])
+
+    def check(self, kind: str, size: tuple[float, float], markers: Array, diameter: float) -> None:
+        """Refuse what does not go with the structure; lengths in m."""
+        from thesis_lib.vibration.polygons import (
+            edge_distances,
+            is_simple,
+            polygon_area,
+            polygon_contains,
+        )
+
+        count = markers.shape[1]
+        if count < MIN_SURFACE_MARKERS:
+            why = "fewer do not tell how the surface between them moves"
+            words = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: {why}"
+            self._refuse("outline_mm", words)
+        corners = self.corners(size, markers, diameter)
+        if isinstance(self.outline_mm, tuple):
+            simple = 3 <= len(self.outline_mm) <= 200 and is_simple(self.outline_mm)
+            if not simple or abs(polygon_area(self.outline_mm)) == 0:
+                self._refuse(
+                    "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
+                )
+            on = polygon_contains(corners, markers) | (
+                edge_distances(corners, markers).min(axis=0) < 1e-9
+            )
+            if not on.all():
+                x, y = 1000 * markers[:, ~on][:, 0]
+                why = f"allowed: corners around all markers, the one at ({x:g}, {y:g}) is outside"
+                self._refuse("outline_mm", why)
+        if self.edges != "by kind" and len(self.edges) != len(corners):
+            edges = f'allowed: "by kind", or {len(corners)} of "free" and "held"'
+            self._refuse("edges", edges)
+        if self.between == "model" and (kind == "flat" or self.outline_mm != "structure"):
+            why = 'allowed: null or "spline", since there is no model of this outline'
+            self._refuse("between", why)
+        if self.plane_top_mm is not None and self.plane_top_mm <= self.plane_bottom_mm:
+            self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
+
+    def _refuse(self, name: str, why: str) -> None:
+        refuse_value(f"radiation.{name}", getattr(self, name), why)
