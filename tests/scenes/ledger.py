@@ -2,19 +2,14 @@
 
 from functools import cache
 
-from scenes.laboratory import replicates
-from scenes.layouts import layouts
-
 from thesis_lib.facts import claims
+from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import OwnRuns
-from thesis_lib.figure_sets.experiment import compute as study
-from thesis_lib.figure_sets.lab_layout import compute as lab_layout_study
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
-from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.studies.schema import with_provenance
 
 TRIALS = 12
@@ -31,17 +26,15 @@ def sets():
 @cache
 def cube_of(name):
     """The cube of a figure set."""
+    if STUDIES[name].subject in ("experiment", "lab"):
+        return run.cube_of(STUDIES[name]())  # from the recordings that are stored
     request = validate_request(name, {"trials": TRIALS})
-    if request.subject == "experiment":
-        cube = study.run(request, replicates(request.recordings, TRIALS + 1, sigma=0.02))
-    elif request.subject == "lab":
-        cube = lab_layout_study.run(request, layouts(request, sigma=0.02, replicates=TRIALS + 1))
-    elif request.subject == "sound":
+    if request.subject == "sound":
         request = validate_request(name, {"trials": TRIALS, "plane_shape": [9, 7]})
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)
-    return with_provenance(cube, request, 0.0, code_digest(FIGURE_SETS[name]))
+    return with_provenance(cube, request, 0.0, run.code_digest(FIGURE_SETS[name]))
 
 
 @cache
