@@ -179,6 +179,7 @@ def test_plans_need_no_clone(reader):
     assert (reader.root / "plan" / "plan.html").is_file()
 
 
+@pytest.mark.nightly
 def test_measurements_need_no_clone(reader):
     part = Component(amplitude=0.003, frequency=6.3)
     rig = own.short_rig(setups.thesis_beam(), [(12, 30), (-150, 35)], part, steady=0.8)

@@ -33,11 +33,15 @@ PAGES = sorted(
     for path in {*BOOK.rglob("*.html")} - {BOOK / recordings.SAMPLE_PAGE}
     if not path.relative_to(BOOK).as_posix().startswith(("_static/", "_sources/"))
 )
-_LIBRARY = [name for name in PAGES if name.startswith("api/")]
-ALIKE = {*sorted(_LIBRARY, key=lambda name: (BOOK / name).stat().st_size)[:-3]}
-"""Pages of the library that are made as its three longest are: those alone are checked by axe, the
+SIZES = {name: (BOOK / name).stat().st_size for name in PAGES}
+ALIKE = {
+    name
+    for kind in ("api/", "executed/beam-", "executed/plate-", "executed/shape-", "executed/sound-")
+    for name in sorted((one for one in PAGES if one.startswith(kind)), key=SIZES.__getitem__)[:-2]
+}
+"""Pages that are made as the two longest of their kind are: those alone are checked by axe, the
 others at night; all else is checked on every page."""
-LONGEST = sorted(PAGES, key=lambda name: (BOOK / name).stat().st_size)[-5:]
+LONGEST = sorted(PAGES, key=SIZES.__getitem__)[-5:]
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium or Chrome on this machine"
@@ -210,6 +214,7 @@ def test_page_is_whole(visit: Callable[[str, bool], Visit], name: str, phone: bo
     assert seen.cut == []
     assert phone or seen.scrolling == []
     assert seen.small == []
+    assert seen.answers is not False  # a choice in a widget changes its picture
     assert all(seen.math)
     assert seen.mistakes == []
     for source, width, alt in seen.images:
@@ -278,20 +283,18 @@ def test_the_book_with_its_downloads_is_small() -> None:
 
 @needs_book
 @pytest.mark.parametrize("name", [name for name in PAGES if name not in {"index.html", *ALIKE}])
-def test_page_answers_and_nothing_is_amiss_for_those_who_cannot_see_well(
+def test_nothing_is_amiss_for_those_who_cannot_see_well(
     visit: Callable[[str, bool], Visit], name: str
 ) -> None:
-    seen = visit(name, False)
-    assert seen.answers is not False  # a choice in a widget changes its picture
     if axe.absent():
         pytest.skip(axe.absent())
-    assert seen.inaccessible == ()
+    assert visit(name, False).inaccessible == ()
 
 
 @needs_book
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(ALIKE))
-def test_nothing_amiss_on_the_other_pages_of_the_library(running: Browser, name: str) -> None:
+def test_nothing_amiss_on_the_other_pages_of_a_kind(running: Browser, name: str) -> None:
     if axe.absent():
         pytest.skip(axe.absent())
     with open_offline(running, BOOK / name) as opened:

@@ -331,6 +331,7 @@ def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path
 # --- using it
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("query", ["s=beam&m=1&t=4a-12", "s=plate&m=2&t=4a-12"])
 def test_dragging_stays_fluid(chromium: Browser, path: Path, query: str) -> None:
     """Sixty moves of one of twelve cameras, each drawn in its own frame, with trials between."""

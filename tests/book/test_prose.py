@@ -55,6 +55,7 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     assert included == {*walk.TEXT_VALUES} | made
 
 
+@pytest.mark.nightly
 @pytest.mark.book
 def test_the_pieces_of_the_ledger_are_those_that_read_its_cube(made):
     found = {name for name in pieces_write.PIECES if "claims" in made(name)[1]}

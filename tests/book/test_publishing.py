@@ -133,6 +133,7 @@ def test_an_edited_page_is_rendered_again_and_nothing_else_is_done(whole, small)
     page.write_text(before, encoding="utf-8")
 
 
+@pytest.mark.nightly
 @pytest.mark.book
 def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     def breaks(document):

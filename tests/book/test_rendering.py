@@ -48,6 +48,7 @@ def edit(page: Path, old: str, new: str) -> None:
     page.write_text(text.replace(old, new))
 
 
+@pytest.mark.nightly
 @pytest.mark.book
 def test_edits_show_and_a_lost_reference_is_reported_until_it_is_mended(small: Path) -> None:
     html = small / "build" / "html"

@@ -180,6 +180,7 @@ def test_motions_beyond_a_hundredth_of_the_distance_are_refused(form):
 
 
 @pytest.mark.slow
+@pytest.mark.few(3)
 @pytest.mark.parametrize("part", design_study.CHAPTER_PARTS)
 @pytest.mark.parametrize("structure", ["beam", "plate"])
 def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
@@ -712,7 +713,7 @@ def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
     conforms.sampled(rms[0] / rms[1], 1, atol=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     study = DesignLaw.model_validate({"trials": 12})
     made = design_shares.simulate_estimators(study) | design_shares.simulate_dither(study)

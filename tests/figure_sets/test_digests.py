@@ -32,6 +32,7 @@ INFRASTRUCTURE = {"web"}  # which shows results and changes none
 
 
 @pytest.mark.slow
+@pytest.mark.few(4)
 @pytest.mark.parametrize("module", sorted(PRODUCTS))
 def test_what_computes_a_cube_is_in_the_folders_that_count(module):
     product = PRODUCTS[module]

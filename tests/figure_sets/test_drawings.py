@@ -98,6 +98,7 @@ FOREIGN = {
 
 
 @pytest.mark.slow
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", FOREIGN)
 def test_foreign_configuration_changes_no_byte(cube, places, tmp_path, kind):
     file, text, environment = FOREIGN[kind]

@@ -73,7 +73,7 @@ def test_what_misleads_is_found():
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
 def test_no_figure_misleads(name):
     made = drawings(small_cube(name))
@@ -102,6 +102,7 @@ def test_ordered_settings_have_as_many_colours_from_dark_to_light():
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", REQUESTS)
 def test_figures_are_drawn_from_the_cube_alone(name):
     cube = small_cube(name)

@@ -186,6 +186,7 @@ def test_filming_again_scatters_as_is_predicted(conforms, again, case):
     conforms.sampled(scatter, predicted, rtol=0.15 if case == "aligned" else 0.08)
 
 
+@pytest.mark.nightly
 def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
     part = of(again, "harmonic")
     scatter = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)

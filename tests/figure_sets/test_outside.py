@@ -42,7 +42,7 @@ def test_a_new_set_is_refused_where_something_of_its_name_is(footprint):
     assert sorted(file.suffix for file in footprint.iterdir()) == [".ipynb", *[".py"] * 4, ".toml"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_is_listed_run_drawn_and_compared(footprint, tmp_path):
     out = tmp_path / "out"
     listed = thesis("list", footprint)

@@ -463,8 +463,7 @@ def test_diagonal_of_the_covariance_is_the_variance(conforms, study, setting, mo
     conforms.invariance(eigenvalues[0], above=-1e-12 * eigenvalues[-1])
 
 
-@pytest.mark.slow
-@pytest.mark.few(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("known", [False, True])
 def test_covariance_is_that_of_sampled_errors(conforms, known):
     request = validate_request("sound-distance", {})

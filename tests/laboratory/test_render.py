@@ -309,6 +309,7 @@ def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("pose", [0, 9])
 def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     R, t = (part[pose] for part in default_poses())

@@ -40,7 +40,7 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values)))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_corners_are_unbiased_without_noise(conforms, scenes):
     found = errors(scenes, noisy=False)
     conforms.closed_form(rms(found), below=0.005)
@@ -296,6 +296,7 @@ def test_a_moving_or_a_blurred_board_is_refused(scenes, blurred, words):
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("covering", [30, 115, 200])
 def test_a_corner_with_something_before_it_is_refused_or_right(scenes, covering):
     clean, exact = scenes[0]

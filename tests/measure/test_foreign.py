@@ -170,6 +170,7 @@ def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms,
     conforms.independent(plain, below=0.8)  # of independent corners: a quarter to three quarters
 
 
+@pytest.mark.few(1)
 @needs_photographs
 @pytest.mark.parametrize(
     "shots", [3, *(pytest.param(n, marks=pytest.mark.nightly) for n in (4, 5)), 6]
@@ -256,6 +257,7 @@ def rms(values):
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("take", TAKES)
 def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured, take):
     one = measured[take]
@@ -275,6 +277,7 @@ def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measure
     )  # no shift of all pixels
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("take", TAKES)
 def test_calibration_is_right_to_its_standard_deviations(conforms, measured, take):
     full = measured[take].full
@@ -290,6 +293,7 @@ def test_calibration_is_right_to_its_standard_deviations(conforms, measured, tak
     conforms.independent(np.linalg.norm(centres, axis=1).max(), below=2e-4)  # m, of 0.9 m
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("take", TAKES)
 def test_delays_are_those_of_the_starts(conforms, measured, take):
     data = measured[take].data
@@ -315,6 +319,7 @@ def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
         conforms.independent(np.abs(errors.mean(axis=(0, 2))).max(), below=0.008)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("take", TAKES)
 def test_deflection_is_the_true_one(conforms, measured, take):
     one = measured[take]

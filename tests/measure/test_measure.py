@@ -651,6 +651,7 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
 # Long recordings.
 
 
+@pytest.mark.nightly
 def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
     def change(given):
         beam = given.structure.model_copy(update={"markers": given.structure.markers.model_copy(

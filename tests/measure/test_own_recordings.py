@@ -113,6 +113,7 @@ def silent(tmp_path_factory):
     return rig, path
 
 
+@pytest.mark.nightly
 def test_a_steady_vibration_needs_no_sound(conforms, silent):
     rig, manifest = silent
     with warnings.catch_warnings():

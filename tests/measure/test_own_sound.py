@@ -182,8 +182,7 @@ def test_efficiency_has_the_uncertainty_of_the_sum_where_markers_have_none(confo
     conforms.independent(stated, below=2e-4)
 
 
-@pytest.mark.slow
-@pytest.mark.few(1)
+@pytest.mark.nightly
 @pytest.mark.parametrize("hertz", [60, 900])
 def test_efficiencies_err_by_what_they_state(hertz, conforms):
     """Of 80 measurements, whose markers alone put 0.02 % into the efficiency."""

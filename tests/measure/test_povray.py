@@ -21,6 +21,7 @@ pytestmark = [
 CODED = {"fine": {"crf": "10", "preset": "veryfast"}, "phone": {"crf": "23", "preset": "medium"}}
 
 
+@pytest.mark.nightly
 def test_boards_with_marks_calibrate_though_they_are_cut_off(conforms, tmp_path):
     manifest = Manifest.model_validate_json(
         json.dumps(povray.photograph_boards(tmp_path, away=0.09))

@@ -122,6 +122,7 @@ def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
 
 
 @pytest.mark.slow
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("frequency", "how"),
     [
@@ -367,7 +368,7 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.nanmean(off**2)), above=15)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
     """Cameras that are off as a covariance says: shapes scatter by what standard errors say."""
     own = recordings(tmp_path, noise=0.002)

@@ -309,6 +309,7 @@ def without_pictures(values):
 
 
 @pytest.mark.slow
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "calibration",
     ["measured", "measured/calibration.nc", "measured/cameras.toml", "measured/cameras.yaml",

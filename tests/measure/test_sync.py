@@ -64,7 +64,7 @@ def test_starts_and_drifts_are_the_true_ones(conforms, videos):
         assert 0 < one.delay_deviation < 2e-5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_standard_errors_of_drifts_are_their_scatter(conforms):
     off = []
     for seed in range(30):

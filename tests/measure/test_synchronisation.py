@@ -421,6 +421,7 @@ def heard(seed, level_db, seconds=11, colour=0, moments=(6.0,)):
     return signals, starts - starts[0]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("level_db", "colour", "least"),
     [(-10, 0, 0), (0, 0, 0), (5, 1, 0), (10, 0, 2), (10, 2, 3), (15, 1, 3), (20, 0, 3), (20, 2, 3)],

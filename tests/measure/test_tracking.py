@@ -116,6 +116,7 @@ def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(
     conforms, tracked, request
 ):

@@ -114,7 +114,7 @@ def test_what_a_program_puts_out_is_no_markup():
     assert not {"script", "img", "form", "input", "a", "b"} & {tag[0] for tag in found}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_name_becomes_a_script_or_a_link_in_a_browser(chromium, tmp_path):
     if not (pages.mathjax_path()).is_file():
         pytest.skip("no build/assets: render the book first")

@@ -262,6 +262,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_are_kept_by_an_independent_check(limit, objective):
@@ -365,6 +366,7 @@ def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
 
 
 @pytest.mark.slow
+@pytest.mark.few(2)
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("body", ["beam", "plate"])
 def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
@@ -404,7 +406,7 @@ def test_prices_decide_what_is_cheap():
     assert many.options[many.chosen].cost == 400
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_request_gives_the_same_plan(made):
     again = plan(made.request)
     for one, other in zip(made.options, again.options, strict=True):

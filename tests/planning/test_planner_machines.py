@@ -268,7 +268,7 @@ print([f"{value:.9g}" for found in made.verified for value in found.simulated])
 FAR = ("this", "SSE3", "threads 8")  # the farthest from each other
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("names", [FAR, pytest.param((*KERNELS,), marks=pytest.mark.nightly)])
 def test_other_kernels_and_threads_plan_and_simulate_the_same(names):
     said = {

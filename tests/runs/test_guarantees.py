@@ -34,7 +34,6 @@ for line in sys.stdin:
     print(json.dumps(states), flush=True)
 """
 EVERY = {GOOD, BAD}
-KILLS = 3
 WAITS = """
 import time
 from pathlib import Path
@@ -142,29 +141,30 @@ def apart(tmp_path_factory) -> Checkout:
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
+@pytest.mark.parametrize("number", range(3))
 @pytest.mark.usefixtures("restored")
-def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book):
+def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book, number):
     results = book.root / "data" / "results"
     wanted, asked = cubes(results), {name: book.notebook(name).read_bytes() for name in EVERY}
-    for number in range(KILLS):
-        for name in EVERY:  # it is killed while it puts the cubes of another request there
-            text = re.sub(rb"trials: int = \d+", b"trials: int = %d" % (10 + number), asked[name])
-            assert text != asked[name]
-            book.notebook(name).write_bytes(text)
-        process = subprocess.Popen(
-            [sys.executable, "-m", "thesis_lib", "book"],
-            cwd=book.root, env=book.environment, stdin=-3, stdout=-3, stderr=-3,
-        )  # fmt: skip
-        time.sleep(random.Random(number).uniform(2, 15))
-        process.kill()
-        process.wait()
-        for name in EVERY:
-            book.notebook(name).write_bytes(asked[name])
-        done = book.thesis("book", cwd=book.root, timeout=300)
-        assert done.returncode == 0, done.stderr
-        made = cubes(results)
-        assert made.keys() == wanted.keys()
-        assert all(made[name].identical(cube) for name, cube in wanted.items())
+    for name in EVERY:  # it is killed while it puts the cubes of another request there
+        text = re.sub(rb"trials: int = \d+", b"trials: int = %d" % (10 + number), asked[name])
+        assert text != asked[name]
+        book.notebook(name).write_bytes(text)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "thesis_lib", "book"],
+        cwd=book.root, env=book.environment, stdin=-3, stdout=-3, stderr=-3,
+    )  # fmt: skip
+    time.sleep(random.Random(number).uniform(2, 15))
+    process.kill()
+    process.wait()
+    for name in EVERY:
+        book.notebook(name).write_bytes(asked[name])
+    done = book.thesis("book", cwd=book.root, timeout=300)
+    assert done.returncode == 0, done.stderr
+    made = cubes(results)
+    assert made.keys() == wanted.keys()
+    assert all(made[name].identical(cube) for name, cube in wanted.items())
 
 
 @pytest.mark.slow

@@ -65,6 +65,7 @@ def test_shifts_are_uniform_over_a_pixel_and_independent(conforms):
 QUICK = {("beam-distance", "known"), *((name, "rebuilt") for name in STUDIES[:3])}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "rest"),
     [

@@ -147,7 +147,7 @@ def test_it_rests_out_of_sight_and_in_print_at_its_largest(show: Show) -> None:
         assert not later(opened)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["holes", "explorer"])  # with most markers
 def test_it_is_fluid(show: Show, kind: str) -> None:
     with show(kind) as opened:
@@ -237,6 +237,7 @@ RUBBISH = [
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["beam", "explorer"])
 def test_rubbish_in_the_address_gives_the_default_view(show: Show, kind: str) -> None:
     said = "() => document.querySelector('.tl-viewer [role=status], .tl-summary').textContent"
