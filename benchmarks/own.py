@@ -23,8 +23,7 @@ import numpy as np
 
 from benchmarks.reference import distances, field_of_distances, svd_triangulate
 from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
-from thesis_lib.acoustics.radiation import rayleigh_pressure
-from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.radiation import AIR, rayleigh_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution

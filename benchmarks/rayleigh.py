@@ -13,7 +13,7 @@ from benchmarks.limits import processor_seconds
 from benchmarks.peers import missing
 from benchmarks.reference import distances
 from thesis_lib.acoustics.planes import Plane, plane_operator, plate_pistons
-from thesis_lib.acoustics.sources import AIR, transfer_pressure
+from thesis_lib.acoustics.radiation import AIR, transfer_pressure
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import resonance_frequency
 

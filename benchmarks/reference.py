@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thesis_lib.acoustics.sources import Medium, Pistons
+from thesis_lib.acoustics.radiation import Medium, Pistons
 from thesis_lib.arrays import Array, ComplexArray
 
 

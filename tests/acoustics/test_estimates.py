@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.radiation import sound_power
-from thesis_lib.acoustics.sources import AIR, Medium, monopole_pressure
+from thesis_lib.acoustics.radiation import AIR, Medium, monopole_pressure, sound_power
 from thesis_lib.acoustics.surfaces import Surface
 
 DRAWS = 20000

@@ -8,8 +8,7 @@ import pytest
 from scipy import linalg
 
 from thesis_lib.acoustics.planes import Plane, full_factor, plane_operator, plate_pistons
-from thesis_lib.acoustics.radiation import rayleigh_pressure
-from thesis_lib.acoustics.sources import Medium, transfer_pressure
+from thesis_lib.acoustics.radiation import Medium, rayleigh_pressure, transfer_pressure
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency

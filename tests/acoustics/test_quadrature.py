@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from thesis_lib.acoustics.planes import plate_pistons
-from thesis_lib.acoustics.radiation import enough_nodes, integrate_pressure, rayleigh_pressure
-from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.radiation import AIR, enough_nodes, integrate_pressure, rayleigh_pressure
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import resonance_frequency
 

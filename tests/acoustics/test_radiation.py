@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import j1, struve
 
+from thesis_lib.acoustics import radiation as acoustics_sources
 from thesis_lib.acoustics import radiation as rad
-from thesis_lib.acoustics import sources as acoustics_sources
 from thesis_lib.acoustics.planes import plate_pistons
-from thesis_lib.acoustics.sources import (
+from thesis_lib.acoustics.radiation import (
     Medium,
     Pistons,
     check_pistons,

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 from scipy.special import j0
 
-from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.acoustics.surfaces import Screen, Surface, cell_kernel
 from thesis_lib.vibration.polygons import clip_polygon, polygon_area, polygon_moments
 

@@ -27,7 +27,7 @@ from scenes.measure import (
     few_shots,
 )
 
-from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import record
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig

@@ -10,7 +10,7 @@ import pyuff
 import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
-from thesis_lib.acoustics.sources import AIR
+from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
 from thesis_lib.measure.fitting.errors import common_errors
 from thesis_lib.measure.modes.identify import (

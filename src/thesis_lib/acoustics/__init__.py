@@ -9,13 +9,15 @@ without one (:class:`.Screen`).
 
 from thesis_lib.acoustics.planes import Plane, PlateSound, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import (
+    AIR,
+    Medium,
+    Pistons,
     power_level,
     pressure_level,
     radiation_modes,
     rayleigh_pressure,
     sound_power,
 )
-from thesis_lib.acoustics.sources import AIR, Medium, Pistons
 from thesis_lib.acoustics.surfaces import Screen, Surface
 
 __all__ = ["AIR", "Medium", "Pistons", "Plane", "PlateSound", "Screen", "Surface", "plane_operator",

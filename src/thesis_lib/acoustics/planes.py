@@ -19,8 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thesis_lib.acoustics.radiation import radiation_matrix
-from thesis_lib.acoustics.sources import AIR, Medium, Pistons, check_pistons, outgoing_wave
+from thesis_lib.acoustics import radiation
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.vibration.plate import Plate
 
@@ -70,11 +69,11 @@ class Plane:
         return np.stack([u, 0 * u, z] if self.name == "XZ" else [0 * u, u, z])
 
 
-def plate_pistons(plate: Plate) -> Pistons:
+def plate_pistons(plate: Plate) -> radiation.Pistons:
     """Return the plate's cells as pistons, in the order of its markers."""
     centre = np.array(plate.extent)[:, None] / 2
     size = (plate.length / plate.grid[0], plate.width / plate.grid[1])
-    return Pistons(plate.markers - centre, size)
+    return radiation.Pistons(plate.markers - centre, size)
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,9 @@ def _stack_real(matrix: ComplexArray) -> Array:
     return np.concatenate([matrix.real, matrix.imag])
 
 
-def plane_operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AIR) -> PlaneOperator:
+def plane_operator(
+    plate: Plate, plane: Plane, omega: float, medium: radiation.Medium = radiation.AIR
+) -> PlaneOperator:
     """Build the operator from a plate to a plane at a frequency.
 
     Parameters
@@ -135,7 +136,7 @@ def plane_operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AI
         If the pistons are too large for the wavelength.
     """
     parts = plate_pistons(plate)
-    check_pistons(parts, omega, medium)
+    radiation.check_pistons(parts, omega, medium)
     offsets = [
         size * (np.arange(n) - (n - 1) / 2) for size, n in zip(parts.size, plate.grid, strict=True)
     ]
@@ -145,7 +146,7 @@ def plane_operator(plate: Plate, plane: Plane, omega: float, medium: Medium = AI
     height = plane.z**2
     aside = across[:, None] ** 2 + (right[:, None, None, None] - along) ** 2
     R = np.sqrt(aside + height[:, None, None]).reshape(len(right) * len(height), -1)
-    sine, cosine = outgoing_wave(omega / medium.speed_of_sound, R)
+    sine, cosine = radiation.outgoing_wave(omega / medium.speed_of_sound, R)
     kernel = np.empty(R.shape, complex)
     scale = omega * medium.density * parts.area / (2 * np.pi)
     np.multiply(sine, scale, out=kernel.real)
@@ -190,7 +191,12 @@ class PlateSound:
 
     @classmethod
     def from_shape(
-        cls, plate: Plate, planes: tuple[Plane, ...], medium: Medium, omega: float, reference: Array
+        cls,
+        plate: Plate,
+        planes: tuple[Plane, ...],
+        medium: radiation.Medium,
+        omega: float,
+        reference: Array,
     ) -> PlateSound:
         """Build from a true deflection (markers,) in m at an angular frequency in rad/s."""
         operators = tuple(plane_operator(plate, plane, omega, medium) for plane in planes)
@@ -198,7 +204,7 @@ class PlateSound:
         largest = np.array([np.abs(op.field(omega * reference)).max() for op in operators])
         disordered = [omega * np.linalg.norm(F) * np.abs(reference).max() for F in factors]
         nodal = largest <= MAX_NODAL_PRESSURE_RATIO * np.maximum(largest, disordered).max()
-        resistance = radiation_matrix(plate_pistons(plate), omega, medium)
+        resistance = radiation.radiation_matrix(plate_pistons(plate), omega, medium)
         return cls(
             omega, reference, operators, factors, np.where(nodal, np.nan, largest), resistance
         )

@@ -28,8 +28,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thesis_lib.acoustics.radiation import radiation_matrix
-from thesis_lib.acoustics.sources import AIR, Medium, Pistons, transfer_pressure, wavenumber
+from thesis_lib.acoustics import radiation
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.vibration.polygons import (
     clip_polygon,
@@ -58,7 +57,7 @@ SUM_STD, CUT_STD = 1e-4, 4e-3
 class Surface:
     """A flat surface in a rigid wall, as nodes."""
 
-    pistons: Pistons  #: The nodes from the origin, each with a quarter of a cell
+    pistons: radiation.Pistons  #: The nodes from the origin, each with a quarter of a cell
     share: Array  #: Area of each node over that of its piston, shape (nodes,)
     places: Array  #: The nodes in the outline's own frame, m, shape (2, nodes)
 
@@ -83,7 +82,9 @@ class Surface:
         parts += [_cut_cell(corners, middle, size) for middle in centres[:, near].T]
         parts = [one for one in parts if one[0] > MIN_AREA_RATIO]
         at = np.concatenate([nodes for _, nodes in parts], axis=1)
-        pistons = Pistons(at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2)))
+        pistons = radiation.Pistons(
+            at - np.array(origin)[:, None], (float(size[0] / 2), float(size[1] / 2))
+        )
         return cls(pistons, np.repeat([share for share, _ in parts], 4), at)
 
     @cached_property
@@ -97,7 +98,9 @@ class Surface:
         cut = self.share[self.share < 1 - MIN_AREA_RATIO].sum() / self.share.sum()
         return float(SUM_STD + CUT_STD * cut)
 
-    def power_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
+    def power_form(
+        self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
+    ) -> Array:
         """Form A of the radiated power wᴴAw in W of amplitudes w (points,) in m.
 
         Parameters
@@ -108,9 +111,11 @@ class Surface:
             Frequency in rad/s, and the fluid.
         """
         B = omega * self.share[:, None] * np.asarray(moving, float)
-        return np.asarray(B.T @ radiation_matrix(self.pistons, omega, medium) @ B)
+        return np.asarray(B.T @ radiation.radiation_matrix(self.pistons, omega, medium) @ B)
 
-    def plane_wave_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
+    def plane_wave_form(
+        self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
+    ) -> Array:
         """Form of the power ρ₀cS⟨v²⟩/2 that a plane wave of the same area and motion carries."""
         B = omega * np.asarray(moving, float)
         scale = medium.density * medium.speed_of_sound * self.pistons.area / 2
@@ -132,11 +137,15 @@ class Surface:
         return 2 * slopes.T @ slopes, every.T @ every
 
     def pressure_matrix(
-        self, moving: ArrayLike, points: ArrayLike, omega: float, medium: Medium = AIR
+        self,
+        moving: ArrayLike,
+        points: ArrayLike,
+        omega: float,
+        medium: radiation.Medium = radiation.AIR,
     ) -> ComplexArray:
         """Return the pressure in Pa per metre at points (3, n) in front, shape (n, points)."""
         B = 1j * omega * self.share[:, None] * np.asarray(moving, float)
-        return np.asarray(transfer_pressure(self.pistons, points, omega, medium) @ B)
+        return np.asarray(radiation.transfer_pressure(self.pistons, points, omega, medium) @ B)
 
 
 def _cut_cell(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
@@ -173,7 +182,9 @@ class Screen:
         on = inside & polygon_contains(corners, places)
         return cls(places[:, on], numbers[:, on], size)
 
-    def power_form(self, moving: ArrayLike, omega: float, medium: Medium = AIR) -> Array:
+    def power_form(
+        self, moving: ArrayLike, omega: float, medium: radiation.Medium = radiation.AIR
+    ) -> Array:
         """Form A of the power wᴴAw in W that one side radiates, of amplitudes w (points,) in m.
 
         Parameters
@@ -188,7 +199,7 @@ class Screen:
         ndarray, shape (points, points)
             NaN where cells are too coarse for the sound's wavelength.
         """
-        B, k = np.asarray(moving, float), wavenumber(omega, medium)
+        B, k = np.asarray(moving, float), radiation.wavenumber(omega, medium)
         if k * self.size.max() > MAX_CELL_RAD:
             return np.full((B.shape[1], B.shape[1]), np.nan)
         apart = np.abs(self.numbers[:, :, None] - self.numbers[:, None])

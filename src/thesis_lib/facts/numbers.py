@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from thesis_lib.acoustics.sources import outgoing_wave
+from thesis_lib.acoustics.radiation import outgoing_wave
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Integer, Text, read_rows
 from thesis_lib.facts.setups import Direction, camera_pairs

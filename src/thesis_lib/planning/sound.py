@@ -16,8 +16,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, plate_pistons
-from thesis_lib.acoustics.radiation import radiation_matrix
-from thesis_lib.acoustics.sources import Medium, Pistons, transfer_pressure
+from thesis_lib.acoustics.radiation import Medium, Pistons, radiation_matrix, transfer_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions

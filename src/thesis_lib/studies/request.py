@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.acoustics.planes import Plane, plate_pistons
-from thesis_lib.acoustics.sources import Medium, check_pistons
+from thesis_lib.acoustics.radiation import Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.studies.fields import (

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics.planes import PlateSound
-from thesis_lib.acoustics.sources import Medium
+from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.facts.claims import claims_of, read_claims
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings

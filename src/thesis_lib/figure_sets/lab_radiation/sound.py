@@ -18,7 +18,7 @@ import xarray as xr
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stack_matrix
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.sources import Medium
+from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation

@@ -23,8 +23,7 @@ from thesis_lib.acoustics.planes import (
     plane_operator,
     plate_pistons,
 )
-from thesis_lib.acoustics.radiation import enough_nodes, integrate_pressure
-from thesis_lib.acoustics.sources import Medium
+from thesis_lib.acoustics.radiation import Medium, enough_nodes, integrate_pressure
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy

@@ -29,8 +29,12 @@ from scipy.interpolate import RBFInterpolator
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.estimates import Amplitudes
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.radiation import REFERENCE_POWER, REFERENCE_PRESSURE, radiation_modes
-from thesis_lib.acoustics.sources import Medium
+from thesis_lib.acoustics.radiation import (
+    REFERENCE_POWER,
+    REFERENCE_PRESSURE,
+    Medium,
+    radiation_modes,
+)
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.studies.schema import label_values, read_variables

@@ -19,7 +19,7 @@ from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
 
 if TYPE_CHECKING:
-    from thesis_lib.acoustics.sources import Medium
+    from thesis_lib.acoustics.radiation import Medium
 
 
 class StructureSpec(Fields):
@@ -406,7 +406,7 @@ class Radiation(Fields):
     @property
     def medium(self) -> Medium:
         """The air."""
-        from thesis_lib.acoustics.sources import Medium
+        from thesis_lib.acoustics.radiation import Medium
 
         return Medium(self.speed_of_sound_m_s, self.air_density_kg_m3)
 
