@@ -26,7 +26,7 @@ from thesis_lib.plotting import viewer_data
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.vibration import beam
+from thesis_lib.vibration import structure
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
@@ -214,12 +214,14 @@ def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_
 
 
 def test_static_torsion_is_saint_venant_s(conforms):
-    summed = beam.tip_twist(BEAM, 0.01, 1e-6, modes=4000)
-    angle = 0.01 * BEAM.force_position / beam.torsional_rigidity(BEAM)
+    summed = structure.tip_twist(BEAM, 0.01, 1e-6, modes=4000)
+    angle = 0.01 * BEAM.force_position / structure.torsional_rigidity(BEAM)
     conforms.closed_form(summed, angle * BEAM.width / 2, rtol=1e-3)
-    first, second = (beam.torsional_frequency(BEAM, n) for n in (1, 2))
+    first, second = (structure.torsional_frequency(BEAM, n) for n in (1, 2))
     conforms.invariance(second, 3 * first, rtol=1e-6)
-    assert beam.tip_twist(BEAM, 0.01, first) > 10 * beam.tip_twist(BEAM, 0.01, 0.5 * first)
+    assert structure.tip_twist(BEAM, 0.01, first) > 10 * structure.tip_twist(
+        BEAM, 0.01, 0.5 * first
+    )
 
 
 # The plate and its sound.

@@ -12,7 +12,6 @@ from skfem import Basis, MeshTri
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.registry import FIGURE_SETS
-from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.finite_elements import facets_along, locate_points, plate_modes
 from thesis_lib.vibration.morley import Morley
 from thesis_lib.vibration.panel import Panel
@@ -24,7 +23,12 @@ from thesis_lib.vibration.polygons import (
     polygon_area,
     polygon_contains,
 )
-from thesis_lib.vibration.structure import deflection_shape, modal_coordinates, peak_deflection
+from thesis_lib.vibration.structure import (
+    cantilever_roots,
+    deflection_shape,
+    modal_coordinates,
+    peak_deflection,
+)
 
 PLATE = setups.thesis_plate()
 L, W = PLATE.extent

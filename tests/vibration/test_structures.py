@@ -9,8 +9,8 @@ import pytest
 from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
-from thesis_lib.vibration.beam import cantilever_roots
 from thesis_lib.vibration.structure import (
+    cantilever_roots,
     deflection_shape,
     full_response,
     modal_coordinates,

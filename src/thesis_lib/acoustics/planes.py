@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.acoustics import radiation
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Plate
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Integer, Text, read_rows
 from thesis_lib.facts.setups import Direction, camera_pairs
 from thesis_lib.vibration import structure as structures
-from thesis_lib.vibration.beam import cantilever_roots
+from thesis_lib.vibration.structure import cantilever_roots
 from thesis_lib.vision.optics import angle_of_view, picture_height
 from thesis_lib.vision.pinhole import hemisphere_directions, pixelate, project
 

@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thesis_lib.files import shipped
-from thesis_lib.vibration.beam import Beam
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Beam, Plate
 
 if TYPE_CHECKING:
     from thesis_lib.vision.pinhole import CameraArray

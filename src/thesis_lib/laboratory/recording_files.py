@@ -22,10 +22,8 @@ from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, write_
 from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.workers import map_in_pairs
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import Structure
+from thesis_lib.vibration.structure import Beam, Plate, Structure
 
 SAMPLE_RATE_HZ = 48000  # Hz
 Codec = Literal["ffv1", "h264"]

@@ -30,9 +30,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface, rows_on
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Beam, Plate
 from thesis_lib.vision import lens
 from thesis_lib.vision.lens import Camera
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics

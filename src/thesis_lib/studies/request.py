@@ -30,8 +30,7 @@ from thesis_lib.studies.fields import (
     unit_of_field,
 )
 from thesis_lib.text import listed, one_line
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import Structure, resonance_frequency
+from thesis_lib.vibration.structure import Plate, Structure, resonance_frequency
 
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""

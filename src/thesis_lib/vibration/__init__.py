@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.structure import (
+    Beam,
+    Plate,
     Structure,
     deflection_shape,
     full_response,

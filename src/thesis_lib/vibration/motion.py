@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.vibration.beam import Beam
-from thesis_lib.vibration.structure import Structure
+from thesis_lib.vibration.structure import Beam, Structure
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ from thesis_lib.vibration.finite_elements import (
     facets_along,
     plate_modes,
 )
-from thesis_lib.vibration.plate import Sheet
 from thesis_lib.vibration.polygons import (
     Circle,
     Hole,
@@ -44,6 +43,7 @@ from thesis_lib.vibration.polygons import (
     polygon_edges,
     triangulate_polygon,
 )
+from thesis_lib.vibration.structure import Sheet
 
 MODES_PER_BATCH = 10  # modes found at a time
 ON_EDGE = 1e-9  # of the box: nearer than this to an edge, a point is on it

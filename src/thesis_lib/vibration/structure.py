@@ -4,11 +4,18 @@ Every structure offers the same few attributes (:class:`Structure`); the functio
 any of them. Points are given in the structure's own frame, coordinates first: ``(2, ...)`` for x
 along the length and y across, in metres. Shapes are real and normalised so that the mean of their
 square over the structure is one, which makes the modal mass equal to the mass.
+
+Two structures have closed forms: an Euler-Bernoulli beam and a simply supported Kirchhoff plate. A
+force beside the beam's axis turns it, too. Saint-Venant's torsion of a strip, GJ θ'' = ρI_p θ̈
+between the clamp and the free end, has the shapes sin((2n − 1)πx / 2L) and the natural frequencies
+ωₙ = (2n − 1)π / (2L) √(GJ / ρI_p).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -200,3 +207,271 @@ def world_points(structure: Structure, deflections: Array) -> Array:
     centre = np.array(structure.extent) / 2
     x, y = structure.markers - centre[:, None]
     return np.stack(np.broadcast_arrays(x, y, deflections))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """Slender cantilever beam, clamped at x = 0 and free at x = length."""
+
+    #: Dimensions in m
+    length: float
+    width: float
+    thickness: float
+    density: float  #: Density in kg/m³
+    youngs_modulus: float  #: Young's modulus in Pa
+    damping: float  #: Modal damping ratio ξ, equal for all modes
+    force_position: float  #: Distance of the point force from the clamp in m
+    n_markers: int  #: Number of markers on the longitudinal axis
+    marker_spacing: float  #: Distance between markers in m
+    #: Distance of the first marker from the clamp in m; None for a row centred on the beam
+    first_marker: float | None = None
+
+    @property
+    def mass(self) -> float:
+        """Mass ρAL in kg, which is also every mode's modal mass."""
+        return self.density * self.width * self.thickness * self.length
+
+    @property
+    def bending_stiffness(self) -> float:
+        """Return EI in N m², with I = b h³ / 12."""
+        return self.youngs_modulus * self.width * self.thickness**3 / 12
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Return the length and width in m."""
+        return self.length, self.width
+
+    @property
+    def force_point(self) -> Array:
+        """Return the position of the force, shape (2, 1), in m."""
+        return np.array([[self.force_position], [self.width / 2]])
+
+    @property
+    def markers(self) -> Array:
+        """Return the marker positions, shape (2, n_markers), in m: a row on the beam's axis."""
+        row = np.arange(self.n_markers) * self.marker_spacing
+        x = (
+            row + (self.length - row[-1]) / 2
+            if self.first_marker is None
+            else row + self.first_marker
+        )
+        return np.stack([x, np.full_like(x, self.width / 2)])
+
+    def angular_frequencies(self, n_modes: int) -> Array:
+        """Return ωₙ = kₙ² √(EI / ρA) in rad/s, shape (n_modes,) (eq. 3.6)."""
+        k = cantilever_roots(n_modes) / self.length
+        return k**2 * np.sqrt(self.bending_stiffness * self.length / self.mass)
+
+    def modal_density(self, omega: ArrayLike) -> Array:
+        """Return modes per rad/s, L/(2π) (ρA/EI)^¼ ω^-½, the same for any supports at high ω."""
+        stiffness = self.bending_stiffness * self.length / self.mass
+        return self.length / (2 * np.pi) * stiffness**-0.25 / np.sqrt(np.asarray(omega, float))
+
+    def shape_peak(self, mode: int) -> float:
+        """Return the largest absolute value of a mode shape: 2, at the tip."""
+        return 2.0
+
+    def mode_shapes(self, modes: Sequence[int], points: ArrayLike, derivative: int = 0) -> Array:
+        """Return the mode shapes of eq. 3.4 with its sign put right, or their derivatives.
+
+        φ = cosh kx − cos kx − σ (sinh kx − sin kx) is evaluated with the growing exponential
+        scaled to the free end, so that nothing cancels however high the mode.
+
+        Parameters
+        ----------
+        modes : sequence of int
+            Mode numbers from 1.
+        points : array_like, shape (2, ...)
+            Positions in m; only x matters.
+        derivative : int
+            Order of the derivative in x, 0 to 3.
+
+        Returns
+        -------
+        ndarray, shape (len(modes), ...)
+            Dimensionless for derivative 0 (2 at the tip), else in m^-derivative.
+        """
+        x = np.asarray(points, float)[0]
+        beta = cantilever_roots(max(modes))[numbers_from_one(modes) - 1]
+        beta = beta.reshape((-1,) + (1,) * x.ndim)
+        decay = np.exp(-beta)
+        scale = 1 + decay**2 + 2 * decay * np.cos(beta)
+        grow = (decay + np.cos(beta) + np.sin(beta)) / scale  # (1 − σ)/2 · e^β
+        sigma = 1 - 2 * grow * decay
+        s = x / self.length
+        shape = (
+            grow * np.exp(beta * (s - 1))
+            + (-1) ** derivative * (1 + sigma) / 2 * np.exp(-beta * s)
+            - np.cos(beta * s + derivative * np.pi / 2)
+            + sigma * np.sin(beta * s + derivative * np.pi / 2)
+        )
+        return shape * (beta / self.length) ** derivative
+
+
+@lru_cache
+def _cantilever_roots(n_modes: int) -> tuple[float, ...]:
+    beta = (2 * np.arange(1, n_modes + 1) - 1) * np.pi / 2
+    for _ in range(20):  # Newton; quadratic, so 20 steps are far more than enough
+        decay = np.exp(-beta)
+        sech = 2 * decay / (1 + decay**2)
+        tanh = (1 - decay**2) / (1 + decay**2)
+        beta = beta - (np.cos(beta) + sech) / (-np.sin(beta) - sech * tanh)
+    return tuple(beta)
+
+
+def cantilever_roots(n_modes: int) -> Array:
+    """Return the first positive roots β = kL of cos β cosh β = −1, shape (n_modes,), ascending.
+
+    Solved as cos β + 1/cosh β = 0, which neither overflows nor loses digits for high modes.
+
+    Raises
+    ------
+    ValueError
+        If `n_modes` is less than 1.
+    """
+    if n_modes < 1:
+        raise ValueError(f"n_modes: given {n_modes}, needs 1 or more")
+    return np.array(_cantilever_roots(int(n_modes)))
+
+
+POISSON_RATIO = 0.31  # Table 3.1
+
+
+def torsional_rigidity(beam: Beam, poisson: float = POISSON_RATIO) -> float:
+    """Return GJ in N m², with J of a rectangle: b h³/3 (1 − 0.63 h/b (1 − h⁴ / 12b⁴)), h ≤ b."""
+    b, h = beam.width, beam.thickness
+    shear = beam.youngs_modulus / (2 * (1 + poisson))
+    return shear * b * h**3 / 3 * (1 - 0.63 * h / b * (1 - h**4 / (12 * b**4)))
+
+
+def torsional_inertia(beam: Beam) -> float:
+    """Return the polar moment of inertia per length, ρbh (b² + h²) / 12, in kg m."""
+    b, h = beam.width, beam.thickness
+    return beam.density * b * h * (b**2 + h**2) / 12
+
+
+def torsional_frequency(beam: Beam, mode: int = 1, poisson: float = POISSON_RATIO) -> float:
+    """Return the natural angular frequency in rad/s of a torsional mode."""
+    wave = (2 * mode - 1) * np.pi / (2 * beam.length)
+    return float(wave * np.sqrt(torsional_rigidity(beam, poisson) / torsional_inertia(beam)))
+
+
+def tip_twist(
+    beam: Beam,
+    aside: float,
+    omega: float,
+    force: float = 1.0,
+    modes: int = 1,
+    poisson: float = POISSON_RATIO,
+) -> float:
+    """Return the deflection in m of the tip's edges by a harmonic force `aside` of the axis, in m.
+
+    The force, of an amplitude in N at the angular frequency `omega` in rad/s, acts at the beam's
+    force point; so many torsional `modes` are summed.
+    """
+    n = np.arange(1, modes + 1)
+    wn = np.array([torsional_frequency(beam, int(k), poisson) for k in n])
+    drive = np.sin((2 * n - 1) * np.pi * beam.force_position / (2 * beam.length))
+    tip = np.sin((2 * n - 1) * np.pi / 2)
+    modal_inertia = torsional_inertia(beam) * beam.length / 2
+    stiffness = wn**2 - omega**2 + 2j * beam.damping * wn * omega
+    angle = np.sum(force * aside * drive * tip / (modal_inertia * stiffness))
+    return float(np.abs(angle) * beam.width / 2)
+
+
+class Sheet:
+    """Material of a thin plate of any outline, and the position of its force."""
+
+    thickness: float
+    density: float
+    youngs_modulus: float
+    poisson: float
+    force_position: tuple[float, float]
+
+    @property
+    def bending_stiffness(self) -> float:
+        """Return D = E h³ / (12 (1 − ν²)) in N m."""
+        return self.youngs_modulus * self.thickness**3 / (12 * (1 - self.poisson**2))
+
+    @property
+    def mass_per_area(self) -> float:
+        """Mass ρh per area in kg/m²."""
+        return self.density * self.thickness
+
+    @property
+    def force_point(self) -> Array:
+        """Return the position of the force, shape (2, 1), in m."""
+        return np.array(self.force_position, float)[:, None]
+
+
+@dataclass(frozen=True)
+class Plate(Sheet):
+    """Thin rectangular plate, simply supported on its four edges (thesis 4.1)."""
+
+    #: Dimensions along x, y and z in m
+    length: float
+    width: float
+    thickness: float
+    density: float  #: Density in kg/m³
+    youngs_modulus: float  #: Young's modulus in Pa
+    poisson: float  #: Poisson's ratio
+    damping: float  #: Modal damping ratio ξ, equal for all modes
+    force_position: tuple[float, float]  #: Where the point force acts, x and y in m
+    grid: tuple[int, int]  #: Markers along x and y: the centres of so many equal cells
+
+    @property
+    def mass(self) -> float:
+        """Mass ρ Lx Ly h in kg, which is also every mode's modal mass."""
+        return self.density * self.length * self.width * self.thickness
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Return the length and width in m."""
+        return self.length, self.width
+
+    @property
+    def markers(self) -> Array:
+        """Return the cell centres, shape (2, nx · ny), in m; x runs fastest."""
+        nx, ny = self.grid
+        x = (np.arange(nx) + 0.5) * self.length / nx
+        y = (np.arange(ny) + 0.5) * self.width / ny
+        return np.stack([np.tile(x, ny), np.repeat(y, nx)])
+
+    def mode_indices(self, n_modes: int) -> IntArray:
+        """Return index pairs (m₁, m₂) of the first modes in order of frequency, shape (n_modes, 2).
+
+        The order is that of the natural frequencies; the thesis's Table 4.2 departs from it from
+        its fourth mode on.
+        """
+        if n_modes < 1:
+            raise ValueError(f"n_modes: given {n_modes}, needs 1 or more")
+        return np.array(_plate_indices(self.length / self.width, int(n_modes)))
+
+    def angular_frequencies(self, n_modes: int) -> Array:
+        """Return the first natural frequencies in rad/s, shape (n_modes,) (eq. 4.6)."""
+        waves = np.pi * self.mode_indices(n_modes) / self.extent
+        return np.sqrt(self.bending_stiffness / self.mass_per_area) * np.sum(waves**2, axis=1)
+
+    def modal_density(self, omega: ArrayLike) -> Array:
+        """Return the modes per rad/s, S/(4π) √(m/D), at any frequency the same."""
+        area = self.length * self.width
+        density = area / (4 * np.pi) * np.sqrt(self.mass_per_area / self.bending_stiffness)
+        return np.full_like(np.asarray(omega, float), density)
+
+    def shape_peak(self, mode: int) -> float:
+        """Return the largest absolute value of a mode shape: 2, at the antinodes."""
+        return 2.0
+
+    def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
+        """Return mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...) (eq. 4.4)."""
+        x, y = np.asarray(points, float)
+        m = self.mode_indices(max(modes))[numbers_from_one(modes) - 1].T
+        m1, m2 = m.reshape((2, -1) + (1,) * x.ndim)
+        return 2 * np.sin(m1 * np.pi * x / self.length) * np.sin(m2 * np.pi * y / self.width)
+
+
+@lru_cache
+def _plate_indices(aspect: float, n_modes: int) -> tuple[tuple[int, int], ...]:
+    # A mode among the first n has m₁ m₂ ≤ n: the modes below it fill the rectangle to it.
+    pairs = [(m1, m2) for m1 in range(1, n_modes + 1) for m2 in range(1, n_modes // m1 + 1)]
+    return tuple(sorted(pairs, key=lambda m: ((m[0] / aspect) ** 2 + m[1] ** 2, m))[:n_modes])

@@ -29,8 +29,7 @@ from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS, Check
 from thesis_lib.studies.request import study_command
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.studies.workers import map_in_pairs
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
+from thesis_lib.vibration.structure import Plate, deflection_shape, resonance_frequency
 
 CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
 VALUE_OUTCOMES = tuple(one for one in VERDICTS if one != UNCHANGED)  # of stated values

@@ -49,8 +49,7 @@ from thesis_lib.measure.radiation.radiated import (
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies.schema import read_variables
-from thesis_lib.vibration.beam import Beam
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Beam, Plate
 from thesis_lib.vision import lens
 
 TRUE_NODES = 3600  # of the true surface

@@ -18,13 +18,11 @@ from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
 from thesis_lib.measure.recordings.board import Markers, rows_on
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.finite_elements import SIMPLY_SUPPORTED
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.plate import Plate
 from thesis_lib.vibration.polygons import Point
-from thesis_lib.vibration.structure import modal_coordinates, resonance_frequency
+from thesis_lib.vibration.structure import Beam, Plate, modal_coordinates, resonance_frequency
 
 MOVING_MODES = 40  # that move
 PLATE_THICKNESS_M = 0.003  # m, of the plates

@@ -19,8 +19,7 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.figure_set import MAX_DISTANCE_RATIO, Cameras
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vibration.beam import Beam
-from thesis_lib.vibration.structure import world_points
+from thesis_lib.vibration.structure import Beam, world_points
 from thesis_lib.vision import optics, rounding
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, project
 

@@ -21,9 +21,7 @@ from thesis_lib.studies import cubes
 from thesis_lib.studies.comparison import read_published
 from thesis_lib.studies.fields import format_given, unit_of_field
 from thesis_lib.studies.request import distance_limit
-from thesis_lib.vibration.beam import Beam, cantilever_roots
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import Structure, peak_deflection
+from thesis_lib.vibration.structure import Beam, Plate, Structure, cantilever_roots, peak_deflection
 
 COMPUTED_SETS = tuple(one for one in CAMERA_STUDIES if not one.startswith("sound"))
 """Figure sets that a page computes."""

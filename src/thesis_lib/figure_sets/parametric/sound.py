@@ -35,8 +35,12 @@ from thesis_lib.studies.schema import (
 )
 from thesis_lib.studies.workers import Block, compute_blocks, runs_of_trials
 from thesis_lib.templates import render
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import deflection_shape, resonance_frequency, world_points
+from thesis_lib.vibration.structure import (
+    Plate,
+    deflection_shape,
+    resonance_frequency,
+    world_points,
+)
 from thesis_lib.vision import rounding
 
 VARIABLES = read_variables(__file__, "sound")

@@ -9,10 +9,8 @@ import numpy as np
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vibration.plate import Plate
-from thesis_lib.vibration.structure import resonance_frequency
+from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
 from thesis_lib.vision.simulation import assurance_criterion
 
 BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried

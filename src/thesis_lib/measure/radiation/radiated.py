@@ -38,9 +38,8 @@ from thesis_lib.acoustics.radiation import (
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vibration.beam import Beam
 from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.plate import Plate
+from thesis_lib.vibration.structure import Beam, Plate
 
 Model = Beam | Plate | Panel
 MARKERS_PER_WAVE = 3  # to the length of the shortest mode that is fitted

@@ -24,7 +24,7 @@ from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
-from thesis_lib.vibration.beam import Beam
+from thesis_lib.vibration.structure import Beam
 
 Place = tuple[Real, Real]
 MARK_DICTIONARY = "DICT_5X5_1000"  # OpenCV's name of the marks on boards that are printed here
