@@ -20,7 +20,7 @@ from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.studies import comparison
+from thesis_lib.studies import cubes
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import (
@@ -64,7 +64,7 @@ def test_errors_are_the_published_ones() -> None:
     for subject in SUBJECTS:
         number = 0
         for study in STUDIES_OF[subject]:
-            table = comparison.read_published(study.name)
+            table = cubes.read_published(study.name)
             assert table is not None
             for setting in study.settings():
                 one = DATA["structures"][subject]["setups"][number]
@@ -551,7 +551,7 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, pat
             for one in opened.page.locator(f"td.tl-ex-{kind}").all_inner_texts()
         ]
 
-    table = comparison.read_published("plate-aperture")
+    table = cubes.read_published("plate-aperture")
     assert table is not None
     with open_offline(chromium, path) as opened:
         state(opened)

@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show
 from thesis_lib.runs.command_line import parse_assignments
-from thesis_lib.studies.comparison import read_published
+from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 if TYPE_CHECKING:

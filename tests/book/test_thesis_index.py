@@ -206,8 +206,7 @@ def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypa
     assert "(errata [A6](errata-a6))" in text
     assert (
         "{py:obj}`vibration.structure.Beam.mode_shapes "
-        "<thesis_lib.vibration.structure.Beam.mode_shapes>`"
-        in text
+        "<thesis_lib.vibration.structure.Beam.mode_shapes>`" in text
     )
     shutil.copytree(
         BOOK, tmp_path / "book", ignore=shutil.ignore_patterns("executed", "assets", "api")

@@ -12,8 +12,8 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.files import project_root
-from thesis_lib.studies import comparison
-from thesis_lib.studies.storage import CubeError
+from thesis_lib.studies import cubes
+from thesis_lib.studies.cubes import CubeError
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind)
 def test_part_of_a_cube_is_a_cube(cube, tmp_path):
     path = tmp_path / "part.nc"
     cube.isel(setting=[1], mode=[0], trial=[0, 1]).to_netcdf(path)
-    assert comparison.all_difference_lines(cube_file.read_cube(path), cube, "whole")[-1].startswith(
+    assert cubes.all_difference_lines(cube_file.read_cube(path), cube, "whole")[-1].startswith(
         "no difference from whole in 28"
     )
 
@@ -102,14 +102,14 @@ def test_every_variable_and_coordinate_is_compared(cube):
         flat = changed[name].values.reshape(-1).copy()
         flat[-1] = np.nanmax(np.abs(flat[np.isfinite(flat)])) * 1.01 + 1
         changed[name] = (cube[name].dims, flat.reshape(values.shape))
-        lines = comparison.all_difference_lines(changed, cube, "old")
+        lines = cubes.all_difference_lines(changed, cube, "old")
         assert sum(line.startswith(f"{name}(") and "1 of" in line for line in lines) == 1
         assert lines[-1].startswith("no difference from old in 27 variables")
 
 
 def test_only_what_both_have_is_compared_and_the_rest_is_told(cube, other):
     here = cube.drop_vars("mac").assign(own=("setting", [1.0, 2.0]))
-    lines = comparison.all_difference_lines(here, other, "other")
+    lines = cubes.all_difference_lines(here, other, "other")
     text = "\n".join(lines)
     assert "not compared, since only in the first: own" in text
     assert "not compared, since only in the second: mac" in text
@@ -121,15 +121,15 @@ def test_only_what_both_have_is_compared_and_the_rest_is_told(cube, other):
 
 def test_shapes_that_differ_are_told(cube):
     wide = cube.pad(camera=(0, 1))
-    lines = comparison.all_difference_lines(cube, wide, "wide")
+    lines = cubes.all_difference_lines(cube, wide, "wide")
     assert lines[-1].startswith("not compared, since of another shape: camera_azimuth, ")
 
 
 def test_as_much_as_machines_differ_is_no_difference(cube):
     near = cube.assign(camera_azimuth=cube["camera_azimuth"] * (1 + 1e-13))
-    assert len(comparison.all_difference_lines(near, cube, "old")) == 2
+    assert len(cubes.all_difference_lines(near, cube, "old")) == 2
     far = cube.assign(camera_azimuth=cube["camera_azimuth"] * (1 + 1e-6))
-    assert len(comparison.all_difference_lines(far, cube, "old")) == 3
+    assert len(cubes.all_difference_lines(far, cube, "old")) == 3
 
 
 # The published run.
@@ -158,9 +158,9 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
     text, line = DAMAGED[kind]
     path = tmp_path / "beam-distance.csv"
     path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(comparison, "summary_path", lambda _: path)
+    monkeypatch.setattr(cubes, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match=rf"damaged: line {line} ") as refused:
-        comparison.difference_lines(cube)
+        cubes.difference_lines(cube)
     assert str(refused.value).startswith(str(path))
     assert "git checkout" in str(refused.value)
     assert str(refused.value).isprintable()
@@ -169,19 +169,19 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
 def test_published_bytes_that_are_no_text_are_named(cube, tmp_path, monkeypatch):
     path = tmp_path / "beam-distance.csv"
     path.write_bytes(GOOD.encode("utf-16"))
-    monkeypatch.setattr(comparison, "summary_path", lambda _: path)
+    monkeypatch.setattr(cubes, "summary_path", lambda _: path)
     with pytest.raises(CubeError, match="damaged: line 1 cannot be read"):
-        comparison.difference_lines(cube)
+        cubes.difference_lines(cube)
 
 
 def test_all_published_files_are_whole():
     for path in (project_root() / "data" / "published").glob("*.csv"):
         if path.stem != "effort":
-            assert len(comparison.read_published(path.stem)) > 0
+            assert len(cubes.read_published(path.stem)) > 0
 
 
 def test_errors_of_a_run_stand_next_to_the_published_ones(cube):
-    lines = comparison.error_lines(cube)
+    lines = cubes.error_lines(cube)
     rows = [line.split("|") for line in lines if "mean |" in line]
     assert [(*row[0].split(), row[3].strip() == "—") for row in rows] == [
         ("1", value, "mm", str(mode), "mean", value == "800")
@@ -190,4 +190,4 @@ def test_errors_of_a_run_stand_next_to_the_published_ones(cube):
     ]
     nominal = cube["mean_error"].isel(trial=0).values.ravel()
     np.testing.assert_allclose([float(row[1]) for row in rows], nominal, rtol=0.02)
-    assert comparison.error_lines(xr.Dataset({"share": ((), 1.0)}, attrs=cube.attrs)) == []
+    assert cubes.error_lines(xr.Dataset({"share": ((), 1.0)}, attrs=cube.attrs)) == []

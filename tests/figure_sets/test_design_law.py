@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETE
 from thesis_lib.figure_sets.display import fill_text
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.studies.comparison import read_published
+from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project

@@ -16,7 +16,7 @@ from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.plotting.panels import case_captions
 from thesis_lib.plotting.style import figure_svg, ordered_colors
-from thesis_lib.studies import comparison, cubes, storage
+from thesis_lib.studies import cubes, storage
 
 WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
 
@@ -180,15 +180,15 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
     table = cubes.summarise_errors(cube_file.read_cube(path))
     assert list(table) == ["quantity", "value", "unit"]
     assert table["quantity"].is_unique
-    monkeypatch.setattr(comparison, "summary_path", lambda name: tmp_path / f"{name}.csv")
-    assert comparison.difference_lines(cube) == ["nothing is published yet to compare with"]
-    comparison.publish_errors(cube)
+    monkeypatch.setattr(cubes, "summary_path", lambda name: tmp_path / f"{name}.csv")
+    assert cubes.difference_lines(cube) == ["nothing is published yet to compare with"]
+    cubes.publish_errors(cube)
     number = cube.sizes["quantity"]
     same = [f"no difference from published ({number} quantities compared)"]
-    assert comparison.difference_lines(cube) == same
+    assert cubes.difference_lines(cube) == same
     first = cube["quantity"].values[0]
     changed = cube.assign(value=cube["value"].where(cube["quantity"] != first, 1e9))
-    (line,) = comparison.difference_lines(changed)
+    (line,) = cubes.difference_lines(changed)
     assert line.startswith(f"{first}: ")
     storage.write_netcdf(cube.drop_vars("quantity"), path)
     with pytest.raises(storage.CubeError, match="it lacks quantity"):
@@ -199,7 +199,7 @@ def test_cameras_come_out_as_published():
     cube = small_cube("cameras")
     number = cube.sizes["quantity"]
     same = [f"no difference from published ({number} quantities compared)"]
-    assert comparison.difference_lines(cube) == same
+    assert cubes.difference_lines(cube) == same
 
 
 @pytest.mark.parametrize(

@@ -197,7 +197,7 @@ def test_in_the_library_it_passes_the_tests_of_all_figure_sets(own_checkout, tmp
     assert own_checkout.thesis("new-set", name, cwd=tmp_path).returncode == 0
     publish = (
         "from thesis_lib.figure_sets import cube_file; from pathlib import Path;"
-        "from thesis_lib.studies.comparison import publish_errors;"
+        "from thesis_lib.studies.cubes import publish_errors;"
         f"publish_errors(cube_file.read_cube(Path('out/{name}.nc')))"
     )
     for said in ("nothing is published yet", "no difference from published (3 quantities"):

@@ -19,7 +19,7 @@ from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show as notebook
-from thesis_lib.studies import comparison, effort
+from thesis_lib.studies import cubes, effort
 from thesis_lib.studies.request import study_command
 
 LIVE = [name for name in STUDIES if name != "claims"]
@@ -114,7 +114,7 @@ def test_a_click_gives_the_librarys_cube_and_shows_what_changed():
     )
     (cube,) = kept
     np.testing.assert_array_equal(cube["mean_error"], expected["mean_error"])
-    assert "\n".join(comparison.difference_lines(cube)) in text_of(made)
+    assert "\n".join(cubes.difference_lines(cube)) in text_of(made)
     shown = [one["data"] for one in made.output.outputs if one["output_type"] == "display_data"]
     assert "application/vnd.jupyter.widget-view+json" in shown[0]
     assert error_table(cube).data == shown[1]["text/markdown"]

@@ -5,22 +5,22 @@ from __future__ import annotations
 from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import shipped
-from thesis_lib.studies import cache
+from thesis_lib.studies import storage
 
 OTHER = {"numpy": "0.1"}
 
 
 def test_packages_other_than_the_locks_are_reported(monkeypatch):
-    assert cache.differing_packages() == []
-    monkeypatch.setattr(cache, "package_versions", lambda: OTHER)
-    (line,) = cache.differing_packages()
+    assert storage.differing_packages() == []
+    monkeypatch.setattr(storage, "package_versions", lambda: OTHER)
+    (line,) = storage.differing_packages()
     assert line.startswith("numpy 0.1 is installed, the lock has ")
 
 
 def test_what_results_rest_on_is_installed_for_the_book():
     """Else the tests' packages, installed after a book, would make its cubes outdated."""
     pins = (shipped() / "requirements" / "book.txt").read_text(encoding="utf-8")
-    assert [one for one in cache.RESULT_PACKAGES if f"\n{one}==" not in f"\n{pins}"] == []
+    assert [one for one in storage.RESULT_PACKAGES if f"\n{one}==" not in f"\n{pins}"] == []
 
 
 def test_what_other_packages_computed_is_not_trusted(monkeypatch):
@@ -29,11 +29,11 @@ def test_what_other_packages_computed_is_not_trusted(monkeypatch):
 
     def trusted():
         run.code_digest.cache_clear()
-        return run.code_digest(product), cache.key_of([1])
+        return run.code_digest(product), storage.key_of([1])
 
     before = trusted()
     assert trusted() == before
-    for module in (run, cache):
+    for module in (run, storage):
         monkeypatch.setattr(module, "package_versions", lambda: OTHER)
     cube, step = trusted()
     run.code_digest.cache_clear()

@@ -15,8 +15,9 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, SETS_VARIABLE, is_known
 from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.files import shipped, workplace
 from thesis_lib.studies import cubes
+from thesis_lib.studies.cubes import CubeError
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.studies.storage import CubeError, open_netcdf
+from thesis_lib.studies.storage import open_netcdf
 from thesis_lib.text import one_line
 
 SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other

@@ -20,8 +20,8 @@ from thesis_lib.measure.recordings.validation import describe_repeats, inspect_f
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.outputs import mark_cache
-from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.storage import key_of, load_or_compute
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vision.lens import Camera
 

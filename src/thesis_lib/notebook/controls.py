@@ -20,7 +20,7 @@ import xarray as xr
 from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
-from thesis_lib.studies import comparison, cubes, effort
+from thesis_lib.studies import cubes, effort
 from thesis_lib.studies.request import (
     ParameterError,
     Study,
@@ -216,7 +216,7 @@ def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], ob
         keep(cube)
         seconds = time.perf_counter() - start
         made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
-        made.output.append_stdout("\n".join(comparison.difference_lines(cube)) + "\n")
+        made.output.append_stdout("\n".join(cubes.difference_lines(cube)) + "\n")
         for shown in _list_results(cube):
             made.output.append_display_data(shown)
     except Exception as error:  # a kernel shows nothing of what a button raises

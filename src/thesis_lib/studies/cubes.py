@@ -1,15 +1,19 @@
-"""Result cubes: what made them, what they say in a table, and how two of them differ."""
+"""Result cubes: what they say in a table, what of them is published, and how two of them differ."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, TypeVar
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from thesis_lib.arrays import Array
+from thesis_lib.files import shipped, whole_file
+from thesis_lib.text import Columns, damaged, has_hidden, one_line, read_table
 
 ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
     "mean_error": ("mean_error", None),
@@ -41,6 +45,10 @@ STATISTIC_NAMES = ["trial_0", "median", "low", "high"]
 BAND_QUANTILES = (0.05, 0.5, 0.95)  # quantiles of the trials
 
 _Cube = TypeVar("_Cube", xr.Dataset, xr.DataArray)
+
+
+class CubeError(ValueError):
+    """A file that is not one of our cubes; the message is one line."""
 
 
 def iterate_slices(cube: _Cube, dim: str) -> Iterator[_Cube]:
@@ -146,3 +154,278 @@ def band_text(median: float, low: float, high: float) -> str:
     """Return the median and band as they stand in tables; a dash where there were no trials."""
     text = percent_text
     return "—" if np.isnan(median) else f"{text(median)} ({text(low)}–{text(high)})"
+
+
+def _text(given: str) -> str:
+    if has_hidden(given):
+        raise ValueError
+    return given
+
+
+def _count(given: str) -> int:
+    return int(given) if given.isascii() and given.isdigit() else int("no number")
+
+
+ERROR_COLUMNS: Columns = {
+    **dict.fromkeys(("case", "pair_order", "label", "error"), _text),
+    "mode": _count,
+    **dict.fromkeys(("value", *STATISTIC_NAMES), float),
+}
+LIST_COLUMNS: dict[str, Columns] = {  # by what a list is of
+    name: dict.fromkeys(columns, _text) | ({"value": float} if "value" in columns else {})
+    for name, columns in LISTED_VARIABLES.items()
+}
+PUBLISHED_KEYS = (*ROW_KEYS, "error"), ("quantity",), ("claim",)
+
+
+def summary_path(name: str) -> Path:
+    """Return the path of a figure set's published figures."""
+    return shipped() / "data" / "published" / f"{name}.csv"
+
+
+def publish_errors(cube: xr.Dataset) -> Path:
+    """Make this cube's errors the published ones; returns the file."""
+    path = summary_path(cube.attrs["figure_set"])
+    table = summarise_errors(cube)
+    whole_file(
+        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
+    )
+    return path
+
+
+def read_published(name: str) -> pd.DataFrame | None:
+    """Return the published summary of a figure set, if there is one.
+
+    Raises
+    ------
+    CubeError
+        In one line: the file, the line, what is wrong with it, and what restores it.
+    """
+    path = summary_path(name)
+    if not path.is_file():
+        return None
+    table = pd.DataFrame(
+        read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS), CubeError)
+    )
+    key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
+    if (twice := table.duplicated(key)).any():
+        raise CubeError(damaged(path, int(twice.idxmax()) + 2, "is there twice"))
+    return table
+
+
+def _first_column(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.readline(99).decode(errors="replace").split(",")[0]
+
+
+# How far rounded files and machines go, of the largest value, by bytes.
+MAX_EQUAL_DIFFERENCES = {4: 2.5e-4, 8: 1e-9}
+MAX_LISTED_NAMES = 12  # names in a list
+
+
+def compare_summaries(
+    new: pd.DataFrame, old: pd.DataFrame, how: Literal["inner", "left"] = "inner"
+) -> pd.DataFrame:
+    """Return two summaries side by side, for the settings and modes that both have.
+
+    With `how` left for all that `new` has; what `old` lacks is NaN.
+    Columns of `old` end in ``_old``; ``difference`` is that of the medians in percentage points,
+    and ``apart`` tells whether the 5–95 % bands do not meet.
+    """
+    for key in ("claim", "quantity"):
+        if key in new:
+            return new.merge(old, how, on=key, suffixes=("", "_old"), validate="one_to_one")
+    keys, old = [*ROW_KEYS, "error"], old.astype({"value": float})
+    table = new.merge(old, how, on=keys, suffixes=("", "_old"), validate="one_to_one")
+    table["difference"] = table["median"] - table["median_old"]
+    table["apart"] = (table["low"] > table["high_old"]) | (table["high"] < table["low_old"])
+    return table
+
+
+def comparison_lines(table: pd.DataFrame, old_name: str, first: str) -> list[str]:
+    """Return a line per setting and mode, in % of the largest deflection."""
+    if "verdict" in table:
+        changed = table[table["verdict"] != table["verdict_old"]]
+        lines = [f"{r.claim}: {r.verdict_old} → {r.verdict}" for r in changed.itertuples()]
+        return lines or [f"no difference from {old_name} ({len(table)} claims compared)"]
+    if table.empty:
+        return [f"no setting in common with {old_name}"]
+    if "quantity" in table:
+        same = np.isclose(table["value"], table["value_old"], rtol=1e-4, equal_nan=True)
+        lines = [
+            f"{r.quantity}: {r.value_old:.5g} → {r.value:.5g}" + f" {r.unit}" * (r.unit != "1")
+            for r in table[~same].itertuples()
+        ]
+        return lines or [f"no difference from {old_name} ({len(table)} quantities compared)"]
+    old = table[[f"{name}_old" for name in STATISTIC_NAMES]]
+    changed = ~np.isclose(table[STATISTIC_NAMES], old, rtol=1e-4, equal_nan=True)
+    if not changed.any():
+        return [f"no difference from {old_name} ({len(table)} errors compared)"]
+    title = f"{'median (5–95 %)':>20} | {old_name:>20} | {'change':>7} | {'trial 0':>15}"
+
+    def cells(row: Any) -> str:
+        change = "—" if np.isnan(row.difference) else f"{round(row.difference, 1) + 0.0:+.1f}"
+        nominal = f"{percent_text(row.trial_0_old):>6} → {percent_text(row.trial_0):>6}"
+        return f"{_bands(row)} | {change:>7} | {nominal}"
+
+    return _tabulate_errors(table, first, title, cells)
+
+
+def _bands(row: Any) -> str:
+    """Return median and band of a row, and those of what it is compared with."""
+    new = band_text(row.median, row.low, row.high)
+    return f"{new:>20} | {band_text(row.median_old, row.low_old, row.high_old):>20}"
+
+
+def _tabulate_errors(
+    table: pd.DataFrame, first: str, title: str, cells: Callable[[Any], str]
+) -> list[str]:
+    """Return a header, a line per setting and mode, and a legend, in which `first` is trial 0."""
+    header = f"{'case':>6} {'setting':>12} {'mode':>4} {'error':>5} | {title}"
+    lines = [
+        f"{row.case:>6} {row.label:>12} {row.mode:>4} {SHORT_LABELS[row.error]:>5} | "
+        f"{cells(row)}{' *' if row.apart else ''}"
+        for row in table[np.isfinite(table["trial_0"])].itertuples()
+    ]
+    labels = [SHORT_LABELS[name] for name in dict.fromkeys(table["error"])]
+    meanings = "; ".join(f"{label}: {LABEL_MEANINGS[label]}" for label in labels)
+    legend = (
+        f"errors in % of the largest reference value; trial 0: {first}; * the bands do not meet; "
+        f"{meanings}"
+    )
+    return [header, "-" * len(header), *lines, legend]
+
+
+def difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """Describe how a cube's errors differ from those of another, or from the published run."""
+    if other is not None:
+        old = summarise_errors(other)
+    else:
+        name, published = "published", read_published(cube.attrs["figure_set"])
+        if published is None:
+            return ["nothing is published yet to compare with"]
+        old = published
+    table = compare_summaries(summarise_errors(cube), old)
+    return comparison_lines(table, name, cube.attrs["trial_0"])
+
+
+def published_comparison(cube: xr.Dataset) -> pd.DataFrame:
+    """Return what a run found, with what is published of it; NaN where nothing is."""
+    table = summarise_errors(cube)
+    if table.empty:
+        return table
+    published = read_published(cube.attrs["figure_set"])
+    return compare_summaries(table, table.iloc[:0] if published is None else published, "left")
+
+
+def error_lines(cube: xr.Dataset) -> list[str]:
+    """Return a line per setting and mode with the errors of a run, and those published for it.
+
+    Empty for a cube without errors of settings and modes.
+    """
+    table = published_comparison(cube)
+    if "trial_0" not in table:
+        return []
+    title = f"{'trial 0':>7} | {'median (5–95 %)':>20} | {'published':>20}"
+    first = cube.attrs["trial_0"]
+    return _tabulate_errors(
+        table, first, title, lambda row: f"{percent_text(row.trial_0):>7} | {_bands(row)}"
+    )
+
+
+def all_difference_lines(
+    cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
+) -> list[str]:
+    """Describe all differences of a cube: errors, every variable and coordinate, parameters.
+
+    Without another one from the published run, which holds errors alone; `name` is what to call it.
+    """
+    lines = difference_lines(cube, other, name)
+    if other is None:
+        known = {*ROW_KEYS, *(name for name, _ in ERROR_VARIABLES.values())}
+        known |= set(LISTED_VARIABLES.get(list_dimension(cube), ()))
+        here = sorted({str(variable) for variable in cube.variables} - known)
+        return [*lines, f"not compared, since only errors are published: {_names(here)}"]
+    same, differ, skipped = 0, list[str](), dict[str, list[str]]()
+    for each in sorted({str(n) for n in (*cube.variables, *other.variables)}):
+        why, difference = _compare_variable(each, cube, other)
+        if why:
+            skipped.setdefault(why, []).append(each)
+        elif difference:
+            differ.append(difference)
+        else:
+            same += 1
+    apart = ", those above apart" if differ else ""
+    return [
+        *lines,
+        *differ,
+        f"no difference from {name} in {same} variables and coordinates{apart}",
+        *(f"not compared, since {why}: {_names(names)}" for why, names in skipped.items()),
+        *_request_lines(cube, other),
+    ]
+
+
+def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[str, str]:
+    """Return why a variable cannot be compared, or how it differs; both are empty if not."""
+    if name not in cube.variables or name not in other.variables:
+        return "only in the first" if name in cube.variables else "only in the second", ""
+    new, old = (_shared_part(one, two)[name] for one, two in ((cube, other), (other, cube)))
+    if new.dims != old.dims or new.shape != old.shape:
+        return "of another shape", ""
+    off = _differing(new.values, old.values)
+    if not off.any():
+        return "", ""
+    far = ""
+    if new.dtype.kind in "iuf" and old.dtype.kind in "iuf":
+        apart = np.abs(new.values.astype(float) - old.values.astype(float))
+        far = f", by up to {np.nanmax(apart):.3g}" if np.isfinite(apart).any() else ""
+    dims = f"({', '.join(map(str, new.dims))})" if new.dims else ""
+    return "", f"{name}{dims}: {off.sum()} of {off.size} values differ{far}"
+
+
+def _shared_part(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    """Return the part of a cube that another has, too: settings, modes, and the first trials."""
+    keys = [name for name in ROW_KEYS if name != "mode"]
+    if all(name in one.variables for one in (cube, other) for name in keys):
+        here, there = (
+            list(zip(*(one[name].values.tolist() for name in keys), strict=True))
+            for one in (cube, other)
+        )
+        known = set(there)
+        common = sorted((row for row in here if row in known), key=str)
+        cube = cube.isel(setting=[here.index(row) for row in common])
+    for dim in ("mode", "quantity", "claim"):
+        if dim in cube.variables and dim in other.variables and dim in cube.dims:
+            common_ = [one for one in sorted(cube[dim].values.tolist()) if one in other[dim].values]
+            cube = cube.isel({dim: [cube[dim].values.tolist().index(one) for one in common_]})
+    trials = min(cube.sizes.get("trial", 0), other.sizes.get("trial", 0))
+    return cube.isel(trial=slice(trials)) if trials else cube
+
+
+def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """Return which values differ by more than machines and rounded files do."""
+    kinds = {new.dtype.kind, old.dtype.kind}
+    if kinds <= {"f", "i", "u"} and "f" in kinds:
+        size = min(one.dtype.itemsize for one in (new, old) if one.dtype.kind == "f")
+        finite = np.abs(np.where(np.isfinite(old), old, 0.0))
+        allowed = MAX_EQUAL_DIFFERENCES.get(size, 1e-9) * (finite.max() if finite.size else 0.0)
+        return ~np.isclose(new, old, rtol=0, atol=allowed, equal_nan=True)
+    if not kinds <= {"i", "u", "b"}:
+        new, old = new.astype(str), old.astype(str)
+    return np.asarray(new != old)
+
+
+def _names(names: list[str]) -> str:
+    more = len(names) - MAX_LISTED_NAMES
+    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _request_lines(cube: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
+    """Return in which parameters the two runs differ."""
+    new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
+    for key in sorted({*new, *old}):
+        if new.get(key) != old.get(key):
+            before, now = (one_line(json.dumps(one.get(key))) for one in (old, new))
+            yield f"parameter {key}: {before} → {now}"

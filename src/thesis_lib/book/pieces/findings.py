@@ -14,8 +14,7 @@ from thesis_lib.book.pieces.conclusions import LEDGER_PARAMETERS, equal_pixels
 from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
 from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets.parametric.sound import audible_planes
-from thesis_lib.figure_sets.parametric.sound_turn import BEST_DEG, turn_advice
+from thesis_lib.figure_sets.parametric.sound import BEST_DEG, audible_planes, turn_advice
 from thesis_lib.figure_sets.planner.figure_set import THESIS_QUESTIONS
 from thesis_lib.figure_sets.planner.figures import coarse_options, with_readable
 from thesis_lib.figure_sets.registry import STUDIES

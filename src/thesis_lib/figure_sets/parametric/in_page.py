@@ -18,7 +18,7 @@ from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes
-from thesis_lib.studies.comparison import read_published
+from thesis_lib.studies.cubes import read_published
 from thesis_lib.studies.fields import format_given, unit_of_field
 from thesis_lib.studies.request import distance_limit
 from thesis_lib.vibration.structure import Beam, Plate, Structure, cantilever_roots, peak_deflection

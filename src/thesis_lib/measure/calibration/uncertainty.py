@@ -48,8 +48,8 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
 )
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, contradiction_ratio
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
+from thesis_lib.studies.storage import key_of, load_or_compute
 from thesis_lib.vision.lens import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance

@@ -35,9 +35,9 @@ from thesis_lib.measure.recordings.text_files import (
 )
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import storage
-from thesis_lib.studies.cache import key_of
 from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.schema import label_values
+from thesis_lib.studies.storage import key_of
 from thesis_lib.text import one_line
 from thesis_lib.vision.lens import HALF_PIXEL, Camera
 
