@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.figure_sets.display import fill_text
-from thesis_lib.figure_sets.parametric import figures, sound_turn
+from thesis_lib.figure_sets.parametric import figures, sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.figure_sets.run import cube_of
 
@@ -23,7 +23,7 @@ def test_pairs_that_are_not_turned_are_case_2d(conforms, cube):
     there = np.isfinite(own)
     np.testing.assert_array_equal(there, np.isfinite(found))
     conforms.invariance(found[there], own[there], rtol=1e-9)
-    assert cube["turn"].values.tolist() == list(sound_turn.TURNS_DEG)
+    assert cube["turn"].values.tolist() == list(sound.TURNS_DEG)
     assert cube["elevation"].values.tolist() == [20, 40]
 
 
@@ -61,7 +61,7 @@ def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
     at = law.sel(law_turn=[2, 3, 3.75, 4.25, 4.75, 5]).values
     conforms.independent(at, [1.10, 1.01, 1.34, 2.45, 1.90, 2.79], atol=0.006)
     assert abs(float(law["law_turn"][np.argmin(law.values)]) - 3) < 0.25
-    first, last = sound_turn.BEST_DEG
+    first, last = sound.BEST_DEG
     advised = law.sel(law_turn=slice(first, last))
     assert float(advised.max()) < min(0.25 * float(law[0]), 0.5 * float(law[-1]))
 
@@ -75,9 +75,9 @@ def test_table_and_figure_show_the_planes_with_a_reference(cube):
 
 
 def test_turned_pairs_take_no_more_trials_than_an_rms_needs():
-    for trials, taken in ((12, 12), (10**5, sound_turn.MAX_TRIALS)):
+    for trials, taken in ((12, 12), (10**5, sound.MAX_TRIALS)):
         asked = validate_request("sound-aperture", FEW | {"trials": trials, "azimuth_zero": "X"})
-        turned = sound_turn.turn_pairs(asked)
+        turned = sound.turn_pairs(asked)
         assert turned.trials == taken
         same = ("azimuth_zero", "distance_mm", "plane_shape", "seed", "resolution_px")
         assert all(getattr(turned, name) == getattr(asked, name) for name in same)

@@ -1,4 +1,9 @@
-"""Figures and paragraphs of the page that walks through chapter 5, from its recordings."""
+"""Figures and paragraphs of the page that walks through chapter 5, from its recordings.
+
+What the cameras see is drawn with what is found in it, a figure for each step of the chain, from
+the measured dataset. Pixels are counted from the corner of the sensor, as everywhere: the first one
+reaches from 0 to 1.
+"""
 
 from __future__ import annotations
 
@@ -10,42 +15,320 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import xarray as xr
+from matplotlib import patheffects
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from PIL import Image
+from matplotlib.patches import Polygon, Rectangle
 
 from thesis_lib import files
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, Image
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.experiment import figures, methods, photographs
+from thesis_lib.figure_sets.experiment import figures, methods
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
+from thesis_lib.figure_sets.experiment.figures import (
+    SKETCH_INK,
+    WIDTH_IN,
+    camera_letters,
+    tip_marker,
+)
+from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
-from thesis_lib.measure.recordings.board import rows_on
-from thesis_lib.plotting.style import save_figure
+from thesis_lib.measure.recordings.board import Board, rows_on
+from thesis_lib.measure.tracking import tracker
+from thesis_lib.measure.tracking.follow import reduce_frame
+from thesis_lib.plotting.style import (
+    BLACK_COLOR,
+    CYCLE_COLORS,
+    in_style,
+    make_mosaic,
+    save_figure,
+    subplots,
+)
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
+
+Box = tuple[float, float, float, float]  # left, right, top, bottom in px
+
+_, ORANGE, GREEN, PINK, RED, SKY = CYCLE_COLORS
+DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=BLACK_COLOR)]
+
+
+def _draw_photo(
+    axes: Axes, image: Image, box: Box | None = None, smooth: bool = False, scale: float = 1.0
+) -> None:
+    """Draw an image in its own pixels, or a part of it; `scale` px of the axes are one."""
+    height, width = image.shape
+    left, right, top, bottom = box or (0, width * scale, 0, height * scale)
+    # Only what is shown is drawn: whole pixels around the box.
+    u0, u1 = max(int(left / scale), 0), min(int(np.ceil(right / scale)), width)
+    v0, v1 = max(int(top / scale), 0), min(int(np.ceil(bottom / scale)), height)
+    axes.imshow(
+        image[v0:v1, u0:u1], cmap="gray", vmin=0, vmax=255,
+        extent=(u0 * scale, u1 * scale, v1 * scale, v0 * scale),
+        interpolation="antialiased" if smooth else "nearest",
+    )  # fmt: skip
+    axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
+    """Write letters that are read on any ground."""
+    (u, v), style = place, {"ha": "center", "va": "center", "fontsize": 9, **style}
+    axes.text(u, v, text, color=tint, path_effects=DARK_RIM, **style)
+
+
+def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
+    """Draw the border of a part that another panel shows."""
+    left, right, top, bottom = box
+    axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=tint,
+                             linewidth=1.3))  # fmt: skip
+
+
+def _colour_border(axes: Axes, tint: str) -> None:
+    """Draw a border in the colour of the part that the panel shows."""
+    for spine in axes.spines.values():
+        spine.set(visible=True, color=tint, linewidth=2)
+
+
+def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
+    """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
+    if rim:
+        axes.plot(*places, "+", color=BLACK_COLOR, markersize=size + 1, markeredgewidth=2.4)
+    axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
+
+
+def _enclose_places(places: Array, aspect: float, margin: float, limits: tuple[int, int]) -> Box:
+    """Return a box of a proportion, width over height, around places (2, n) in an image."""
+    (left, top), (right, bottom) = np.nanmin(places, 1) - margin, np.nanmax(places, 1) + margin
+    width = max(right - left, aspect * (bottom - top))
+    u, v = (left + right) / 2, (top + bottom) / 2
+    half, tall = width / 2, width / aspect / 2
+    u = float(np.clip(u, half, max(limits[0] - half, half)))
+    v = float(np.clip(v, tall, max(limits[1] - tall, tall)))
+    return u - half, u + half, v - tall, v + tall
+
+
+def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
+    """Return marker centres of a camera in one frame at full width, (2, markers), px."""
+    part = data["tracks"].sel(width=data["width"].max()).isel(camera=camera, frame=frame)
+    return np.asarray(part.transpose("axis", "marker").values, float)
+
+
+# What they see.
+
+
+def draw_views(data: xr.Dataset) -> Figure:
+    """Draw the first frame of every camera (figure 5.2)."""
+    pictures = data["picture_all"].transpose("camera", "row4", "column4").values
+    markers = rows_on(setups.thesis_beam())
+    with in_style():
+        figure, grid = subplots(
+            2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
+            gridspec_kw={"wspace": 0.01, "hspace": 0.01},
+        )  # fmt: skip
+        figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
+        for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
+            _draw_photo(axes, pictures[i], smooth=True)
+            scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
+            row = scale * _rest_centres(data, i)[:, markers.middle_row]
+            _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
+                  transform=axes.transAxes)  # fmt: skip
+            for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
+                _write_note(axes, place + [0, 34], text, fontsize=8.5)
+    return figure
+
+
+def draw_board(data: xr.Dataset) -> Figure:
+    """Draw a calibration image, its corners, the central squares, and one corner (D.1 to D.4)."""
+    picture = data["picture_shot"].values
+    corners = data["picture_corners"].transpose("axis", "corner").values
+    shape = Board()
+    nx = shape.shape[0]
+    part = central_corners(shape)
+    used = corners[:, part].reshape(2, -1, 6)
+    rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
+    limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
+    with in_style():
+        figure, (left, right) = subplots(
+            1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
+        )
+        _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
+        left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
+        left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
+        first = corners[:, part[0]]
+        arrow = {"arrowstyle": "->", "color": RED, "linewidth": 2}
+        for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
+            left.annotate("", first + 1.5 * (there - first), first, arrowprops=arrow)
+            _write_note(left, first + 1.75 * (there - first), name)
+        zoomed = corners[:, part[20]]
+        _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), GREEN)
+        _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
+        _colour_border(right, GREEN)
+        _draw_crosses(right, zoomed, SKY, 22)
+        left.set_title("(a) one shot of camera A")
+        right.set_title("(b) one corner, pixel by pixel")
+    return figure
+
+
+# Appendix F.
+
+
+def draw_outline(data: xr.Dataset) -> Figure:
+    """Draw the first frame with the beam's outline, and its two ends (figures F.2 and F.3)."""
+    picture = data["picture_first"].values
+    corners = data["picture_outline"].transpose("axis", "outline").values
+    centres = data["picture_centres"].transpose("axis", "marker").values
+    markers = rows_on(setups.thesis_beam())
+    row, limits = markers.columns, picture.shape[::-1]
+    ends = {  # markers, corners, colour and letter of each
+        "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
+        "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
+    }
+    with in_style():
+        figure, panels = make_mosaic(
+            [["all", "all"], ["tip", "clamped end"]],
+            figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
+        )  # fmt: skip
+        whole = panels["all"]
+        _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
+        whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
+        middle = corners[0].mean(), corners[1, [[0, 3], [1, 2], [1, 2], [0, 3]]].mean(axis=1)
+        beside = corners + [[45], [32]] * np.sign(corners - np.stack(np.broadcast_arrays(*middle)))
+        for place, digit in zip(beside.T, "①②③④", strict=True):
+            _write_note(whole, place, digit, ORANGE, fontsize=12)
+        whole.set_title("(a) the first frame of camera A, with the beam's outline")
+        for name, (some, near, tint, letter) in ends.items():
+            places = np.column_stack([centres[:, some], corners[:, near]])
+            box, axes = _enclose_places(places, 1.65, 14, limits), panels[name]
+            _draw_frame(whole, box, tint)
+            _draw_photo(axes, picture, box)
+            _colour_border(axes, tint)
+            axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
+            inside = (centres[0] > box[0]) & (centres[0] < box[1])
+            _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
+            axes.set_title(f"({letter}) the {name}")
+    return figure
+
+
+def draw_plane(data: xr.Dataset) -> Figure:
+    """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
+    picture = data["picture_beam"].transpose("row_beam", "column_beam").values
+    markers = rows_on(setups.thesis_beam())
+    origin = np.full((2, 1), tracker.THESIS_REACH_M)
+    found = data["picture_matches"].transpose("axis", "match").values
+    grid, matches = (
+        tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (markers.positions, found)
+    )
+    places, _ = tracker.assign_places(markers.positions, found, tracker.gate_of(markers))
+    taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
+    size = picture.shape[::-1]
+    box = (0.0, 380.0, 0.0, float(size[1]))
+    with in_style():
+        figure, axes = subplots(
+            3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
+            height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
+        )  # fmt: skip
+        for panel, part in zip(axes, (None, box, box), strict=True):
+            _draw_photo(panel, picture, part, smooth=part is None)
+            panel.invert_yaxis()  # y upwards: the beam as it is seen from above
+        _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
+        for panel in axes[1:]:
+            _colour_border(panel, SKY)
+        _draw_crosses(axes[1], grid, PINK, 11, rim=False)
+        large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
+        small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
+        axes[2].plot(*matches[:, taken], "o", color=GREEN, **large)
+        axes[0].plot(*matches[:, ~taken], "s", color=RED, **small)
+        axes[2].plot(*matches[:, ~taken], "s", color=RED, **large)
+        spare = int(np.count_nonzero(~taken))
+        axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
+        axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
+        axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
+    return figure
+
+
+def draw_centres(data: xr.Dataset) -> Figure:
+    """Draw marker centres in the image at rest and at the maximum, at the tip (figure F.7)."""
+    markers = rows_on(setups.thesis_beam())
+    moved_frame = int(data["picture_moved"].attrs["frame"])
+    row = markers.columns
+    still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
+    shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
+    pictures = data["picture_first"].values, data["picture_moved"].values
+    both = np.column_stack([still[:, shown], moved[:, shown]])
+    box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
+    with in_style():
+        figure, axes = subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
+        for panel, picture in zip(axes, pictures, strict=True):
+            _draw_photo(panel, picture, box)
+            _draw_crosses(panel, still[:, shown], SKY, 10)
+        _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
+        line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+        for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
+            axes[1].annotate("", end, start, arrowprops=line)
+        most = np.nanmax(np.abs(moved - still)[1, tip_marker(markers)])
+        axes[0].set_title("(a) at rest")
+        axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
+    return figure
+
+
+# Resolution.
+
+
+def draw_widths(data: xr.Dataset) -> Figure:
+    """Draw three columns of markers at every width, and what tracking makes of them."""
+    full = data["picture_first"].values
+    markers = rows_on(setups.thesis_beam())
+    row, middle = markers.columns, markers.columns // 2
+    shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
+    box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
+    every = sorted(int(width) for width in data["width"].values)
+    with in_style():
+        figure, grid = subplots(
+            -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
+            layout="constrained", squeeze=False,
+        )  # fmt: skip
+        for axes, width in zip(grid.flat, reversed(every), strict=False):
+            small = reduce_frame(full, width)
+            if width == data.sizes["column_low"]:
+                small = data["picture_low"].values
+            _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])
+            at = data.sel(width=width)
+            text = f"{100 * float(at['missing_share']):.0f} % missing"
+            if np.isfinite(at["wrong_share"]):
+                text += f", {100 * float(at['wrong_share']):.0f} % wrong"
+            axes.set_title(f"{width}×{small.shape[0]}: {text}", color=SKETCH_INK)
+        for axes in grid.flat[len(every) :]:
+            axes.axis("off")
+    return figure
+
 
 PICTURE_WIDTH_PX = 1500  # width of figures that hold photographs
 WEBP_QUALITY = 85  # of 100, at which they are stored
 WALK_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "rig": figures.draw_rig,
-    "views": photographs.draw_views,
-    "board": photographs.draw_board,
+    "views": draw_views,
+    "board": draw_board,
     "coverage": figures.draw_coverage,
     "sound": figures.draw_sound,
-    "outline": photographs.draw_outline,
-    "plane": photographs.draw_plane,
-    "centres": photographs.draw_centres,
-    "widths": photographs.draw_widths,
+    "outline": draw_outline,
+    "plane": draw_plane,
+    "centres": draw_centres,
+    "widths": draw_widths,
     "tracks": figures.draw_tracks,
 }
 
 
 def file_name(name: str) -> str:
     """Name a figure's file: WebP if it holds photographs, SVG otherwise."""
-    kind = "webp" if WALK_FIGURES[name].__module__ == photographs.__name__ else "svg"
+    # Those that are drawn in this module do.
+    kind = "webp" if WALK_FIGURES[name].__module__ == __name__ else "svg"
     return f"lab-{name}.{kind}"
 
 
@@ -62,7 +345,7 @@ def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
 def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
     file = io.BytesIO(save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth()))
-    picture, found = Image.open(file).convert("RGB"), []
+    picture, found = PIL.Image.open(file).convert("RGB"), []
     for lossless in (True, False):
         file = io.BytesIO()
         picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)

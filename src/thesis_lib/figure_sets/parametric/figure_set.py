@@ -380,7 +380,7 @@ def plate_input(asked: Any) -> Inputs:
 
 def aperture_inputs(asked: Any) -> Inputs:
     """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
-    from thesis_lib.figure_sets.parametric.sound_turn import turn_pairs
+    from thesis_lib.figure_sets.parametric.sound import turn_pairs
 
     return {**plate_input(asked), "turned": (RADIATED_SETS["sound-arrays"], turn_pairs(asked))}
 
@@ -401,7 +401,7 @@ RADIATED_SETS = {
     name: FigureSet(
         request=request,
         chapter=CHAPTER_NAMES["sound"],
-        module=f"{__package__}.{'sound_turn' if name == 'sound-aperture' else 'sound'}",
+        module=f"{__package__}.sound",
         needs=aperture_inputs if name == "sound-aperture" else plate_input,
         figure=FIGURE_NUMBERS["sound"],
         in_pieces=True,

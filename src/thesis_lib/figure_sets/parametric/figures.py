@@ -20,8 +20,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import IntArray
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.figure_sets.parametric.sound import audible_planes
-from thesis_lib.figure_sets.parametric.sound_turn import turn_summary
+from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
 from thesis_lib.ledger import verdicts
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
