@@ -17,9 +17,9 @@ from scenes import own
 from conftest import PARTS
 from thesis_lib import files
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.cube_file import code_digest
 from thesis_lib.figure_sets.record import experiments
 from thesis_lib.figure_sets.registry import FIGURE_SETS, validate_request
-from thesis_lib.figure_sets.run import code_digest
 from thesis_lib.studies import storage
 from thesis_lib.vibration.motion import Component
 

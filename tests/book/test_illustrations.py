@@ -11,8 +11,8 @@ from thesis_lib import files
 from thesis_lib.book.pieces import illustrations
 from thesis_lib.book.pieces.manifest import SAMPLE_FILES
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting.style import in_style
 from thesis_lib.vibration.structure import peak_deflection
 

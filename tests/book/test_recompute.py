@@ -16,7 +16,7 @@ from refused import refusal
 
 from thesis_lib.book import explorer
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute, in_page
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
@@ -54,7 +54,7 @@ STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pr
 
 def atlas(name: str, **values: Any) -> str:
     """What the page of a figure set shows, its viewer with the parameters above it."""
-    cube = run.cube_of(validate_request(name, values))
+    cube = cube_file.cube_of(validate_request(name, values))
     return str(show.viewer(cube)._repr_mimebundle_()[0]["text/html"])
 
 

@@ -9,8 +9,8 @@ import pytest
 import xarray as xr
 
 from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.files import project_root
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import CubeError

@@ -15,9 +15,9 @@ import matplotlib
 import pytest
 
 from conftest import PROJECT
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.plotting import style
 
 TESTS = Path(__file__).parents[1]
@@ -107,7 +107,7 @@ def test_foreign_configuration_changes_no_byte(cube, places, tmp_path, kind):
     path.write_text(text)
     code = (
         "import hashlib; from thesis_lib.figure_sets.display import as_svg;"
-        "from thesis_lib.figure_sets.run import cube_of;"
+        "from thesis_lib.figure_sets.cube_file import cube_of;"
         "from thesis_lib.figure_sets.parametric.figure_set import camera_study;"
         "cube = cube_of(camera_study('beam-distance', {'trials': 2, 'modes': [1]}));"
         "print(hashlib.sha256(as_svg(cube, '1', 1).encode()).hexdigest())"

@@ -14,7 +14,7 @@ from command import refusal, thesis
 
 from conftest import PROJECT
 from thesis_lib.figure_sets import registry
-from thesis_lib.figure_sets.run import code_digest, request_key
+from thesis_lib.figure_sets.cube_file import code_digest, request_key
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
 from thesis_lib.notebook.new_set import write_set

@@ -8,9 +8,9 @@ import pytest
 from thesis_lib.acoustics.planes import plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.vibration.structure import resonance_frequency
 
 HEARD = [(1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.display import fill_text
 from thesis_lib.figure_sets.parametric import figures, sound
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.figure_sets.run import cube_of
 
 FEW = {"trials": 400, "cases": ["2d"], "elevations_deg": [20, 40], "plane_shape": [31, 21]}
 

@@ -11,9 +11,9 @@ from urllib.parse import quote
 import nbformat
 import pytest
 
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.figures import claims_table, error_table
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook import show as notebook
 from thesis_lib.runs import postprocess
 from thesis_lib.web import page as pages

@@ -14,9 +14,9 @@ from command import thesis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.laboratory.recording_files import example_rig, manifest_of
 from thesis_lib.planning.request import PlanRequest, plan_request
 from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of

@@ -26,10 +26,10 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 STATES = """
 import json, sys
 from thesis_lib.book import build
-from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets import cube_file
 
 for line in sys.stdin:
-    run.code_digest.cache_clear()  # as in a process of its own
+    cube_file.code_digest.cache_clear()  # as in a process of its own
     states = {name: [build.results_key(name), build.is_made(name)] for name in line.split()}
     print(json.dumps(states), flush=True)
 """

@@ -3,7 +3,7 @@
 from functools import cache
 
 from thesis_lib.facts import claims
-from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import OwnRuns
@@ -27,14 +27,14 @@ def sets():
 def cube_of(name):
     """The cube of a figure set."""
     if STUDIES[name].subject in ("experiment", "lab"):
-        return run.cube_of(STUDIES[name]())  # from the recordings that are stored
+        return cube_file.cube_of(STUDIES[name]())  # from the recordings that are stored
     request = validate_request(name, {"trials": TRIALS})
     if request.subject == "sound":
         request = validate_request(name, {"trials": TRIALS, "plane_shape": [9, 7]})
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)
-    return with_provenance(cube, request, 0.0, run.code_digest(FIGURE_SETS[name]))
+    return with_provenance(cube, request, 0.0, cube_file.code_digest(FIGURE_SETS[name]))
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import shipped
 from thesis_lib.studies import storage
@@ -28,14 +28,14 @@ def test_what_other_packages_computed_is_not_trusted(monkeypatch):
     product = FIGURE_SETS["beam-distance"]
 
     def trusted():
-        run.code_digest.cache_clear()
-        return run.code_digest(product), storage.key_of([1])
+        cube_file.code_digest.cache_clear()
+        return cube_file.code_digest(product), storage.key_of([1])
 
     before = trusted()
     assert trusted() == before
-    for module in (run, storage):
+    for module in (cube_file, storage):
         monkeypatch.setattr(module, "package_versions", lambda: OTHER)
     cube, step = trusted()
-    run.code_digest.cache_clear()
+    cube_file.code_digest.cache_clear()
     assert cube != before[0]
     assert step != before[1]

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from thesis_lib.figure_sets.run import PACKAGE_FOLDER
+from thesis_lib.figure_sets.cube_file import PACKAGE_FOLDER
 from thesis_lib.ledger.entries import LEDGER_COLUMNS, Entry
 from thesis_lib.studies.schema import VARIABLES_FILE, label_values, read_variables
 

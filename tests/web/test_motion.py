@@ -12,8 +12,8 @@ import pytest
 from browser import Opened, open_offline, write_page
 
 from thesis_lib.book.explorer import explorer_html
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.notebook.show import viewer
 from thesis_lib.studies import schema
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project

@@ -1,24 +1,124 @@
-"""Cubes in files: read only if they are what their own request asks for, no more and no less."""
+"""The cube of a request: computed, kept, and read from a file.
+
+First what it needs is made, then its own; what is kept is computed once. What is kept is found by
+digests of all that made it: folders of code, facts, recordings, and the lock. A folder counts as a
+whole. What a product does not share with all others, it names in its
+:attr:`~thesis_lib.figure_sets.figure_set.Product.rooms`.
+
+A file is read only if it is what its own request asks for, no more and no less.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from thesis_lib.figure_sets.registry import FIGURE_SETS, SETS_VARIABLE, is_known, validate_request
-from thesis_lib.figure_sets.run import code_digest
-from thesis_lib.files import shipped, workplace
+from thesis_lib.facts.setups import data_folder
+from thesis_lib.figure_sets.figure_set import Product
+from thesis_lib.figure_sets.registry import (
+    FIGURE_SETS,
+    SETS_VARIABLE,
+    STUDIES,
+    is_known,
+    validate_request,
+)
+from thesis_lib.files import digest_of, folder_files, shipped, workplace
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import CubeError
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.studies.storage import open_netcdf
+from thesis_lib.studies.schema import VARIABLES_FILE, with_provenance
+from thesis_lib.studies.storage import cache_path, cached_study, open_netcdf, package_versions
 from thesis_lib.text import one_line
+
+
+def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
+    """Return the cube of a figure set.
+
+    Parameters
+    ----------
+    asked : Study
+        A validated request.
+    scheduler : str
+        Workers that compute what can be cut into pieces
+        (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
+    """
+    return make_product(FIGURE_SETS[asked.name], asked, scheduler)
+
+
+def make_product(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
+    """Return a product for a request, with its provenance."""
+
+    def compute(_: object = None) -> xr.Dataset:
+        needs = product.needs(asked)
+        inputs = {role: make_product(*needed, scheduler) for role, needed in needs.items()}
+        return product.compute(asked, inputs, scheduler)
+
+    library = code_digest(product)
+    if product.kept:
+        return cached_study(asked, compute, request_key(product, asked), library)
+    begun = time.perf_counter()
+    result = compute()
+    return with_provenance(result, asked, time.perf_counter() - begun, library)
+
+
+def cache_file(product: Product, asked: Study) -> Path:
+    """Return the file in which the cache holds a product for a request."""
+    return cache_path(asked, request_key(product, asked))
+
+
+def make_inputs(name: str) -> None:
+    """Compute and cache what a figure set needs besides the cubes of others."""
+    for needed in FIGURE_SETS[name].needs(STUDIES[name]()).values():
+        make_product(*needed)
+
+
+PACKAGE_FOLDER = Path(__file__).parents[1]
+SCIENCE_ROOMS = ("acoustics", "arrays.py", "facts", "studies", "vibration", "vision")
+FACT_FILES = ("assumptions.toml", "setups.toml", "structures.toml")
+LOCK_FILE = Path("requirements", "book.txt")
+
+
+def source_files(product: Product) -> list[Path]:
+    """Return the files of code and facts that can change a product, and the lock."""
+    own = Path(import_module(product.module.rpartition(".")[0]).__path__[0])
+    rooms = [PACKAGE_FOLDER / room for room in (*SCIENCE_ROOMS, *product.rooms)]
+    every = sorted(data_folder().iterdir())
+    facts = every if "ledger" in product.rooms else [one for one in every if one.name in FACT_FILES]
+    code = [
+        path
+        for path in folder_files([*rooms, own])
+        if path.suffix == ".py" or path.name == VARIABLES_FILE
+    ]
+    return [*code, *facts, shipped() / LOCK_FILE]
+
+
+@cache
+def code_digest(product: Product) -> str:
+    """Return the digest that a cube carries of the code, facts and packages that made it.
+
+    It is that of the files when this process first asked, as what it has imported is, too.
+    """
+    own = digest_of(source_files(product))
+    return hashlib.sha256(f"{own} {package_versions()}".encode()).hexdigest()
+
+
+def request_key(product: Product, asked: Study) -> str:
+    """Return the digest of all that determines a product for a request, inputs included."""
+    needed = [request_key(*each) for each in product.needs(asked).values()]
+    needed += [request_key(FIGURE_SETS[one.name], one) for one in product.reads()]
+    needed += [digest_of(product.stored(asked))]
+    text = json.dumps([asked.name, asked.digest, code_digest(product), *needed])
+    return hashlib.sha256(text.encode()).hexdigest()
+
 
 SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
 MAX_MARKER_OFFSET_M = 1e-9  # m that markers may be off

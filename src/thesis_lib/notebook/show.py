@@ -16,8 +16,8 @@ from IPython.display import Markdown, display
 from matplotlib.figure import Figure
 
 from thesis_lib import files
+from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets import display as figure_sets
-from thesis_lib.figure_sets import run
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import FIGURE_SETS, is_known, model_of, validate_request
 from thesis_lib.notebook.form import form_of
@@ -51,7 +51,7 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
 
 def cube_of(asked: Study) -> xr.Dataset:
     """Return the cube of a request, and write it to the file of its parameter `cube`."""
-    result = run.cube_of(asked, _read_scheduler(asked))
+    result = cube_file.cube_of(asked, _read_scheduler(asked))
     if asked.cube:  # an absolute path stands
         storage.write_netcdf(result, files.workplace() / asked.cube, compact=True)
     return result

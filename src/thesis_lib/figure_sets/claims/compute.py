@@ -19,9 +19,8 @@ from thesis_lib.facts import claims
 from thesis_lib.facts.claims import Claim
 from thesis_lib.figure_sets.claims import own_runs
 from thesis_lib.figure_sets.claims.figure_set import Claims
-from thesis_lib.figure_sets.cube_file import read_built
+from thesis_lib.figure_sets.cube_file import cube_of, read_built
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.figure_sets.run import cube_of
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
 from thesis_lib.ledger.series import Series
