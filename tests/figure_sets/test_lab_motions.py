@@ -22,7 +22,7 @@ from thesis_lib.laboratory import tracking
 from thesis_lib.measure.fitting import aliasing
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
-from thesis_lib.plotting import viewer_data
+from thesis_lib.plotting import selection
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes
 from thesis_lib.studies.schema import with_provenance
@@ -356,7 +356,7 @@ def test_every_figure_table_and_viewer_is_made(name, request):
     cube = request.getfixturevalue(name)
     for case in sorted(set(cube["case"].values.tolist()))[:2]:
         assert "<svg" in display.as_svg(cube, case, int(cube["mode"][0]))
-    json.dumps(viewer_data.viewer_data(cube))
+    json.dumps(selection.viewer_data(cube))
     table = cubes.summarise_errors(cube)
     assert set(table["error"]) == set(cubes.cube_errors(cube))
     assert not table.duplicated([*cubes.ROW_KEYS, "error"]).any()
@@ -382,7 +382,7 @@ def test_without_trials_everything_is_still_shown(name, case, texts):
     study = validate_request(name, {"trials": 0, "cases": [case], "modes": [2]})
     run = lab_modes.run if name == "lab-modes" else lab_plate.run
     cube = finished(run(study, films(study, SIGMA)), study)
-    json.dumps(viewer_data.viewer_data(cube))
+    json.dumps(selection.viewer_data(cube))
     assert "<svg" in display.as_svg(cube, case, 2)
     shown = [display.fill_text(cube, *of) for of in texts]
     assert name == "lab-modes" or "nan" not in "".join(shown)

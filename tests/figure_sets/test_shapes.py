@@ -14,7 +14,7 @@ from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
-from thesis_lib.plotting.viewer_data import viewer_data
+from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import schema
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_provenance

@@ -17,7 +17,7 @@ from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
-from thesis_lib.plotting.viewer_data import viewer_data
+from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import storage as studies_cache
 from thesis_lib.studies.request import SOUND_READING
 from thesis_lib.studies.schema import RUN_DEPENDENT, with_provenance

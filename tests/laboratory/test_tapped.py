@@ -11,9 +11,9 @@ from scenes.rendered import beam_rig, force_heard, pushed, written
 from scenes.rolling import RollingView
 from scipy.integrate import quad, solve_ivp
 
-from thesis_lib.laboratory.impact import tap_structure
 from thesis_lib.laboratory.render import BeamView, Sensor
 from thesis_lib.laboratory.rig import default_rig
+from thesis_lib.laboratory.tracking import tap_structure
 from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import measure_recordings
 from thesis_lib.measure.radiation.radiated import complex_of

@@ -29,8 +29,7 @@ from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts as ledger_verdicts
 from thesis_lib.ledger.entries import explain_differences
-from thesis_lib.ledger.series import series_of
-from thesis_lib.ledger.verdicts import VERDICTS
+from thesis_lib.ledger.verdicts import VERDICTS, series_of
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies import request as studies_commands
 from thesis_lib.studies.schema import with_provenance

@@ -8,7 +8,6 @@ from scipy.stats import norm
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Trend
-from thesis_lib.ledger.series import RESAMPLE_COUNT, Series
 from thesis_lib.ledger.trends import (
     MAX_ALIKE_RATIO,
     MIN_CONFIDENCE,
@@ -18,6 +17,7 @@ from thesis_lib.ledger.trends import (
     Finding,
     judge_trend,
 )
+from thesis_lib.ledger.verdicts import RESAMPLE_COUNT, Series
 
 TRENDS = claims.read_trends()
 HEADER = (setups.data_folder() / "trends.csv").read_text(encoding="utf-8").splitlines()[0]

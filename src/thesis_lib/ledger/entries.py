@@ -23,12 +23,10 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, Trend, read_reasons
 from thesis_lib.facts.numbers import StatedNumber, read_numbers
 from thesis_lib.facts.setups import READINGS
-from thesis_lib.ledger import series as ledger_series
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.trends import Finding
-from thesis_lib.ledger.verdicts import VERDICTS, Check
+from thesis_lib.ledger.verdicts import VERDICTS, Check, Series
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
@@ -162,7 +160,7 @@ def list_entries(
             if name not in studies:
                 return f"run {name} of the ledger is missing: run `thesis book`"
             cube = cube_of(name)
-            series[name] = cube if isinstance(cube, str) else ledger_series.series_of(cube)
+            series[name] = cube if isinstance(cube, str) else verdicts.series_of(cube)
         return series[name]
 
     found = [

@@ -12,7 +12,7 @@ by more than the smallest effect that counts, ``MIN_MATERIAL_FALL``, it is no ma
 however sure its sign. If an expected error goes the other way by more than that between two
 neighbouring settings, the trend is not monotonic, which is said next to the verdict.
 
-A test gets the :class:`~thesis_lib.ledger.series.Evidence` and an argument, and returns for each
+A test gets the :class:`~thesis_lib.ledger.verdicts.Evidence` and an argument, and returns for each
 draw of the errors whether the statement is true of it.
 
 What the words mean, for all trends alike. One effect is the smallest that counts,
@@ -46,8 +46,7 @@ from scipy.stats import rankdata
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts.claims import Trend
-from thesis_lib.ledger.series import Evidence, Key, Series
-from thesis_lib.ledger.verdicts import UNCHANGED
+from thesis_lib.ledger.verdicts import UNCHANGED, Evidence, Key, Series
 
 MIN_CONFIDENCE = 0.95
 TREND_DIRECTIONS = {

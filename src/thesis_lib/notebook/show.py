@@ -23,8 +23,8 @@ from thesis_lib.figure_sets.registry import FIGURE_SETS, is_known, model_of, val
 from thesis_lib.notebook.form import form_of
 from thesis_lib.plotting import panels
 from thesis_lib.plotting.panels import Caption
+from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import storage, workers
 from thesis_lib.studies.request import ParameterError, Study, check_names, validate_values
 from thesis_lib.text import one_line, parse_json

@@ -29,9 +29,8 @@ from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts.claims import Claim, Trend
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.ledger.series import Series
 from thesis_lib.ledger.trends import Finding, judge_trend
-from thesis_lib.ledger.verdicts import UNCHANGED
+from thesis_lib.ledger.verdicts import UNCHANGED, Series
 from thesis_lib.plotting import selection
 from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, subplots

@@ -23,8 +23,7 @@ from thesis_lib.figure_sets.cube_file import cube_of, read_built
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.ledger.series import Series
-from thesis_lib.ledger.verdicts import claim_from_errors, meets_claim
+from thesis_lib.ledger.verdicts import Series, claim_from_errors, meets_claim
 from thesis_lib.studies import cubes
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import label_values, read_variables

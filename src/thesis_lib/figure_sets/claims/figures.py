@@ -21,8 +21,8 @@ from thesis_lib.figure_sets.claims.readings import format_command
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends
 from thesis_lib.ledger.entries import KIND_WORDS, Entry, from_cube
-from thesis_lib.ledger.series import RESAMPLE_COUNT
 from thesis_lib.ledger.verdicts import (
+    RESAMPLE_COUNT,
     UNCHANGED,
     VERDICTS,
     WIDENING_POINTS,

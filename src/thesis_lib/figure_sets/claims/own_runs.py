@@ -1,6 +1,6 @@
 """Evidence on trends: the figure sets, and runs of layouts that the thesis only mentions.
 
-A *source* is one or more studies whose errors become :class:`thesis_lib.ledger.series.Series`.
+A *source* is one or more studies whose errors become :class:`thesis_lib.ledger.verdicts.Series`.
 Besides the figure sets there are, for beam and plate: pairs added in the other order, arcs tilted
 to the side, cameras added one by one, the aperture at other distances and elevations, and layouts
 that are near or far, low or high, wide or narrow, of few or many cameras.
@@ -23,7 +23,7 @@ from thesis_lib.figure_sets.claims.figure_set import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.ledger.series import Series, series_of
+from thesis_lib.ledger.verdicts import Series, series_of
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import deflection_shape, world_points

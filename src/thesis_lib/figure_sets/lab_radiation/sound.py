@@ -29,9 +29,14 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
-from thesis_lib.laboratory.impact import ImpactMotion, select_free_decay, tap_structure
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
-from thesis_lib.laboratory.tracking import TrackedCentres, frame_times
+from thesis_lib.laboratory.tracking import (
+    ImpactMotion,
+    TrackedCentres,
+    frame_times,
+    select_free_decay,
+    tap_structure,
+)
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
 from thesis_lib.measure.radiation.of_measurement import (
     SOUND_RATE_HZ,

@@ -15,8 +15,8 @@ from thesis_lib.facts import setups
 from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, COINCIDENT_TEXT
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
+from thesis_lib.plotting.selection import LENS_FIELDS
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
-from thesis_lib.plotting.viewer_data import LENS_FIELDS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.studies.fields import format_given, unit_of_field

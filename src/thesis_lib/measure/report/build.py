@@ -23,8 +23,8 @@ from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.report import figures as draw
 from thesis_lib.measure.report import warnings
+from thesis_lib.plotting.selection import encode_field
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
-from thesis_lib.plotting.viewer_data import encode_field
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
 from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
