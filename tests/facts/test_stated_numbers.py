@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from thesis_lib.facts import numbers as stated_numbers
+from thesis_lib.facts import claims as stated_numbers
 from thesis_lib.facts import setups
-from thesis_lib.facts.numbers import CORRECT_VALUES, read_numbers
+from thesis_lib.facts.claims import CORRECT_VALUES, read_numbers
 from thesis_lib.vision.optics import angle_of_view
 
 NUMBERS = read_numbers()

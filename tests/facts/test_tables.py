@@ -7,7 +7,7 @@ import csv
 import pytest
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.claims import read_numbers
 
 READ = {
     "claims.csv": claims.read_claims,

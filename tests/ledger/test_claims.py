@@ -9,8 +9,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import half_digit, read_claims, read_trends
-from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.claims import half_digit, read_claims, read_numbers, read_trends
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import Check, judge_claim
 

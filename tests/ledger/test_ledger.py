@@ -12,7 +12,7 @@ import xarray as xr
 from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.claims import read_numbers
 from thesis_lib.facts.setups import READINGS, list_assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import own_runs as ledger_runs

@@ -20,8 +20,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import Claim, Trend, read_reasons
-from thesis_lib.facts.numbers import StatedNumber, read_numbers
+from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
 from thesis_lib.facts.setups import READINGS
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts

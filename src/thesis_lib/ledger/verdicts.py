@@ -1,4 +1,4 @@
-"""Judge claimed values by one rule, which interval is met; and errors of cubes as series, for trends.
+"""Judge claimed values by one rule, which interval is met; errors of cubes as series, for trends.
 
 The rule holds for every claim and was set before looking:
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.numbers import read_numbers
+from thesis_lib.facts.claims import read_numbers
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     INK_COLOR,
