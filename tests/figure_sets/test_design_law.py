@@ -17,7 +17,6 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
-from thesis_lib.figure_sets.design_law import tables as design_tables
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.display import fill_text
@@ -618,7 +617,7 @@ def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     text = " ".join(fill_text(cube, "few-noisy").split())
     assert f"by {max(0.0, below.max()):.1f} standard errors at most" in text
     for row in fill_text(cube, "noisy").splitlines()[2 : 2 + cube.sizes["count"]]:
-        assert row.count("±") == len(design_tables.SHOWN_NOISES_PX)
+        assert row.count("±") == len(design_study.SHOWN_NOISES_PX)
 
 
 @pytest.mark.parametrize("draw", ["normal", "rounded", "rare"])

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law import shares as design_shares
-from thesis_lib.figure_sets.design_law.tables import SHOWN_NOISES_PX, TEXTS
+from thesis_lib.figure_sets.design_law.compute import SHOWN_NOISES_PX, TEXTS
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
