@@ -8,7 +8,7 @@ import xarray as xr
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading, list_assumptions
-from thesis_lib.figure_sets.claims import readings
+from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
@@ -29,7 +29,7 @@ FEW = ("beam-distance", "plate-distance", "sound-distance")
 @pytest.fixture
 def few(monkeypatch):
     """Only some of the figure sets, one of each chapter."""
-    monkeypatch.setattr(readings, "CAMERA_STUDIES", {name: STUDIES[name] for name in FEW})
+    monkeypatch.setattr(compute, "CAMERA_STUDIES", {name: STUDIES[name] for name in FEW})
 
 
 def cube_of(name, **values):
@@ -37,21 +37,23 @@ def cube_of(name, **values):
 
 
 def run(*names, **draws):
-    return readings.run(OtherReadings(**{"trials": TRIALS, "readings": list(names), **draws}))
+    return compute.run_readings(
+        OtherReadings(**{"trials": TRIALS, "readings": list(names), **draws})
+    )
 
 
 # -- How readings are compared --
 
 
 def test_the_adopted_reading_is_what_the_figure_sets_say(few):
-    made = readings.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
+    made = compute.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
     cubes = {name: cube_of(name) for name in FEW[:2]}
     cubes[FEW[2]] = sound.run(validate_request(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
     expected = [
         c for name in FEW for c in verdicts.check_claims(cubes[name], claims.claims_of(name))
     ]
     assert made == expected
-    assert {check.claim.chapter for check in made} == set(readings.CHAPTER_OF_GROUP.values())
+    assert {check.claim.chapter for check in made} == set(compute.CHAPTER_OF_GROUP.values())
 
 
 def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch):
@@ -68,10 +70,10 @@ def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch
 
 def test_counts_are_those_of_the_checks(few):
     made = run("rest known")
-    adopted = readings.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
+    adopted = compute.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
     met = {check.claim.id for check in adopted if check.inside}
     for name in made["reading"].values:
-        found = readings.judge_interpretation(READINGS[str(name)], 0, TRIALS, {})
+        found = compute.judge_interpretation(READINGS[str(name)], 0, TRIALS, {})
         now = {check.claim.id for check in found if check.inside}
         row = made.sel(reading=name)
         assert (row["gained"], row["lost"]) == (len(now - met), len(met - now))
@@ -88,7 +90,7 @@ def test_counts_are_those_of_the_checks(few):
 
 
 def test_readings_do_not_depend_on_each_other(monkeypatch):
-    monkeypatch.setattr(readings, "CAMERA_STUDIES", {name: STUDIES[name] for name in FEW[:2]})
+    monkeypatch.setattr(compute, "CAMERA_STUDIES", {name: STUDIES[name] for name in FEW[:2]})
     several = run("rest known", "20 mm lens", "1 N")
     for name in ("1 N", "rest known"):
         alone = run(name)
@@ -97,7 +99,7 @@ def test_readings_do_not_depend_on_each_other(monkeypatch):
 
 def test_every_reading_has_a_place_in_at_least_one_set_and_no_unknown_parameter():
     for name, reading in READINGS.items():
-        taken = [readings.reading_parameters(reading, one) for one in CAMERA_STUDIES]
+        taken = [compute.reading_parameters(reading, one) for one in CAMERA_STUDIES]
         assert {key for values in taken for key in values} == set(reading.values)
         for one, values in zip(CAMERA_STUDIES, taken, strict=True):
             request = validate_request(one, values)
@@ -119,10 +121,10 @@ def test_log_residual_counts_what_is_stated_as_a_value_or_an_interval():
         one = replace(claim, relation=relation, low=10.0, high=10.0)
         return Check(one, median, median, median, median, False, False)
 
-    assert readings.log_residual([check(10 * np.e), check(10 / np.e)]) == pytest.approx(1)
-    assert readings.log_residual([check(10 * np.e), check(10)]) == pytest.approx(0.5**0.5)
-    assert readings.log_residual([check(99, "max"), check(30, "range")]) == pytest.approx(np.log(3))
-    assert np.isnan(readings.log_residual([check(99, "max")]))
+    assert compute.log_residual([check(10 * np.e), check(10 / np.e)]) == pytest.approx(1)
+    assert compute.log_residual([check(10 * np.e), check(10)]) == pytest.approx(0.5**0.5)
+    assert compute.log_residual([check(99, "max"), check(30, "range")]) == pytest.approx(np.log(3))
+    assert np.isnan(compute.log_residual([check(99, "max")]))
 
 
 def test_unknown_readings_are_refused_with_all_names():
@@ -133,7 +135,7 @@ def test_unknown_readings_are_refused_with_all_names():
 
 
 def test_the_adopted_reading_is_always_run_once(monkeypatch):
-    monkeypatch.setattr(readings, "CAMERA_STUDIES", {FEW[0]: STUDIES[FEW[0]]})
+    monkeypatch.setattr(compute, "CAMERA_STUDIES", {FEW[0]: STUDIES[FEW[0]]})
     assert run()["reading"].values.tolist() == [ADOPTED_READING]
     assert run(ADOPTED_READING)["reading"].values.tolist() == [ADOPTED_READING]
     made = run("rest known", ADOPTED_READING)

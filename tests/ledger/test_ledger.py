@@ -15,8 +15,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import read_numbers
 from thesis_lib.facts.setups import READINGS, list_assumptions
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.claims import own_runs as ledger_runs
-from thesis_lib.figure_sets.claims import readings
+from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings, OwnRuns
 from thesis_lib.figure_sets.claims.figures import LedgerTable
@@ -62,7 +61,7 @@ def test_every_trend_can_be_judged(one):
 
 def test_every_source_is_a_figure_set_or_an_own_run():
     named = {name for one in claims.read_trends() for name in one.source}
-    assert set(own()) == {*ledger_runs.own_sources(), ledger_runs.ASKEW_PLATE}
+    assert set(own()) == {*compute.own_sources(), compute.ASKEW_PLATE}
     assert named - set(STUDIES) <= set(own())
 
 
@@ -100,23 +99,23 @@ def test_tilting_is_a_turn_about_x(conforms, tilt):
     """From +Z towards +Y; the third column is where the zenith goes."""
     c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
     turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
-    found = axes(ledger_runs.tilt_directions(DIRECTIONS, tilt))
+    found = axes(compute.tilt_directions(DIRECTIONS, tilt))
     conforms.closed_form(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
 
 
 def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
     for elevation in range(91):
-        ((_, top),) = ledger_runs.tilt_directions([(180.0, elevation)], 90 - elevation)
+        ((_, top),) = compute.tilt_directions([(180.0, elevation)], 90 - elevation)
         conforms.closed_form(top, 90, atol=2e-6)
 
 
 def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
     arc = sorted(camera for pair in setups.camera_pairs()["4b"] for camera in pair)
-    (request,) = ledger_runs.own_sources()["beam-tilted"].requests
+    (request,) = compute.own_sources()["beam-tilted"].requests
     heights = []
-    for tilt in ledger_runs.TILTS_DEG:
+    for tilt in compute.TILTS_DEG:
         (cameras,) = request.layouts[f"tilt {tilt}"]
-        back = axes(ledger_runs.tilt_directions(cameras, -tilt))
+        back = axes(compute.tilt_directions(cameras, -tilt))
         conforms.closed_form(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
         heights.append([elevation for _, elevation in cameras])
     assert np.all(np.diff(heights, axis=0) < 0)
@@ -140,9 +139,9 @@ def typed(command):
     return name, values
 
 
-@pytest.mark.parametrize("name", ledger_runs.own_sources())
+@pytest.mark.parametrize("name", compute.own_sources())
 def test_commands_run_what_the_ledger_runs(name):
-    source = ledger_runs.own_sources()[name]
+    source = compute.own_sources()[name]
     for command, request in zip(source.commands, source.requests, strict=True):
         assert "\n" not in command
         assert validate_request(*typed(command)).digest == request.digest
@@ -160,7 +159,7 @@ def test_commands_keep_words_and_primes():
 
 @pytest.mark.parametrize("structure", ["beam"])
 def test_corners_are_sixteen_layouts(structure):
-    source = ledger_runs.own_sources()[f"{structure}-corners"]
+    source = compute.own_sources()[f"{structure}-corners"]
     near, far = source.requests
     assert near.layouts == far.layouts
     assert far.distance_mm == 2 * near.distance_mm
@@ -184,7 +183,7 @@ def request_of(name, **values):
 
 
 def test_each_corner_has_its_cameras_and_distance(conforms):
-    (cameras,) = ledger_runs.own_sources()["beam-corners"].requests[0].layouts["many high narrow"]
+    (cameras,) = compute.own_sources()["beam-corners"].requests[0].layouts["many high narrow"]
     for distance, word in ((500, "near"), (1000, "far")):
         cube = studies.run(
             request_of("beam-arrays", cases=[], layouts={"x": [cameras]}, distance_mm=distance)
@@ -219,7 +218,7 @@ def test_elevation_and_tilts_are_what_is_varied(conforms):
         assert series.values.tolist() == elevations == sorted(elevations)
         assert series.case[:2] in ("2a", "2c")
     for series in own()["plate-tilted"]:
-        assert series.values.tolist() == list(ledger_runs.TILTS_DEG)
+        assert series.values.tolist() == list(compute.TILTS_DEG)
     upright = {s.mode: s.errors[0] for s in own()["beam-tilted"] if s.quantity == "mean_error"}
     arrays = cube_of("beam-arrays")
     whole = arrays["mean_error"][(arrays["case"].values == "4b").nonzero()[0][-1], :, 1:]
@@ -235,7 +234,7 @@ def test_the_other_order_is_the_other_one():
         assert printed == {"printed" if case == "4b" else "reversed"}
     made = {s.case for s in own()["beam-other-order"]}
     assert made == {"4b-reversed", "4d-printed"}
-    request = ledger_runs.own_sources()["beam-other-order"].requests[0]
+    request = compute.own_sources()["beam-other-order"].requests[0]
     first = {s.case: s.directions_deg for s in request.settings() if s.value == 2}
     assert {case: {e for _, e in cameras} for case, cameras in first.items()} == {
         "4b": {58.0}, "4d": {8.0}
@@ -253,7 +252,7 @@ def test_cameras_one_by_one_pass_through_the_pairs_of_4a(conforms):
 def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
     cube = cube_of("plate-arrays")
     here = cube.isel(setting=cube["case"].values == "4a").sel(mode=1)
-    for series in own()[ledger_runs.ASKEW_PLATE]:
+    for series in own()[compute.ASKEW_PLATE]:
         if series.case == "plain":
             expected = here[series.quantity].isel(trial=slice(1, None))
             conforms.invariance(series.errors, expected, rtol=1e-6)
@@ -282,7 +281,7 @@ def test_second_largest_errors_are_those_of_the_claims():
 
 def test_own_runs_come_back_from_their_file(tmp_path):
     storage.write_netcdf(own_cube(), tmp_path / "own.nc")
-    back = ledger_runs.read_own(storage.open_netcdf(tmp_path / "own.nc"))
+    back = compute.read_own(storage.open_netcdf(tmp_path / "own.nc"))
     assert list(back) == list(own())
     for name, made in own().items():
         assert len(made) == len({(s.quantity, s.case, s.mode) for s in made})
@@ -295,8 +294,8 @@ def test_own_runs_come_back_from_their_file(tmp_path):
 
 
 def test_own_runs_depend_on_their_seed_alone():
-    other = ledger_runs.run(OwnRuns(trials=2, seed=5))
-    again = ledger_runs.run(OwnRuns(trials=2, seed=5))
+    other = compute.run_layouts(OwnRuns(trials=2, seed=5))
+    again = compute.run_layouts(OwnRuns(trials=2, seed=5))
     xr.testing.assert_identical(other, again)
     same = np.isclose(other["errors"], own_cube()["errors"][:, :, :2], rtol=1e-5)
     assert same.mean() < 0.01  # seldom a largest error falls on the same pixels
@@ -641,8 +640,8 @@ def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
 @pytest.fixture(scope="module")
 def other_readings():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(readings, "CAMERA_STUDIES", {"beam-distance": STUDIES["beam-distance"]})
-        return readings.run(OtherReadings(trials=2, readings=["rest known"]))
+        patch.setattr(compute, "CAMERA_STUDIES", {"beam-distance": STUDIES["beam-distance"]})
+        return compute.run_readings(OtherReadings(trials=2, readings=["rest known"]))
 
 
 @pytest.fixture(scope="module")
@@ -677,7 +676,7 @@ def test_summary_of_the_ledger_is_its_verdicts(found, cube):
 
 @pytest.mark.parametrize("reading", READINGS.values(), ids=lambda reading: reading.name)
 def test_commands_of_the_readings_are_accepted(reading):
-    name, values = typed(readings.format_command(reading))
+    name, values = typed(compute.format_command(reading))
     assert name == "ch3"
-    expected = camera_study("beam-arrays", readings.reading_parameters(reading, "beam-arrays"))
+    expected = camera_study("beam-arrays", compute.reading_parameters(reading, "beam-arrays"))
     assert validate_request("beam-arrays", values).digest == expected.digest

@@ -4,7 +4,7 @@ from functools import cache
 
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.claims import own_runs as ledger_runs
+from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import OwnRuns
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -40,13 +40,13 @@ def cube_of(name):
 @cache
 def own_cube():
     """The ledger's own runs."""
-    return ledger_runs.run(OwnRuns(trials=TRIALS))
+    return compute.run_layouts(OwnRuns(trials=TRIALS))
 
 
 @cache
 def own():
     """Their series."""
-    return ledger_runs.read_own(own_cube())
+    return compute.read_own(own_cube())
 
 
 def entries(own_series=None, **instead):

@@ -1,43 +1,433 @@
-"""The cube of the ledger, and its power: how much the claimed values can tell, by chapter.
+"""The cube of the ledger: evidence on trends, other readings, and how much the claims can tell.
 
-A share of claimed values that are met means little without two others. *Expected*: if the thesis
-were one run of this model, printed with its digits, how many of its values would meet the same
-rule? If fewer do, the model is wrong somewhere. *Scaled*: if all errors of the model were larger or
-smaller by some factor, how many of the thesis's values would be met? A chapter in which that makes
-little difference tests little.
+*Evidence on trends.* A *source* is one or more studies whose errors become
+:class:`thesis_lib.ledger.verdicts.Series`. Besides the figure sets there are, for beam and plate:
+pairs added in the other order, arcs tilted to the side, cameras added one by one, the aperture at
+other distances and elevations, and layouts that are near or far, low or high, wide or narrow, of
+few or many cameras.
+
+*Other readings.* What the thesis leaves open (``data/thesis/assumptions.toml``) can be taken
+otherwise. A *reading* changes one such parameter, or a few, in all studies of chapters 3, 4 and 6
+that have it; everything else, the rule for the verdicts included, stays.
+
+*Power.* A share of claimed values that are met means little without two others. *Expected*: if the
+thesis were one run of this model, printed with its digits, how many of its values would meet the
+same rule? If fewer do, the model is wrong somewhere. *Scaled*: if all errors of the model were
+larger or smaller by some factor, how many of the thesis's values would be met? A chapter in which
+that makes little difference tests little.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from itertools import product
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from thesis_lib.acoustics.planes import PlateSound
+from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.arrays import Array
-from thesis_lib.facts import claims
-from thesis_lib.facts.claims import Claim
-from thesis_lib.figure_sets.claims import own_runs
-from thesis_lib.figure_sets.claims.figure_set import Claims
+from thesis_lib.facts import setups
+from thesis_lib.facts.claims import Claim, claims_of, read_claims
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
+from thesis_lib.figure_sets.claims.figure_set import Claims, OtherReadings, OwnRuns
 from thesis_lib.figure_sets.cube_file import cube_of, read_built
+from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
+from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.ledger.verdicts import Series, claim_from_errors, meets_claim
 from thesis_lib.studies import cubes
-from thesis_lib.studies.request import Study
+from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
+from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.vibration.structure import (
+    Plate,
+    deflection_shape,
+    resonance_frequency,
+    world_points,
+)
+from thesis_lib.vision import rounding
+from thesis_lib.vision.simulation import measure_deflections, percent_errors
+
+TILTS_DEG = (0, 15, 30, 45)
+WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs
+LOW_DEG, HIGH_DEG, FAR_RATIO = 10, 60, 2
+ASKEW_PLATE = "plate-askew"
+ASKEW_MODES = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
+
+OWN_VARIABLES = read_variables(__file__, "own_runs")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Studies to run, and how their errors are read."""
+
+    requests: tuple[Study, ...]  #: What to run
+    #: From the cubes, in the order of the requests, to series
+    read: Callable[[Sequence[xr.Dataset]], list[verdicts.Series]]
+
+    @property
+    def commands(self) -> list[str]:
+        """Commands that build the same cubes."""
+        return [study_command(study) for study in self.requests]
+
+
+def _read_one(name: Callable[[str], str], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
+    return [series for cube in made for series in verdicts.series_of(cube, name)]
+
+
+def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
+    """Return one series for each setting, over the studies that differ in one value."""
+    runs = [verdicts.series_of(cube) for cube in made]
+    return [
+        verdicts.Series(
+            first[0].quantity,
+            f"{first[0].case} {label:g}",
+            first[0].mode,
+            np.array(values, float),
+            np.array([one.errors[number] for one in first]),
+        )
+        for first in zip(*runs, strict=True)
+        for number, label in enumerate(first[0].values)
+    ]
+
+
+def _at_each(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
+    """Return the series of studies that differ in one value, each named after it."""
+    return [
+        replace(series, case=f"{series.case} at {value:g}")
+        for value, cube in zip(values, made, strict=True)
+        for series in verdicts.series_of(cube)
+    ]
+
+
+def _by_layout(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
+    """Return one series over the layouts of one study, each of which has one set of cameras."""
+    by: dict[tuple[str, int], list[Array]] = {}
+    for series in verdicts.series_of(made[0]):
+        by.setdefault((series.quantity, series.mode), []).append(series.errors[0])
+    return [
+        verdicts.Series(quantity, "layouts", mode, np.array(values, float), np.array(errors))
+        for (quantity, mode), errors in by.items()
+    ]
+
+
+def tilt_directions(
+    directions_deg: Iterable[tuple[float, float]], tilt_deg: float
+) -> list[list[float]]:
+    """Turn the directions of an arc about the X axis, as [azimuth, elevation] in degrees.
+
+    Examples
+    --------
+    >>> tilt_directions([(90.0, 60.0)], 30.0)  # cos 60°, sin 60° sin 30°, sin 60° cos 30°
+    [[49.106605, 48.590378]]
+    """
+    turned = []
+    turn = np.radians(tilt_deg)
+    for azimuth, elevation in np.radians(list(directions_deg)):
+        x = np.cos(elevation) * np.sin(azimuth)
+        y = np.cos(elevation) * np.cos(azimuth)
+        z = np.sin(elevation)
+        y, z = y * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - y * np.sin(turn)
+        turned.append(np.degrees([np.arctan2(x, y), np.arcsin(min(z, 1.0))]).round(6).tolist())
+    return turned
+
+
+def _layouts(structure: str, layouts: dict[str, Any], **more: Any) -> CameraStudy:
+    return camera_study(f"{structure}-arrays", {"cases": [], "layouts": layouts, **more})
+
+
+def _corners(structure: str) -> Source:
+    """Return sixteen layouts: few or many, low or high, wide or narrow, near or far."""
+    near = setups.setup_table(structure, "arrays")["distance_mm"]
+    layouts: dict[str, Any] = {}
+    for n, phi, half in product(("few", "many"), ("low", "high"), ("wide", "narrow")):
+        halves = WIDE_DEG if half == "wide" else NARROW_DEG
+        middle = [(halves[2] + halves[3]) / 2]
+        elevation = LOW_DEG if phi == "low" else HIGH_DEG
+        pairs = halves if n == "many" else middle
+        cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
+        layouts[f"{n} {phi} {half}"] = [cameras]
+    runs = [_layouts(structure, layouts, distance_mm=d) for d in (near, FAR_RATIO * near)]
+
+    def read(made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
+        near_, far = made
+        close = verdicts.series_of(near_, lambda case: f"{case} near")
+        return close + verdicts.series_of(far, lambda case: f"{case} far")
+
+    return Source(tuple(runs), read)
+
+
+def _structure_sources(structure: str) -> dict[str, Source]:
+    """Return the ledger's own runs for beam or plate."""
+    order = camera_study(
+        f"{structure}-arrays",
+        {"cases": ["4b", "4d"], "pair_order": {"4b": "reversed", "4d": "printed"}},
+    )
+    pairs = setups.camera_pairs()
+    arc = [camera for pair in pairs["4b"] for camera in pair]
+    tilts = {f"tilt {tilt}": [tilt_directions(arc, tilt)] for tilt in TILTS_DEG}
+    grown = [list(camera) for pair in pairs["4a"] for camera in pair]
+    singly = {"4a-singly": [grown[:n] for n in range(2, len(grown) + 1)]}
+    distances = setups.setup_table(structure, "distance")["distances_mm"]
+    aperture = partial(camera_study, f"{structure}-aperture")
+    elevations = setups.setup_table(structure, "aperture")["elevations_deg"]
+    low = [aperture({"cases": ["2a", "2c"], "elevation_deg": phi}) for phi in elevations]
+    other = {"4b": "4b-reversed", "4d": "4d-printed"}
+    return {
+        f"{structure}-other-order": Source((order,), partial(_read_one, other.__getitem__)),
+        f"{structure}-tilted": Source(
+            (_layouts(structure, tilts),), partial(_by_layout, TILTS_DEG)
+        ),
+        f"{structure}-singly": Source((_layouts(structure, singly),), partial(_read_one, str)),
+        f"{structure}-apart": Source(
+            tuple(aperture({"distance_mm": d}) for d in distances), partial(_at_each, distances)
+        ),
+        f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
+    }
+
+
+def _askew(study: CameraStudy) -> list[verdicts.Series]:
+    """Measure a plate's first mode, and a sum of modes without symmetry, by cameras of 4a."""
+    plate, peak = study.structure, study.peaks_m[0]
+    plain = deflection_shape(plate, 1, plate.markers, peak)
+    askew = np.sum(
+        [deflection_shape(plate, mode, plate.markers, peak) for mode in ASKEW_MODES], axis=0
+    )
+    shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
+    points = world_points(plate, shapes)
+    mean, largest = [], []
+    settings = study.settings()
+    for setting in settings:
+        cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
+        shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
+        measured = measure_deflections(cameras, points, shifts)
+        _, rms, most = percent_errors(measured, shapes[1:])
+        mean.append(rms[:, 1:])
+        largest.append(most[:, 1:])
+    varied = np.array([float(setting.value) for setting in settings])
+    return [
+        verdicts.Series(quantity, case, 1, varied, np.array(errors)[:, number])
+        for quantity, errors in (("mean_error", mean), ("max_point_error", largest))
+        for number, case in enumerate(("plain", "askew"))
+    ]
+
+
+def own_sources() -> dict[str, Source]:
+    """Return the ledger's own runs, by name, without ``ASKEW_PLATE``."""
+    return {
+        **_structure_sources("beam"),
+        **_structure_sources("plate"),
+        "beam-corners": _corners("beam"),
+    }
+
+
+def run_layouts(study: OwnRuns) -> xr.Dataset:
+    """Compute all own runs as one dataset: ``errors(series, setting, trial)``, padded with NaN."""
+    draws = {"trials": study.trials, "seed": study.seed}
+    found: list[tuple[str, verdicts.Series]] = []
+    for name, source in own_sources().items():
+        requests = [camera_study(one.name, {**one.request, **draws}) for one in source.requests]
+        runs = [studies.run(one).assign_attrs(figure_set=one.name) for one in requests]
+        found += [(name, series) for series in source.read(runs)]
+    askew = camera_study("plate-arrays", {"cases": ["4a"], **draws})
+    found += [(ASKEW_PLATE, series) for series in _askew(askew)]
+    most = max(len(series.values) for _, series in found)
+    values = np.full((len(found), most), np.nan)
+    errors = np.full((len(found), most, study.trials), np.nan, "float32")
+    for row, (_, series) in enumerate(found):
+        values[row, : len(series.values)] = series.values
+        errors[row, : len(series.values)] = series.errors
+    coords = {
+        "source": [name for name, _ in found],
+        "quantity": [series.quantity for _, series in found],
+        "case": [series.case for _, series in found],
+        "mode": [series.mode for _, series in found],
+    }
+    made = {"errors": errors, "values": values}
+    return xr.Dataset(label_values(made, OWN_VARIABLES), label_values(coords, OWN_VARIABLES))
+
+
+def read_own(made: xr.Dataset) -> dict[str, list[verdicts.Series]]:
+    """Read the series back from a dataset of :func:`run_layouts`, by the name of the run."""
+    by: dict[str, list[verdicts.Series]] = {}
+    columns = (made[name].values for name in ("source", "quantity", "case", "mode"))
+    kept = np.isfinite(made["values"].values)
+    for row, (source, quantity, case, mode) in enumerate(zip(*columns, strict=True)):
+        here = kept[row]
+        errors = made["errors"].values[row, here].astype(float)
+        series = verdicts.Series(
+            quantity, case, int(mode), made["values"].values[row, here], errors
+        )
+        by.setdefault(str(source), []).append(series)
+    return by
+
+
+CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
+VALUE_OUTCOMES = tuple(
+    one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED
+)  # of stated values
+
+READING_VARIABLES = read_variables(__file__, "readings")
+
+
+def reading_parameters(reading: Reading, figure_set: str) -> dict[str, Any]:
+    """Return the parameters that a figure set takes of an interpretation."""
+    fields = CAMERA_STUDIES[figure_set].model_fields
+    return {key: value for key, value in reading.values.items() if key in fields}
+
+
+def format_command(reading: Reading) -> str:
+    """Return the command that runs chapter 3 under an interpretation."""
+    study = camera_study("beam-arrays", reading_parameters(reading, "beam-arrays"))
+    return study_command(study).replace("beam-arrays", "ch3", 1)
+
+
+def measure_claimed(study: CameraStudy) -> xr.Dataset:
+    """Return the cube of beam or plate, only of settings that claims on it or its sound name."""
+    names = {study.name, study.name.replace("plate", "sound")}
+    spoken = [claim for name in names for claim in claims_of(name)]
+    only = [
+        setting
+        for setting in study.settings()
+        if any(c.speaks_of(setting.case, setting.value, setting.pair_order) for c in spoken)
+    ]
+    return studies.run(study, only=only)
+
+
+def select_plane_errors(study: Any, plate_cube: xr.Dataset) -> xr.Dataset:
+    """Return only the errors on the planes, as in the cube of a plate's sound."""
+    deflections = plate_cube["measured_deflection"]
+    errors = []
+    for mode, peak in zip(study.modes, study.peaks_m, strict=True):
+        sound = _sound(study.structure, study.planes, study.medium, mode, peak)
+        errors.append([sound.plane_errors(one) for one in deflections.sel(mode=mode).values])
+    cube = plate_cube[["mean_error"]].drop_vars("mean_error")
+    dims = ("mode", "setting", "trial", "plane")
+    return cube.assign(plane_error=(dims, errors), plane=[plane.name for plane in study.planes])
+
+
+@lru_cache(maxsize=12)
+def _sound(plate: Plate, planes: Any, medium: Medium, mode: int, peak: float) -> PlateSound:
+    """Return the sound of a mode, which many interpretations share."""
+    shape = deflection_shape(plate, mode, plate.markers, peak)
+    return PlateSound.from_shape(plate, planes, medium, resonance_frequency(plate, mode), shape)
+
+
+def judge_interpretation(
+    reading: Reading, seed: int, trials: int, same: dict[str, Any]
+) -> list[verdicts.Check]:
+    """Judge all claims of the simulated chapters under one interpretation.
+
+    Parameters
+    ----------
+    reading : Reading
+        What to change.
+    seed, trials : int
+        Of all studies.
+    same : dict
+        Checks of requests that have been made before, by digest; new ones are added.
+    """
+    found: list[verdicts.Check] = []
+    plates: dict[str, xr.Dataset] = {}
+    for name in CAMERA_STUDIES:
+        values = {**reading_parameters(reading, name), "seed": seed, "trials": trials}
+        study = camera_study(name, values)
+        if study.digest not in same:
+            if study.subject == "sound":
+                plate = name.replace("sound", "plate")
+                if plate not in plates:
+                    of_plate: dict[str, Any] = study.plate_request  # type: ignore[attr-defined]
+                    plates[plate] = measure_claimed(camera_study(plate, of_plate))
+                cube = select_plane_errors(study, plates[plate])
+            else:
+                cube = plates[name] = measure_claimed(study)
+            same[study.digest] = verdicts.check_claims(cube, claims_of(name))
+        found += same[study.digest]
+    return found
+
+
+def run_readings(study: OtherReadings) -> xr.Dataset:
+    """Return the agreement with the stated values under several readings, the adopted one first.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``reading_claims(reading, chapter, outcome)``: number of claims; ``reading_inside(reading,
+        chapter)``: how many of them the band of the trials meets; ``reading_meets(reading,
+        value)``: which; ``gained(reading)`` and
+        ``lost(reading)`` of them against the adopted reading; ``log_residual(reading, chapter)``:
+        rms natural logarithm of median over stated, of claims with one value or an interval.
+    """
+    chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
+    seed, trials = study.seed, study.trials
+    same: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
+        judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
+        made = [judge(chosen[0])]  # first alone: the others share with it
+        made += map_in_pairs(judge, chosen[1:])
+    chapters = list(CHAPTER_OF_GROUP.values())
+    shape = (len(chosen), len(chapters))
+    counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)
+    inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
+    gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
+    simulated = [claim for claim in read_claims() if claim.chapter in chapters]
+    stated = Counter(claim.chapter for claim in simulated)
+    met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
+    for r, of_reading in enumerate(made):
+        both = met[r].keys() & met[0].keys()
+        gained[r] = sum(met[r][name] and not met[0][name] for name in both)
+        lost[r] = sum(met[0][name] and not met[r][name] for name in both)
+        for c, chapter in enumerate(chapters):
+            part = [check for check in of_reading if check.claim.chapter == chapter]
+            counts[r, c] = [sum(check.verdict == v for check in part) for v in VALUE_OUTCOMES]
+            counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
+            inside[r, c] = sum(check.inside for check in part)
+            residual[r, c] = log_residual(part)
+    values = {
+        "reading_claims": counts,
+        "reading_inside": inside,
+        "reading_meets": [[int(of.get(c.id, False)) for c in simulated] for of in met],
+        "gained": gained,
+        "lost": lost,
+        "log_residual": residual,
+    }
+    coords = {
+        "reading": [reading.name for reading in chosen],
+        "chapter": chapters,
+        "outcome": list(VALUE_OUTCOMES),
+        "value": [claim.id for claim in simulated],
+    }
+    return xr.Dataset(
+        label_values(values, READING_VARIABLES), label_values(coords, READING_VARIABLES)
+    )
+
+
+def log_residual(made: Sequence[verdicts.Check]) -> float:
+    """Return the rms of log(median / stated) over claims that give a value or an interval."""
+    ratios = [check.ratio for check in made if check.claim.relation in ("about", "range")]
+    return float(np.sqrt(np.mean(np.log(ratios) ** 2))) if ratios else float("nan")
+
 
 SIMULATED_CHAPTERS = (3, 4, 6)  # simulated
 FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 THESIS_DRAWS = 50  # trials that stand for the thesis
 
-VARIABLES = read_variables(__file__, "power")
+POWER_VARIABLES = read_variables(__file__, "power")
 
 
-def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[Series]]) -> list[Entry]:
+def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[verdicts.Series]]) -> list[Entry]:
     """Return the ledger's entries, from the cubes of figure sets and the series of its own runs."""
-    commands = {name: source.commands for name, source in own_runs.own_sources().items()}
+    commands = {name: source.commands for name, source in own_sources().items()}
     return list_entries(open_cube, own, STUDIES, commands)
 
 
@@ -52,14 +442,14 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
             opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
         return opened[study.name]
 
-    found = explain_differences(judge_claims(open_cube, own_runs.read_own(own)), other)
-    tested = compute_power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
+    found = explain_differences(judge_claims(open_cube, read_own(own)), other)
+    tested = compute_power(lambda name: open_cube(STUDIES[name]()), read_claims())
     return as_cube(found, other.merge(tested))
 
 
 def meet_all(claim: Claim, band: Array, factor: float = 1.0) -> bool:
     """Return whether bands (2, settings) in %, each times a factor, all meet the claim."""
-    return all(meets_claim(claim, *(factor * ends)) for ends in band.T)
+    return all(verdicts.meets_claim(claim, *(factor * ends)) for ends in band.T)
 
 
 def compute_power(
@@ -81,9 +471,11 @@ def compute_power(
         band = cubes.trial_band(errors)[::2]
         trials = errors.transpose("setting", "trial").values[:, 1 : 1 + THESIS_DRAWS]
         total[at] += 1
-        expected[at] += np.mean([meet_all(claim_from_errors(claim, one), band) for one in trials.T])
+        expected[at] += np.mean(
+            [meet_all(verdicts.claim_from_errors(claim, one), band) for one in trials.T]
+        )
         scaled[at] += [meet_all(claim, band, factor) for factor in FACTOR_LEVELS]
     values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
-    factor = label_values({"factor": list(FACTOR_LEVELS)}, VARIABLES)
+    factor = label_values({"factor": list(FACTOR_LEVELS)}, POWER_VARIABLES)
     coords = {"chapter": ("chapter", list(SIMULATED_CHAPTERS)), **factor}
-    return xr.Dataset(label_values(values, VARIABLES), coords)
+    return xr.Dataset(label_values(values, POWER_VARIABLES), coords)

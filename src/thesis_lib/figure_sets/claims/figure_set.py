@@ -68,8 +68,10 @@ class Claims(OtherReadings):
 
 
 LEDGER_ROOMS = ("figure_sets/parametric", "laboratory", "ledger", "measure")
-OWN_RUNS = Product(module=f"{__package__}.own_runs", rooms=LEDGER_ROOMS, kept=True)
-OTHER_READINGS = Product(module=f"{__package__}.readings", rooms=LEDGER_ROOMS, kept=True)
+OWN_RUNS = Product(module=f"{__package__}.compute:run_layouts", rooms=LEDGER_ROOMS, kept=True)
+OTHER_READINGS = Product(
+    module=f"{__package__}.compute:run_readings", rooms=LEDGER_ROOMS, kept=True
+)
 
 
 def needs(asked: Claims) -> Inputs:

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from scipy.stats import binomtest
 
 from thesis_lib.facts.setups import READINGS
-from thesis_lib.figure_sets.claims.readings import format_command
+from thesis_lib.figure_sets.claims.compute import format_command
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger import trends
 from thesis_lib.ledger.entries import KIND_WORDS, Entry, from_cube
