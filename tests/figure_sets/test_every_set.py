@@ -191,7 +191,7 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
     (line,) = cubes.difference_lines(changed)
     assert line.startswith(f"{first}: ")
     storage.write_netcdf(cube.drop_vars("quantity"), path)
-    with pytest.raises(storage.CubeError, match="it lacks quantity"):
+    with pytest.raises(cubes.CubeError, match="it lacks quantity"):
         cube_file.read_cube(path)
 
 

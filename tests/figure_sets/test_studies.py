@@ -20,7 +20,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
-from thesis_lib.studies import schema, storage
+from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
@@ -439,7 +439,7 @@ def test_what_is_not_a_cube_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "file.nc"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(storage.CubeError, match=r"file\.nc") as caught:
+    with pytest.raises(cubes.CubeError, match=r"file\.nc") as caught:
         cube_file.read_cube(path)
     assert "\n" not in str(caught.value)
 
@@ -452,7 +452,7 @@ def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
     content = whole.read_bytes()
     for size in range(0, len(content), len(content) // 20):
         cut.write_bytes(content[:size])
-        with pytest.raises(storage.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
+        with pytest.raises(cubes.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
             storage.open_netcdf(cut)
     xr.testing.assert_identical(storage.open_netcdf(whole)["case"], cube["case"])
 
@@ -463,7 +463,7 @@ def test_a_small_cube_that_would_fill_the_memory_is_refused(tmp_path, count):
     storage.write_netcdf(xr.Dataset({"a": ("x", np.zeros(3))}), path)
     with h5py.File(path, "a") as file:
         file.create_dataset("b", (count,), "f8", chunks=(2**20,)).make_scale("b")
-    with pytest.raises(storage.CubeError, match=r"^[^\n]*bomb\.nc: not a cube[^\n]* MB\)$"):
+    with pytest.raises(cubes.CubeError, match=r"^[^\n]*bomb\.nc: not a cube[^\n]* MB\)$"):
         storage.open_netcdf(path)
 
 
@@ -493,7 +493,7 @@ def test_a_cube_in_another_format_is_refused_in_one_line(tmp_path, kind):
             if kind == "HDF5":
                 file.create_group("deep")["values"] = np.arange(5.0)
                 file["values"] = np.arange(7.0)
-    with pytest.raises(storage.CubeError, match=r"^[^\n]*foreign\.nc[^\n]*$"):
+    with pytest.raises(cubes.CubeError, match=r"^[^\n]*foreign\.nc[^\n]*$"):
         cube_file.read_cube(path)
 
 

@@ -34,7 +34,7 @@ from thesis_lib.measure.recordings.text_files import (
     read_text,
 )
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
-from thesis_lib.studies import storage
+from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.schema import label_values
 from thesis_lib.studies.storage import key_of
@@ -130,7 +130,7 @@ def _own(path: Path) -> Found:
         covariance = np.asarray(data["covariance"].values, float)
         known = bool(np.isfinite(covariance).all())
         return Found(cameras_in(data), True, covariance if known else None)
-    except (storage.CubeError, KeyError):
+    except (cubes.CubeError, KeyError):
         raise ManifestError(f"{path}: no calibration, allowed: one that was measured") from None
 
 
