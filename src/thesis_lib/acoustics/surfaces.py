@@ -30,12 +30,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.acoustics import radiation
 from thesis_lib.arrays import Array, ComplexArray, IntArray
-from thesis_lib.vibration.polygons import (
-    clip_polygon,
-    edge_distances,
-    polygon_contains,
-    polygon_moments,
-)
+from thesis_lib.vibration import polygons
 
 # Nodes in standard deviations: of a whole cell, and of a cut one the first that all lie inside.
 UNIT_SQUARE = np.array([[-1, 1, -1, 1], [-1, -1, 1, 1]])
@@ -75,8 +70,8 @@ class Surface:
         size = extent / counts
         grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
         centres = low[:, None] + (grid + 0.5) * size[:, None]
-        near = edge_distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
-        whole = centres[:, ~near & polygon_contains(corners, centres)].T
+        near = polygons.edge_distances(corners, centres).min(axis=0) < np.hypot(*size) / 2
+        whole = centres[:, ~near & polygons.polygon_contains(corners, centres)].T
         square = size[:, None] / np.sqrt(12) * UNIT_SQUARE
         parts = [(1.0, middle[:, None] + square) for middle in whole]
         parts += [_cut_cell(corners, middle, size) for middle in centres[:, near].T]
@@ -150,12 +145,16 @@ class Surface:
 
 def _cut_cell(corners: Array, middle: Array, size: Array) -> tuple[float, Array]:
     """Return the share of a cell's area inside an outline, and its nodes (2, 4)."""
-    area, centre, variances = polygon_moments(clip_polygon(corners - middle, -size / 2, size / 2))
+    area, centre, variances = polygons.polygon_moments(
+        polygons.clip_polygon(corners - middle, -size / 2, size / 2)
+    )
     share, std = area / float(np.prod(size)), np.sqrt(np.maximum(variances, 0))[:, None]
     if share > 1 - MIN_AREA_RATIO:
         return 1.0, middle[:, None] + std * UNIT_SQUARE
     nodes = [(middle + centre)[:, None] + std * one for one in CELL_SHAPES]
-    return share, next((one for one in nodes if polygon_contains(corners, one).all()), nodes[-1])
+    return share, next(
+        (one for one in nodes if polygons.polygon_contains(corners, one).all()), nodes[-1]
+    )
 
 
 MAX_CELL_RAD = 1.5  # wavenumber of the air times a cell's side, above which cells are too coarse
@@ -178,8 +177,8 @@ class Screen:
         size = extent / (counts + 0.5)
         numbers = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij")).reshape(2, -1)
         places = low[:, None] + (numbers + 0.75) * size[:, None]
-        inside = edge_distances(corners, places).min(axis=0) > size.min() / 4
-        on = inside & polygon_contains(corners, places)
+        inside = polygons.edge_distances(corners, places).min(axis=0) > size.min() / 4
+        on = inside & polygons.polygon_contains(corners, places)
         return cls(places[:, on], numbers[:, on], size)
 
     def power_form(

@@ -32,11 +32,8 @@ from thesis_lib.figure_sets.registry import (
     validate_request,
 )
 from thesis_lib.files import digest_of, folder_files, shipped, workplace
-from thesis_lib.studies import cubes
-from thesis_lib.studies.cubes import CubeError
+from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import ParameterError, Study
-from thesis_lib.studies.schema import VARIABLES_FILE, with_provenance
-from thesis_lib.studies.storage import cache_path, cached_study, open_netcdf, package_versions
 from thesis_lib.text import one_line
 
 
@@ -64,15 +61,15 @@ def make_product(product: Product, asked: Study, scheduler: str = "") -> xr.Data
 
     library = code_digest(product)
     if product.kept:
-        return cached_study(asked, compute, request_key(product, asked), library)
+        return storage.cached_study(asked, compute, request_key(product, asked), library)
     begun = time.perf_counter()
     result = compute()
-    return with_provenance(result, asked, time.perf_counter() - begun, library)
+    return schema.with_provenance(result, asked, time.perf_counter() - begun, library)
 
 
 def cache_file(product: Product, asked: Study) -> Path:
     """Return the file in which the cache holds a product for a request."""
-    return cache_path(asked, request_key(product, asked))
+    return storage.cache_path(asked, request_key(product, asked))
 
 
 def make_inputs(name: str) -> None:
@@ -96,7 +93,7 @@ def source_files(product: Product) -> list[Path]:
     code = [
         path
         for path in folder_files([*rooms, own])
-        if path.suffix == ".py" or path.name == VARIABLES_FILE
+        if path.suffix == ".py" or path.name == schema.VARIABLES_FILE
     ]
     return [*code, *facts, shipped() / LOCK_FILE]
 
@@ -108,7 +105,7 @@ def code_digest(product: Product) -> str:
     It is that of the files when this process first asked, as what it has imported is, too.
     """
     own = digest_of(source_files(product))
-    return hashlib.sha256(f"{own} {package_versions()}".encode()).hexdigest()
+    return hashlib.sha256(f"{own} {storage.package_versions()}".encode()).hexdigest()
 
 
 def request_key(product: Product, asked: Study) -> str:
@@ -132,7 +129,7 @@ def read_cube(path: Path) -> xr.Dataset:
     CubeError
         In one line: the file, and what is wrong with it.
     """
-    cube = rename_variables(open_netcdf(path))
+    cube = rename_variables(storage.open_netcdf(path))
     listed = cubes.list_dimension(cube)
     errors = set() if listed else {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
     check_cube(
@@ -159,7 +156,7 @@ def read_usable(path: Path, study: Study) -> xr.Dataset | str:
     """Return a cube of this study by this library, or in one line why the file is not that."""
     try:
         cube = read_cube(path)
-    except CubeError:
+    except cubes.CubeError:
         state = "is not readable" if path.exists() else "is missing"
         return f"cube {path.name} {state}: run `thesis book`"
     if cube.attrs["figure_set"] != study.name:
@@ -205,8 +202,8 @@ def check_cube(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str])
         raise _refusal(path, problem)
 
 
-def _refusal(path: Path, problem: str) -> CubeError:
-    return CubeError(f"{path}: not a cube of this project ({problem})")
+def _refusal(path: Path, problem: str) -> cubes.CubeError:
+    return cubes.CubeError(f"{path}: not a cube of this project ({problem})")
 
 
 def _request(cube: xr.Dataset, path: Path) -> Study:

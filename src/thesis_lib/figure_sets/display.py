@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.plotting import panels
-from thesis_lib.plotting.panels import Caption
 from thesis_lib.plotting.style import figure_svg, in_style
 from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.fields import suggest_name
@@ -68,10 +67,10 @@ def fill_text(cube: xr.Dataset, name: str, *which: int) -> str:
     return render(str(figures.__file__), name, **shared, **values)
 
 
-def read_caption(figure_set: str, name: str, *which: int) -> Caption:
+def read_caption(figure_set: str, name: str, *which: int) -> panels.Caption:
     """Return the caption of a figure; empty if ``captions.toml`` in its set's folder has none."""
     words = read_captions(figure_set).get(name, {})
-    return Caption(**{key: text.format(*which) for key, text in words.items()})
+    return panels.Caption(**{key: text.format(*which) for key, text in words.items()})
 
 
 def read_captions(figure_set: str) -> dict[str, dict[str, str]]:
@@ -88,7 +87,7 @@ def picture_style(figure_set: str) -> Mapping[str, Any]:
     return style
 
 
-def list_captions(study: Study, source: str) -> Iterator[Caption]:
+def list_captions(study: Study, source: str) -> Iterator[panels.Caption]:
     """List the captions that a notebook's cell, its `source`, will show, before it is run."""
     if "notebook.figures(result)" in source:
         cases = [setting.case for setting in study.settings()]

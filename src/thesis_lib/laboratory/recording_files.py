@@ -16,11 +16,9 @@ from thesis_lib.facts import setups
 from thesis_lib.files import staging
 from thesis_lib.laboratory.render import BeamView, Sensor, render_board
 from thesis_lib.laboratory.rig import REST_S, Rig, default_rig
-from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings import manifest_parts, media
 from thesis_lib.measure.recordings.board import BoardSpec, Markers, MarkersSpec
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, write_manifest
-from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
-from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import Beam, Plate, Structure
@@ -66,7 +64,7 @@ def write_video(rig: Rig, index: int, folder: Path, codec: Codec = "ffv1") -> No
 def write_board_images(rig: Rig, index: int, folder: Path) -> None:
     """Write the board images by one camera: camera A's are ``A/00.png`` and so on."""
     for k, image in enumerate(render_board_images(rig, index)):
-        write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
+        media.write_png(folder / rig.cameras[index].name / f"{k:02d}.png", image)
 
 
 def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
@@ -111,7 +109,7 @@ def manifest_of(rig: Rig) -> Manifest:
             tile_mm=_mm(board.tile),
             margin_mm=_mm(board.margin),
         ),
-        excitation=Excitation(
+        excitation=manifest_parts.Excitation(
             frequency_hz=rig.motion.components[0].frequency,
             rest_duration_s=REST_S,
             force_per_full_scale_n=rig.full_scale,
@@ -119,7 +117,7 @@ def manifest_of(rig: Rig) -> Manifest:
     )
 
 
-def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec:
+def _describe_structure(structure: Structure, markers: Markers) -> manifest_parts.StructureSpec:
     """Describe the structure: markers by rows where they stand in such, else one by one."""
     x, y = structure.force_point[:, 0]
     if isinstance(structure, Plate):
@@ -145,8 +143,8 @@ def _describe_structure(structure: Structure, markers: Markers) -> StructureSpec
     }
     points = tuple((_mm(u), _mm(v)) for u, v in markers.centres.T)
 
-    def spec(layout: dict[str, Any]) -> StructureSpec:
-        return StructureSpec(
+    def spec(layout: dict[str, Any]) -> manifest_parts.StructureSpec:
+        return manifest_parts.StructureSpec(
             length_mm=_mm(structure.length),
             width_mm=_mm(structure.width),
             thickness_mm=_mm(structure.thickness),

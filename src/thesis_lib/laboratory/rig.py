@@ -32,9 +32,8 @@ from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Beam, Plate
-from thesis_lib.vision import lens
+from thesis_lib.vision import lens, pinhole
 from thesis_lib.vision.lens import Camera
-from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
 
 # Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
 _UPRIGHT_ROTATION = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -188,14 +187,14 @@ def default_rig(
         as diameter.
     """
     angles = np.radians(directions_deg)
-    rotations = hemisphere_rotations(angles[:, 0], angles[:, 1])
-    centres = distance * hemisphere_directions(angles[:, 0], angles[:, 1])
+    rotations = pinhole.hemisphere_rotations(angles[:, 0], angles[:, 1])
+    centres = distance * pinhole.hemisphere_directions(angles[:, 0], angles[:, 1])
     starts = np.random.default_rng([seed, 0]).uniform(0, MAX_START_S, len(angles))
     focal = focal_length / sensor_width * size[0]
     stations = []
     for i, (R, centre, start) in enumerate(zip(rotations, centres, starts, strict=True)):
         differs = np.sin([1.0 + 7 * i, 2.0 + 5 * i, 3.0 + 3 * i, 4.0 + 2 * i])  # in −1…1
-        K = intrinsics(focal * (1 + 0.005 * differs[0]), size)
+        K = pinhole.intrinsics(focal * (1 + 0.005 * differs[0]), size)
         K[:2, 2] += 0.004 * size[0] * differs[1:3]
         distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
         camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)

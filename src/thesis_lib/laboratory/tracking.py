@@ -54,9 +54,7 @@ from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vibration.structure import Structure
-from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
-from thesis_lib.vision.pinhole import project
+from thesis_lib.vision import lens, pinhole
 
 MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
 TRACK_VARIABLES = read_variables(__file__, "tracks")
@@ -112,7 +110,7 @@ def true_centres(rig: Rig, station: Station, times: Array) -> Array:
     return np.asarray(lens.project_points(station.camera, world).swapaxes(0, 1))
 
 
-def true_view(camera: Camera, markers: Markers) -> View:
+def true_view(camera: lens.Camera, markers: Markers) -> View:
     """Return a camera's true view of the structure at rest."""
     corners = lens.project_points(camera, on_surface(markers.extent, markers.corners))
     return view_of(camera, markers, lens.undistort_pixels(camera, corners))
@@ -272,7 +270,7 @@ def calibrate_rig(rig: Rig) -> Adjustment:
     return adjust_bundle(observed, rig.board.corners, [one.camera() for one in single])
 
 
-def crop_sensors(rig: Rig, cameras: Sequence[Camera]) -> tuple[Rig, list[Camera]]:
+def crop_sensors(rig: Rig, cameras: Sequence[lens.Camera]) -> tuple[Rig, list[lens.Camera]]:
     """Let cameras read the part of their sensors which the structure reaches.
 
     Parameters
@@ -314,7 +312,7 @@ class PlanarView(BeamView):
         self.shapes = rig.motion.shapes(self.points)
 
 
-def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) -> list[View]:
+def mark_outline(rig: Rig, cameras: Sequence[lens.Camera], corners: Sequence[Point]) -> list[View]:
     """Return the views of the plane of a structure whose corners (n, 2) in m are marked.
 
     Marked to a pixel in every image, corners are triangulated, and the outline is put there as a
@@ -330,7 +328,7 @@ def mark_outline(rig: Rig, cameras: Sequence[Camera], corners: Sequence[Point]) 
     P = lens.projection_matrices(cameras)
     frame = fit_grid(triangulate_seen(P, images)[0], outline)
     box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
-    pairs = zip(cameras, project(P, box), strict=True)
+    pairs = zip(cameras, pinhole.project(P, box), strict=True)
     return [view_of(camera, rig.markers, four) for camera, four in pairs]
 
 

@@ -21,14 +21,11 @@ import xarray as xr
 
 from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
-from thesis_lib.facts.setups import READINGS
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.trends import Finding
 from thesis_lib.ledger.verdicts import VERDICTS, Check, Series
-from thesis_lib.studies import cubes
+from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.request import Study, study_command
-from thesis_lib.studies.schema import label_values, read_variables
 
 Opener = Callable[[Study], "xr.Dataset | str"]
 THESIS_CHAPTERS = (1, 2, 3, 4, 5, 6, 7)
@@ -97,7 +94,7 @@ class Entry:
 
 
 _COLUMN_NAMES = {"id": "claim", "chapter": "claim_chapter"}  # else those of the fields
-LEDGER_COLUMNS = read_variables(__file__, "entries")
+LEDGER_COLUMNS = schema.read_variables(__file__, "entries")
 
 
 def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
@@ -109,7 +106,7 @@ def as_cube(found: Sequence[Entry], interpretations: xr.Dataset) -> xr.Dataset:
     values["counted"] = [int(counted) for counted in values["counted"]]
     columns: dict[str, Any] = {
         _COLUMN_NAMES.get(field, field): variable
-        for field, variable in label_values(values, LEDGER_COLUMNS).items()
+        for field, variable in schema.label_values(values, LEDGER_COLUMNS).items()
     }
     names = {"claim": columns.pop("claim")}
     return interpretations.drop_attrs(deep=False).assign_coords(names).assign(columns)
@@ -212,7 +209,7 @@ def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     )
 
 
-def _numbers(found: Check | Finding | None, *names: str) -> dict[str, Any]:
+def _numbers(found: Check | ledger_trends.Finding | None, *names: str) -> dict[str, Any]:
     return {} if found is None else {name: getattr(found, name) for name in names}
 
 
@@ -262,7 +259,7 @@ def _trend(
     )
 
 
-def _describe_finding(finding: Finding) -> str:
+def _describe_finding(finding: ledger_trends.Finding) -> str:
     """Describe the finding on a trend in a few words."""
     ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
     effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
@@ -366,7 +363,7 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
 
 def _simplest(chosen: list[int], names: Sequence[str]) -> list[int]:
     """Leave out interpretations that change all that another one changes, and more."""
-    changes = {at: READINGS[names[at]].values.items() for at in chosen}
+    changes = {at: setups.READINGS[names[at]].values.items() for at in chosen}
     return [at for at in chosen if not any(other < changes[at] for other in changes.values())]
 
 

@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import positions
 from thesis_lib.planning.positions import Scene
-from thesis_lib.vision import rounding
-from thesis_lib.vision.pinhole import CameraArray, project
-from thesis_lib.vision.simulation import measure_deflections
+from thesis_lib.vision import pinhole, rounding, simulation
 from thesis_lib.vision.triangulation import UPPER_INDICES, image_jacobian, triangulation_gain
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
@@ -73,7 +71,7 @@ def objective_error(point: Array, objective: str) -> Array:
 
 def _groups(
     scene: Scene, layout: Array, width: int
-) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], CameraArray]]:
+) -> Iterator[tuple[NDArray[np.int_], NDArray[np.int_], pinhole.CameraArray]]:
     """Yield the cameras and markers that go together, and these cameras."""
     rig = positions.place_cameras(scene, layout, width)
     seen = positions.visible_markers(scene, layout)
@@ -109,7 +107,7 @@ def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     for _, markers, part in _groups(scene, layout, width):
         rest, normals = body.points[:, None, markers], body.normals[:, None, markers]
         g = np.sum(triangulation_gain(part.P, rest) * normals[:, None, None], axis=0)
-        moved = project(part.P, deflected[:, :, markers]) - project(part.P, rest)
+        moved = pinhole.project(part.P, deflected[:, :, markers]) - pinhole.project(part.P, rest)
         variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
         point[:, markers] = np.sqrt(np.sum(g**2 * variance, axis=(0, 1)))
     return float(objective_error(point * percent_factor(scene), "mean").max())
@@ -135,7 +133,7 @@ def draw_errors(
     wrong = np.empty((len(true), trials, true.shape[1]))
     for some, markers, part in _groups(scene, layout, width):
         rest, normals = points[:, :, markers], body.normals[:, markers]
-        found = measure_deflections(
+        found = simulation.measure_deflections(
             part, rest, shifts[:, some], estimator=estimator, normals=normals
         )
         wrong[:, :, markers] = found - true[:, None, markers]

@@ -19,11 +19,10 @@ import xarray as xr
 from pydantic_core import PydanticCustomError
 
 from thesis_lib.arrays import Array
-from thesis_lib.planning import errors, positions, sound
+from thesis_lib.planning import errors, positions, search, sound
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
 from thesis_lib.planning.positions import Body, Scene, candidate_positions
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.planning.search import Surroundings, best_layouts
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import label_values, read_variables
 
@@ -268,10 +267,10 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
     """Return plans for the shape, each moved for the sound; no bound of theirs is known."""
     sounds, goal = request.sounds, request.goal
     assert goal != "shape"
-    about: dict[float, Surroundings] = {}
+    about: dict[float, search.Surroundings] = {}
     found = []
     for one in options:
-        around = about.setdefault(one.scene.aspect, Surroundings(one.scene))
+        around = about.setdefault(one.scene.aspect, search.Surroundings(one.scene))
         width = one.resolution[0]
         layout = sound.move_cameras(sounds, around, one.layout, width, goal)
         field, own = (
@@ -335,7 +334,7 @@ def _options(
         tell(f"{n} cameras placed, {time.monotonic() - start:.0f} s")
 
     asked = request.objective, request.starts, request.seed
-    made = best_layouts(scene, grid, counts, *asked, placed)
+    made = search.best_layouts(scene, grid, counts, *asked, placed)
     if all(layout is None for layout in made):
         raise no_room(scene, grid, counts[0], request)
     known = place_information(scene, grid)

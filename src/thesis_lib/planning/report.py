@@ -22,16 +22,13 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.files import staging
 from thesis_lib.outputs import check_outputs, put_files
-from thesis_lib.planning import errors
+from thesis_lib.planning import errors, structure_file
 from thesis_lib.planning.planner import Plan, as_cube, camera_table, plan
 from thesis_lib.planning.request import PlanRequest
-from thesis_lib.planning.structure_file import read_body
 from thesis_lib.plotting import style
 from thesis_lib.plotting.style import HIGHLIGHT_COLOR, cycle_color, in_style, subplots
-from thesis_lib.studies import storage
-from thesis_lib.studies.cubes import percent_text
+from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import changed_parameters, join_command
-from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision.pinhole import hemisphere_rotations
 from thesis_lib.web.fragment import VIEWER_CSS, join_modules, static_html
 from thesis_lib.web.html import render_html, render_lines
@@ -168,7 +165,7 @@ def _describe_option(cube: xr.Dataset, index: int) -> dict[str, Any]:
     one = cube.isel(option=index)
     label = f"{int(one['n_cameras'])} of {int(one['width_px'])}×{int(one['height_px'])} px"
     error, simulated = (
-        percent_text(float(one[f"{name}_error"].max())) for name in ("predicted", "simulated")
+        cubes.percent_text(float(one[f"{name}_error"].max())) for name in ("predicted", "simulated")
     )
     errors = f"{error} % predicted, {simulated} % simulated, in the worst mode."
     words = f"{label} at {float(one['frame_rate']):g} Hz: {errors}"
@@ -217,9 +214,9 @@ def write_plan(
     """
     check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     start = time.perf_counter()
-    body = None if structure is None else read_body(structure, request.modes)
+    body = None if structure is None else structure_file.read_body(structure, request.modes)
     made = plan(request, body, tell)
-    cube = with_provenance(as_cube(made), request, time.perf_counter() - start)
+    cube = schema.with_provenance(as_cube(made), request, time.perf_counter() - start)
     file = "" if structure is None else str(structure)
     cube.attrs["command"] = plan_command(request, file)
     if structure is not None:

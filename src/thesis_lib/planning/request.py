@@ -12,33 +12,18 @@ from pydantic import Field, model_validator
 
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting
 from thesis_lib.planning.positions import Body, Rules, Scene, body_of
-from thesis_lib.studies.fields import (
-    Azimuth,
-    Estimator,
-    Mode,
-    Positive,
-    Real,
-    Resolution,
-    SensorWidth,
-    Separation,
-    Several,
-    Starts,
-    Step,
-    Whole,
-    refuse_value,
-)
+from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit, validate_values
 from thesis_lib.vibration.structure import Structure
 
-Coordinate = Annotated[Real, Field(ge=-1e5, le=1e5)]
-Rise = Annotated[Real, Field(ge=-90, le=90)]
-Tilt = Annotated[Real, Field(gt=0, le=90)]
-Count = Annotated[Whole, Field(ge=2, le=24)]
+Coordinate = Annotated[fields.Real, Field(ge=-1e5, le=1e5)]
+Rise = Annotated[fields.Real, Field(ge=-90, le=90)]
+Tilt = Annotated[fields.Real, Field(gt=0, le=90)]
+Count = Annotated[fields.Whole, Field(ge=2, le=24)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
-Sphere = tuple[Coordinate, Coordinate, Coordinate, Positive]
-Sector = tuple[Azimuth, Azimuth, Rise, Rise]
+Sphere = tuple[Coordinate, Coordinate, Coordinate, fields.Positive]
+Sector = tuple[fields.Azimuth, fields.Azimuth, Rise, Rise]
 MIN_FRAMES_PER_PERIOD = 2.5  # frames that a period needs at least
 AUDIBLE_TARGET = "plate", 1.0, "mean"  # body, view and objective of what is planned for sound
 SOUND_ONLY = 'allowed: "shape", or for the plate, with in_view 1 and objective "mean", a sound'
@@ -58,16 +43,16 @@ class PlanRequest(Study):
     body: Literal["beam", "plate"] = Field(
         "beam", description="what is measured, unless a file describes it"
     )
-    plate_mm: tuple[Positive, Positive, Positive] | None = Field(
+    plate_mm: tuple[fields.Positive, fields.Positive, fields.Positive] | None = Field(
         None,
         description="length, width and thickness of the plate, with material, support and "
         "numbers of markers of the thesis's; null: the thesis's",
     )
-    modes: Several[Mode] = Field([1, 2, 3], description="modes to measure")
-    amplitude_mm: Positive | list[Positive] = Field(
+    modes: fields.Several[fields.Mode] = Field([1, 2, 3], description="modes to measure")
+    amplitude_mm: fields.Positive | list[fields.Positive] = Field(
         5.0, description="peak of the deflection over the structure"
     )
-    target_percent: Positive | None = Field(
+    target_percent: fields.Positive | None = Field(
         5.0,
         description="largest error of a mode that is wanted, in % of its largest deflection of a "
         "marker; null asks only what is possible",
@@ -83,7 +68,7 @@ class PlanRequest(Study):
         description='which plane through the centre counts with goal "sound-plane": along, or '
         "across",
     )
-    point_mm: tuple[Coordinate, Coordinate, Positive] | None = Field(
+    point_mm: tuple[Coordinate, Coordinate, fields.Positive] | None = Field(
         None,
         description='where the pressure counts with goal "sound-point": X, Y from the centre, Z '
         "above it",
@@ -93,30 +78,32 @@ class PlanRequest(Study):
         description="which error of a mode counts: the mean (rms) over its markers, or that of "
         "its worst one",
     )
-    counts: Several[Count] = Field([2, 3, 4, 6, 8], description="numbers of cameras to consider")
-    resolutions_px: Several[Resolution] = Field(
+    counts: fields.Several[Count] = Field(
+        [2, 3, 4, 6, 8], description="numbers of cameras to consider"
+    )
+    resolutions_px: fields.Several[fields.Resolution] = Field(
         [(320, 180), (640, 360), (1280, 720), (1920, 1080)],
         max_length=20,
         description="cameras to choose from: width and height of their images",
     )
-    prices: list[Positive] = Field(
+    prices: list[fields.Positive] = Field(
         [],
         description="price of each of resolutions_px; empty: a layout costs its pixels per second",
     )
-    frame_rates_hz: Several[Positive] = Field(
+    frame_rates_hz: fields.Several[fields.Positive] = Field(
         [30.0, 60.0, 120.0, 240.0, 500.0, 1000.0, 2000.0, 4000.0],
         description="frame rates that the cameras have; the lowest is taken that is "
         f"{MIN_FRAMES_PER_PERIOD:g} times the highest mode's frequency",
     )
-    focal_lengths_mm: Several[Positive] = Field(
+    focal_lengths_mm: fields.Several[fields.Positive] = Field(
         [24.0], max_length=6, description="focal lengths to choose from, camera by camera"
     )
-    sensor_width_mm: SensorWidth = 36.0
-    distances_mm: tuple[Positive, Positive] = Field(
+    sensor_width_mm: fields.SensorWidth = 36.0
+    distances_mm: tuple[fields.Positive, fields.Positive] = Field(
         (500.0, 1500.0),
         description="least and largest distance of a camera from the structure's centre",
     )
-    azimuths_deg: tuple[Azimuth, Azimuth] = Field(
+    azimuths_deg: tuple[fields.Azimuth, fields.Azimuth] = Field(
         (-180.0, 180.0), description="least and largest azimuth of a camera, from +Y towards +X"
     )
     elevations_deg: tuple[Rise, Rise] = Field(
@@ -145,20 +132,20 @@ class PlanRequest(Study):
         description="largest angle between a marker's normal and the line of sight at which it "
         "is read",
     )
-    in_view: Annotated[Real, Field(gt=0, le=1)] = Field(
+    in_view: Annotated[fields.Real, Field(gt=0, le=1)] = Field(
         1.0,
         description="share of the markers that each camera must see and read; it counts for "
         "those alone",
     )
-    separation_mm: Separation = 100.0
-    estimator: Estimator = Field(
+    separation_mm: fields.Separation = 100.0
+    estimator: fields.Estimator = Field(
         "least-squares",
         description="how the simulation estimates points; predicted are least squares",
     )
-    step_deg: Step = 10.0
-    starts: Starts = 3
+    step_deg: fields.Step = 10.0
+    starts: fields.Starts = 3
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """None: layouts are found, not given."""
         return []
 
@@ -235,7 +222,7 @@ class PlanRequest(Study):
             highest = int(np.argmax(body.frequencies))
             mode = f"mode {body.modes[highest]} has {body.frequencies[highest]:.4g} Hz"
             allowed = f"one of {needed:.4g} Hz or more, since {mode}"
-            refuse_value("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
+            fields.refuse_value("frame_rates_hz", self.frame_rates_hz, f"allowed: {allowed}")
         return min(enough)
 
     def check_with(self, body: Body) -> None:
@@ -244,7 +231,7 @@ class PlanRequest(Study):
             self.refuse("amplitude_mm", "allowed: a number, or a list with one for each mode")
         reach = 1000 * (body.reach + max(self.peaks_m))
         if self.distances_mm[0] <= reach:
-            refuse_value("distances_mm", list(self.distances_mm), distance_limit(reach))
+            fields.refuse_value("distances_mm", list(self.distances_mm), distance_limit(reach))
         self.frame_rate(body)
         if self.goal != "shape" and body.name != self.body:
             self.refuse("goal", SOUND_ONLY)

@@ -17,13 +17,6 @@ from numpy.typing import NDArray
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.planning import errors, positions
 from thesis_lib.planning.errors import exchange_cameras, layout_cost, place_information, too_near
-from thesis_lib.planning.positions import (
-    MAX_TIE_RATIO,
-    Scene,
-    by_rule,
-    nearest_distances,
-    places_at,
-)
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 SEARCH_STEPS_RAD = np.radians([4, 2, 1, 0.5, 0.2, 0.1])
@@ -72,9 +65,11 @@ class Surroundings:
         What is measured, and the rules.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: positions.Scene) -> None:
         self.scene = scene
-        self.nearest = Once(lambda rows: nearest_distances(scene, rows[:, :2], rows[:, 2]))
+        self.nearest = Once(
+            lambda rows: positions.nearest_distances(scene, rows[:, :2], rows[:, 2])
+        )
         self.permitted = Once(lambda places: positions.are_permitted(scene, places))
         self._information = Once(lambda places: np.moveaxis(place_information(scene, places), 1, 0))
 
@@ -112,7 +107,7 @@ def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Ar
         near = about.nearest(np.column_stack([grid, focal]))
         far = [near, distance - by, distance, distance + by]
     every = np.concatenate(
-        [places_at(grid, positions.lengths(d, rules.distances), focal) for d in far]
+        [positions.places_at(grid, positions.lengths(d, rules.distances), focal) for d in far]
     )
     camera = np.tile(np.repeat(np.arange(n), len(_SEARCH_DIRECTIONS)), len(far))
     _, first = np.unique(np.column_stack([camera, every]), axis=0, return_index=True)
@@ -122,10 +117,10 @@ def find_neighbours(about: Surroundings, layout: Array, step: float) -> tuple[Ar
     return np.concatenate([layout, every[first]]), whose
 
 
-def turn_layout(scene: Scene, layout: Array, angle: float) -> Array:
+def turn_layout(scene: positions.Scene, layout: Array, angle: float) -> Array:
     """Return a layout turned by an angle (rad) about the mean of the markers' normals."""
     mean = scene.body.normals.mean(axis=1)
-    axis = mean / max(np.linalg.norm(mean), MAX_TIE_RATIO)
+    axis = mean / max(np.linalg.norm(mean), positions.MAX_TIE_RATIO)
     sight = hemisphere_directions(layout[:, 0], layout[:, 1])
     sight = (
         sight * np.cos(angle)
@@ -152,7 +147,7 @@ def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
                 start = turn_layout(about.scene, layout, turn) if turn else layout
                 moved = _move_best(about, start, reach, objective)
                 value = np.inf if moved is None else about.cost(moved, objective)
-                if moved is None or not value < best * (1 - MAX_TIE_RATIO):
+                if moved is None or not value < best * (1 - positions.MAX_TIE_RATIO):
                     break
                 layout, best = moved, value
     return layout
@@ -168,7 +163,7 @@ def _move_best(about: Surroundings, layout: Array, step: float, objective: str) 
     return found if -1 not in chosen and errors.is_spaced(about.scene, found) else None
 
 
-def layout_images(scene: Scene, layout: Array) -> list[Array]:
+def layout_images(scene: positions.Scene, layout: Array) -> list[Array]:
     """Turn a layout by quarters, and mirror it at the planes through the centre."""
     out = []
     for quarter, aside, up in itertools.product(range(4), (1, -1), (1, -1)):
@@ -179,19 +174,19 @@ def layout_images(scene: Scene, layout: Array) -> list[Array]:
     return out
 
 
-def choose_layout(scene: Scene, layouts: Sequence[Array], objective: str) -> Array | None:
+def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: str) -> Array | None:
     """Choose the best layout; of equal ones and their images, that of the least rank."""
     costs = [layout_cost(scene, one, objective) for one in layouts]
-    most = min(costs, default=0.0) * (1 + MAX_TIE_RATIO)
+    most = min(costs, default=0.0) * (1 + positions.MAX_TIE_RATIO)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
     images = itertools.chain.from_iterable(layout_images(scene, one) for one in best)
     turned = [image for image in images if errors.is_allowed(scene, image)]
     alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
-    return min(map(by_rule, best + alike), key=positions.rank_layout, default=None)
+    return min(map(positions.by_rule, best + alike), key=positions.rank_layout, default=None)
 
 
 def best_layouts(
-    scene: Scene,
+    scene: positions.Scene,
     grid: Array,
     counts: Sequence[int],
     objective: str,
@@ -244,7 +239,7 @@ def best_layouts(
         whole = {tuple(sorted(one)): least for one, least in tried if -1 not in one}
         layouts = [grid[list(one)] for one in whole]
         if whole:
-            least = min(whole.values()) * (1 + MAX_TIE_RATIO)
+            least = min(whole.values()) * (1 + positions.MAX_TIE_RATIO)
             smaller = list(min(one for one, value in whole.items() if value <= least))
         before = next((f for f in reversed(found) if f is not None), None)
         if before is not None:  # the settled smaller one and what adds most to it

@@ -19,9 +19,7 @@ from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, pl
 from thesis_lib.acoustics.radiation import Medium, Pistons, radiation_matrix, transfer_pressure
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.planning import positions
-from thesis_lib.planning.positions import Scene, places_at
-from thesis_lib.planning.search import Surroundings
+from thesis_lib.planning import positions, search
 from thesis_lib.studies.fields import refuse_value
 from thesis_lib.studies.request import SoundPlanes
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
@@ -107,7 +105,7 @@ def _predict_modes(sounds: Sounds, covariances: Sequence[Array], goal: Goal) -> 
 
 
 def average_sound_error(
-    sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
+    sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Average the sound errors of modes in % over amplitudes and small turns of the layout.
 
@@ -123,7 +121,7 @@ def average_sound_error(
 
 
 def predict_sound_errors(
-    sounds: Sounds, scene: Scene, layout: Array, width: int, goal: Goal = "sound"
+    sounds: Sounds, scene: positions.Scene, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Return errors of the modes' sound in % by the law of rounding, at the amplitude asked for."""
     P, rest = positions.place_cameras(scene, layout, width).P, scene.body.points
@@ -156,7 +154,7 @@ def simulate_sound_errors(
 
 
 def move_cameras(
-    sounds: Sounds, about: Surroundings, layout: Array, width: int, goal: Goal = "sound"
+    sounds: Sounds, about: search.Surroundings, layout: Array, width: int, goal: Goal = "sound"
 ) -> Array:
     """Move the cameras, one by one, by ever smaller steps while the sound gains.
 
@@ -177,7 +175,7 @@ def move_cameras(
             up = positions.angles(elevation + step * _SEARCH_DIRECTIONS[:, 1], rules.elevations)
             grid = np.column_stack([positions.azimuths(aside, rules.azimuths), up])
             near = about.nearest(np.column_stack([grid, np.full(len(grid), focal)]))
-            places = places_at(grid, near, focal)
+            places = positions.places_at(grid, near, focal)
             others = np.delete(found, which, axis=0)
             places = places[about.permitted(places) & positions.are_apart(scene, places, others)]
             tried = [np.insert(others, which, place, axis=0) for place in places]

@@ -25,9 +25,8 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.planning.positions import Body, body_of
-from thesis_lib.studies import storage
+from thesis_lib.studies import schema, storage
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.studies.schema import with_origin
 from thesis_lib.text import has_hidden, one_line
 from thesis_lib.vibration.structure import Structure
 
@@ -180,7 +179,7 @@ def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
     }
     numbers = {"mode": ("mode", np.array(modes), {"units": "1", "long_name": "mode number"})}
     data = xr.Dataset(places | values, numbers, {"title": "Markers and mode shapes"})
-    return with_origin(data, f"thesis_lib.planning.structure_file, {kind}")
+    return schema.with_origin(data, f"thesis_lib.planning.structure_file, {kind}")
 
 
 def write_modes(structure: Structure, modes: Sequence[int], path: Path) -> Path:

@@ -22,14 +22,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim
-from thesis_lib.plotting.selection import (
-    Bars,
-    best_and_worst,
-    error_bars,
-    figure_names,
-    rank_settings,
-    select_settings,
-)
+from thesis_lib.plotting import selection
 from thesis_lib.plotting.style import (
     BLACK_COLOR,
     HIGHLIGHT_COLOR,
@@ -47,7 +40,7 @@ FAR_APART = 20.0
 """Where the greatest error is more times the least than this, their axis is logarithmic."""
 
 
-def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[Bars]) -> None:
+def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) -> None:
     """Draw the errors of each setting, one or more side by side.
 
     Bars on an axis from 0; where errors are so far apart that it is logarithmic, marks, since there
@@ -117,14 +110,14 @@ def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
     axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **style)
 
 
-def _top(groups: Sequence[Bars]) -> float:
+def _top(groups: Sequence[selection.Bars]) -> float:
     """Return the largest error that is drawn or stated, at least 0.1."""
     drawn = [np.ravel([bars.literal, bars.band[2]]) for bars in groups]
     stated = [claim.high for bars in groups for claim in bars.claims if claim]
     return float(np.fmax.reduce(np.concatenate([*drawn, [0.1, *stated]])))
 
 
-def _least(groups: Sequence[Bars], top: float) -> float:
+def _least(groups: Sequence[selection.Bars], top: float) -> float:
     """Return the least error if an axis from 0 would hide it, else 0."""
     drawn = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
     least = float(np.fmin.reduce(np.concatenate(drawn)))
@@ -231,15 +224,15 @@ def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
 
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setups, deflection shapes, marker errors and bars of a beam."""
-    part = select_settings(cube, case, mode)
-    chosen = best_and_worst(part)
+    part = selection.select_settings(cube, case, mode)
+    chosen = selection.best_and_worst(part)
     labels = list(part["label"].values)
     drawing, axes = place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
     setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
     axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
-    for index, word, ink in zip(chosen, rank_settings(part), RANK_COLORS, strict=False):
+    for index, word, ink in zip(chosen, selection.rank_settings(part), RANK_COLORS, strict=False):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
         axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=name)
@@ -256,7 +249,7 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     axes["b"].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
     axes["b"].legend(loc="upper left")
     axes["c"].legend()
-    bar_panel(axes["d"], part, [error_bars(cube, case, mode)])
+    bar_panel(axes["d"], part, [selection.error_bars(cube, case, mode)])
     axes["d"].set(title="(d) mean (rms) error", ylabel="% of the largest deflection")
     return drawing
 
@@ -274,7 +267,7 @@ def case_captions(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:
     """Return the caption of the figure of each case and mode of a cube."""
     made = {}
     cases, modes = cube["case"].values.tolist(), cube["mode"].values.tolist()
-    for (case, mode), file in figure_names(cube).items():
+    for (case, mode), file in selection.figure_names(cube).items():
         at = cases.index(case)
         title = str(cube["case_title"].values[at])
         number = str(cube["thesis_figure"].values[at, modes.index(mode)])

@@ -14,7 +14,6 @@ from pydantic import Field, ValidationError, model_validator
 from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.radiation import Medium, check_pistons
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.studies.fields import (
     Fields,
     Positive,
@@ -77,7 +76,7 @@ class Study(Fields):
         description="file to write the cube to, from the project's folder; empty writes nothing",
     )
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """Return the study's settings in the order of the thesis's tables, if any."""
         return []
 
@@ -221,7 +220,7 @@ def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
 Markers = Annotated[Whole, Field(ge=2, le=60)]
 Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
 PlanePoints = Annotated[Whole, Field(ge=2, le=500)]
-SOUND_READING = assumed_values("sound")
+SOUND_READING = setups.assumed_values("sound")
 
 
 class PlateMarkers(Fields):

@@ -26,8 +26,7 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Setting
 from thesis_lib.files import NoCloneError, library_digest, project_root
-from thesis_lib.studies import cubes, effort
-from thesis_lib.studies.fields import unit_of_field
+from thesis_lib.studies import cubes, effort, fields
 from thesis_lib.studies.request import Study
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.structure import Structure
@@ -238,7 +237,7 @@ def study_coordinates(
     def along_settings(long_name: str, of: Callable[[Setting], Any], units: str = "1") -> Any:
         return along_dimension("setting", [of(setting) for setting in settings], long_name, units)
 
-    varied = {"mm": "mm", "°": "degree"}.get(unit_of_field(study.varied), "1")
+    varied = {"mm": "mm", "°": "degree"}.get(fields.unit_of_field(study.varied), "1")
     return {
         "case": along_settings("case of the thesis, or layout", lambda s: s.case),
         "parameter": along_settings("varied parameter", lambda _: study.varied),

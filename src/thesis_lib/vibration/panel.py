@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.vibration import polygons
 from thesis_lib.vibration.finite_elements import (
     CLAMPED_EDGE,
     SIMPLY_SUPPORTED,
@@ -25,23 +26,6 @@ from thesis_lib.vibration.finite_elements import (
     PlateModes,
     facets_along,
     plate_modes,
-)
-from thesis_lib.vibration.polygons import (
-    Circle,
-    Hole,
-    Point,
-    ShapeError,
-    are_apart,
-    divide_hole,
-    edge_distances,
-    in_hole,
-    is_simple,
-    is_within,
-    mesh_outline,
-    polygon_area,
-    polygon_contains,
-    polygon_edges,
-    triangulate_polygon,
 )
 from thesis_lib.vibration.structure import Sheet
 
@@ -59,17 +43,17 @@ class Panel(Sheet):
         In one line, if any of these does not make a panel that can be computed.
     """
 
-    outline: tuple[Point, ...]  #: Corners in m; the box around them begins at (0, 0)
+    outline: tuple[polygons.Point, ...]  #: Corners in m; the box around them begins at (0, 0)
     #: Of each edge, from the corner of its number to the next: ``simply supported``, ``clamped`` or
     #: ``free``
     supports: tuple[str, ...]
-    holes: tuple[Hole, ...]  #: What is cut out, round or with corners; its edges are free
+    holes: tuple[polygons.Hole, ...]  #: What is cut out, round or with corners; its edges are free
     thickness: float  #: In m
     density: float  #: In kg/m³
     youngs_modulus: float  #: In Pa
     poisson: float  #: Poisson's ratio
     damping: float  #: Modal damping ratio ξ, equal for all modes
-    force_position: Point  #: Where the point force acts, x and y in m
+    force_position: polygons.Point  #: Where the point force acts, x and y in m
     #: The box is divided into so many cells along x and y; a cell whose centre is on the panel has
     #: a marker there
     grid: tuple[int, int]
@@ -81,20 +65,22 @@ class Panel(Sheet):
         _check_holes(self)
         _check_supports(self)
         if not self.covers(np.array(self.force_position, float)[:, None])[0]:
-            raise ShapeError("force_position", self.force_position, "a point on the panel")
+            raise polygons.ShapeError("force_position", self.force_position, "a point on the panel")
         if (found := self.markers.shape[1]) < 3:
             allowed = f"a finer one: fewer than 3 cells have their centre on the panel ({found})"
-            raise ShapeError("grid", self.grid, allowed)
+            raise polygons.ShapeError("grid", self.grid, allowed)
         _check_mesh(self.outline, self.holes, self.element_size)
 
     @property
     def area(self) -> float:
         """Return the area in m²."""
         cut = (
-            math.pi * hole.radius**2 if isinstance(hole, Circle) else abs(polygon_area(hole))
+            math.pi * hole.radius**2
+            if isinstance(hole, polygons.Circle)
+            else abs(polygons.polygon_area(hole))
             for hole in self.holes
         )
-        return abs(polygon_area(self.outline)) - sum(cut)
+        return abs(polygons.polygon_area(self.outline)) - sum(cut)
 
     @property
     def mass(self) -> float:
@@ -121,26 +107,31 @@ class Panel(Sheet):
         coarse = max(self.extent)
         curves = [
             np.array(self.outline, float),
-            *(divide_hole(hole, coarse) for hole in self.holes),
+            *(polygons.divide_hole(hole, coarse) for hole in self.holes),
         ]
         senses = [1, *[-1] * len(self.holes)]
         return [
-            c[:: int(sense * np.sign(polygon_area(c)))]
+            c[:: int(sense * np.sign(polygons.polygon_area(c)))]
             for c, sense in zip(curves, senses, strict=True)
         ]
 
     def covers(self, points: ArrayLike) -> Mask:
         """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
-        inside = polygon_contains(self.outline, points)
+        inside = polygons.polygon_contains(self.outline, points)
         for hole in self.holes:
-            inside &= ~in_hole(hole, points)
+            inside &= ~polygons.in_hole(hole, points)
         return inside | self._on_edge(points)
 
     def _on_edge(self, points: Array) -> Mask:
         """Return which points (2, n) are on the outline or on the straight edge of a hole."""
-        straight = [self.outline, *(hole for hole in self.holes if not isinstance(hole, Circle))]
-        nearest = np.min([edge_distances(edges, points).min(axis=0) for edges in straight], axis=0)
+        straight = [
+            self.outline,
+            *(hole for hole in self.holes if not isinstance(hole, polygons.Circle)),
+        ]
+        nearest = np.min(
+            [polygons.edge_distances(edges, points).min(axis=0) for edges in straight], axis=0
+        )
         on: Mask = nearest <= ON_EDGE * max(self.extent)
         return on
 
@@ -166,7 +157,7 @@ class Panel(Sheet):
         """
         numbers = np.asarray(modes, np.int64)
         if numbers.min() < 1:
-            raise ShapeError("modes", list(modes), "numbers from 1")
+            raise polygons.ShapeError("modes", list(modes), "numbers from 1")
         points = np.asarray(points, float)
         flat = points.reshape(2, -1)
         values = np.full((len(numbers), flat.shape[1]), np.nan)
@@ -179,9 +170,9 @@ class Panel(Sheet):
 
 @lru_cache(maxsize=8)
 def _compute_batch(panel: Panel, batches: int) -> PlateModes:
-    mesh = mesh_outline(panel.outline, panel.holes, panel.element_size)
+    mesh = polygons.mesh_outline(panel.outline, panel.holes, panel.element_size)
     sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
-    for edge, support in zip(polygon_edges(panel.outline), panel.supports, strict=True):
+    for edge, support in zip(polygons.polygon_edges(panel.outline), panel.supports, strict=True):
         sides[support].append(facets_along(mesh, *edge))
     clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED_EDGE, SIMPLY_SUPPORTED))
     return plate_modes(mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH)
@@ -190,7 +181,7 @@ def _compute_batch(panel: Panel, batches: int) -> PlateModes:
 def _find_modes(panel: Panel, n_modes: int) -> PlateModes:
     """Compute at least so many modes, once."""
     if n_modes < 1:
-        raise ShapeError("n_modes", n_modes, "1 or more")
+        raise polygons.ShapeError("n_modes", n_modes, "1 or more")
     return _compute_batch(panel, math.ceil(n_modes / MODES_PER_BATCH))
 
 
@@ -201,62 +192,66 @@ def _check_numbers(panel: Panel) -> None:
     for name in ("thickness", "density", "youngs_modulus", "element_size"):
         value = getattr(panel, name)
         if not (math.isfinite(value) and value > 0):
-            raise ShapeError(name, value, "a number above 0")
+            raise polygons.ShapeError(name, value, "a number above 0")
     if not -1 < panel.poisson < 0.5:
-        raise ShapeError("poisson", panel.poisson, "a number above -1 and below 0.5")
+        raise polygons.ShapeError("poisson", panel.poisson, "a number above -1 and below 0.5")
     if not 0 <= panel.damping < math.sqrt(0.5):
-        raise ShapeError("damping", panel.damping, "a number from 0 to below 0.707")
+        raise polygons.ShapeError("damping", panel.damping, "a number from 0 to below 0.707")
     if not np.all(np.isfinite(panel.force_position)):
-        raise ShapeError("force_position", panel.force_position, "finite numbers")
+        raise polygons.ShapeError("force_position", panel.force_position, "finite numbers")
     if min(panel.grid) < 1:
-        raise ShapeError("grid", panel.grid, "whole numbers from 1")
+        raise polygons.ShapeError("grid", panel.grid, "whole numbers from 1")
 
 
-def _check_polygon(name: str, polygon: Sequence[Point]) -> None:
+def _check_polygon(name: str, polygon: Sequence[polygons.Point]) -> None:
     if len(polygon) < 3 or not np.all(np.isfinite(np.asarray(polygon, float))):
-        raise ShapeError(name, polygon, "at least 3 corners, of finite numbers")
+        raise polygons.ShapeError(name, polygon, "at least 3 corners, of finite numbers")
     corners = np.asarray(polygon, float)
     box = float(np.max(np.ptp(corners, axis=0)))
-    if not is_simple(polygon) or abs(polygon_area(polygon)) < 1e-9 * box**2:
-        raise ShapeError(name, polygon, "edges that meet at their common corners alone")
+    if not polygons.is_simple(polygon) or abs(polygons.polygon_area(polygon)) < 1e-9 * box**2:
+        raise polygons.ShapeError(name, polygon, "edges that meet at their common corners alone")
 
 
 def _check_outline(panel: Panel) -> None:
     _check_polygon("outline", panel.outline)
     if np.any(np.abs(np.min(panel.outline, axis=0)) > ON_EDGE * max(panel.extent)):
         low = tuple(np.min(panel.outline, axis=0).tolist())
-        raise ShapeError("outline", f"a box from {low}", "corners whose box begins at (0, 0)")
+        raise polygons.ShapeError(
+            "outline", f"a box from {low}", "corners whose box begins at (0, 0)"
+        )
 
 
 def _check_holes(panel: Panel) -> None:
     for hole in panel.holes:
-        if isinstance(hole, Circle):
+        if isinstance(hole, polygons.Circle):
             finite = all(map(math.isfinite, (hole.x, hole.y, hole.radius)))
             if not (finite and hole.radius > 0):
-                raise ShapeError("holes", hole, "finite numbers, and a radius above 0")
+                raise polygons.ShapeError("holes", hole, "finite numbers, and a radius above 0")
         else:
             _check_polygon("holes", hole)
-        if not is_within(hole, panel.outline):
-            raise ShapeError("holes", hole, "a hole inside the outline")
+        if not polygons.is_within(hole, panel.outline):
+            raise polygons.ShapeError("holes", hole, "a hole inside the outline")
     for one, other in combinations(panel.holes, 2):
-        if not are_apart(one, other):
-            raise ShapeError("holes", (one, other), "holes that do not touch")
+        if not polygons.are_apart(one, other):
+            raise polygons.ShapeError("holes", (one, other), "holes that do not touch")
 
 
 def _check_supports(panel: Panel) -> None:
-    sides = polygon_edges(panel.outline)
+    sides = polygons.polygon_edges(panel.outline)
     if len(panel.supports) != len(sides) or not set(panel.supports) <= set(SUPPORTS):
         allowed = f"one of {', '.join(SUPPORTS)} for each of {len(sides)} edges"
-        raise ShapeError("supports", panel.supports, allowed)
+        raise polygons.ShapeError("supports", panel.supports, allowed)
     supported = [s == SIMPLY_SUPPORTED for s in panel.supports]
     held = np.array(sides)[supported].reshape(-1, 2)
     near = ON_EDGE * max(panel.extent)
     on_a_line = len(held) < 3 or np.linalg.matrix_rank(held[1:] - held[0], tol=near) < 2
     if CLAMPED_EDGE not in panel.supports and on_a_line:
         allowed = "a clamped edge, or simply supported ones that are not on one line"
-        raise ShapeError("supports", panel.supports, allowed)
+        raise polygons.ShapeError("supports", panel.supports, allowed)
 
 
 @lru_cache(maxsize=32)
-def _check_mesh(outline: tuple[Point, ...], holes: tuple[Hole, ...], size: float) -> None:
-    triangulate_polygon(outline, holes, size)
+def _check_mesh(
+    outline: tuple[polygons.Point, ...], holes: tuple[polygons.Hole, ...], size: float
+) -> None:
+    polygons.triangulate_polygon(outline, holes, size)

@@ -26,13 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.vision.triangulation import (
-    UPPER_INDICES,
-    centre_projections,
-    check_arrays,
-    check_frames,
-    triangulate,
-)
+from thesis_lib.vision import triangulation
 
 _BLOCK_VALUES = 36000  # camera × point values per block: intermediate results stay in cache
 # Newton steps after which a polytope counts as empty: of 144,249 feasible ones all were done by 25.
@@ -60,7 +54,7 @@ def analytic_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> 
 
     The same as :func:`joint_centre` for one frame of every point.
     """
-    P, uv = check_arrays(P, uv)
+    P, uv = triangulation.check_arrays(P, uv)
     found = joint_centre(P, uv[:, :, None], half_width_px)
     return Centres(found.points[:, 0], found.feasible)
 
@@ -91,10 +85,10 @@ def joint_centre(P: ArrayLike, uv: ArrayLike, half_width_px: float = 0.5) -> Cen
     ValueError
         If fewer than two cameras are given, the shapes do not match, or the width is not positive.
     """
-    P, uv = check_frames(P, uv)
+    P, uv = triangulation.check_frames(P, uv)
     if not 0 < half_width_px < np.inf:
         raise ValueError(f"half_width_px: given {half_width_px}, allowed: a number above 0, in px")
-    start = triangulate(P, uv)
+    start = triangulation.triangulate(P, uv)
     n, frames = len(P), uv.shape[2]
     slabs = _Slabs(P, half_width_px)
     pixels = uv.reshape(n, 2, frames, -1)
@@ -119,11 +113,13 @@ class _Slabs:
     """
 
     def __init__(self, P: Array, half_width: float) -> None:
-        P, self.middle = centre_projections(P)
+        P, self.middle = triangulation.centre_projections(P)
         self.half_width = half_width
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
         a = P[:, :, :3]
-        outer = np.einsum("nik,njl->nijkl", a, a)[..., UPPER_INDICES[0], UPPER_INDICES[1]]
+        outer = np.einsum("nik,njl->nijkl", a, a)[
+            ..., triangulation.UPPER_INDICES[0], triangulation.UPPER_INDICES[1]
+        ]
         turned = -(outer + outer.swapaxes(1, 2))
         parts = [outer[:, 0, 0], outer[:, 1, 1], turned[:, 0, 2], turned[:, 1, 2], outer[:, 2, 2]]
         self.hessian = np.concatenate(parts).T.copy()

@@ -54,15 +54,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.vision import triangulation
 from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import (
-    UPPER_INDICES,
-    check_arrays,
-    check_frames,
-    image_jacobian,
-    point_covariance,
-    triangulate,
-)
 
 LEAST_PX = 1e-3  # noise that is assumed at least: slabs have thin walls
 _BLOCK_VALUES = 8000  # camera × point values per block: intermediate results stay in cache
@@ -99,7 +92,7 @@ def interval_estimate(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Pos
     standard deviation `sigma_px` of every image coordinate before it was rounded, in px; a
     ValueError if that is negative or no number.
     """
-    P, uv = check_arrays(P, uv)
+    P, uv = triangulation.check_arrays(P, uv)
     found = joint_interval(P, uv[:, :, None], sigma_px)
     points, covariance = found.points[:, 0], found.covariance[:, :, 0]
     return Posterior(points, covariance, found.evidence, found.feasible)
@@ -111,12 +104,12 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
     `uv` is (cameras, 2, frames, ...), such as the pixels at rest and deflected; `points` are then
     (3, frames, ...), `evidence` and `feasible` (...).
     """
-    P, uv = check_frames(P, uv)
+    P, uv = triangulation.check_frames(P, uv)
     if not 0 <= sigma_px < np.inf:
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number from 0, in px")
     n, frames = len(P), uv.shape[2]
     pixels = uv.reshape(n, 2, frames, -1)
-    points = triangulate(P, pixels)
+    points = triangulation.triangulate(P, pixels)
     covariance = np.empty((3, 3, *points.shape[1:]))
     evidence, feasible = np.empty(points.shape[2]), np.empty(points.shape[2], bool)
     block = max(1, _BLOCK_VALUES // (n * frames))
@@ -141,9 +134,13 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     frames, m = start.shape[1:]
     about = start.copy()
     about[:2] = start[:2].mean(axis=1, keepdims=True)
-    J = image_jacobian(P, about.reshape(3, -1)).reshape(-1, 3, frames * m).swapaxes(0, 1)
+    J = (
+        triangulation.image_jacobian(P, about.reshape(3, -1))
+        .reshape(-1, 3, frames * m)
+        .swapaxes(0, 1)
+    )
     middle = (pixels - project(P, about)).reshape(J.shape[1:])  # of the pixels, from `about`
-    squares = np.stack([J[i] * J[j] for i, j in zip(*UPPER_INDICES, strict=True)])
+    squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
     tau = np.full(middle.shape, 1 / (variance + 1 / 12))
     nu = tau * middle
@@ -272,7 +269,7 @@ def least_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float) -> Array:
 
     That of a deflection is the sum of those at rest and deflected.
     """
-    return point_covariance(P, points, pixel_information(sigma_px) ** -0.5)
+    return triangulation.point_covariance(P, points, pixel_information(sigma_px) ** -0.5)
 
 
 @dataclass(frozen=True)

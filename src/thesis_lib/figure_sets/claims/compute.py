@@ -44,18 +44,16 @@ from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.entries import Entry, Opener, as_cube, explain_differences, list_entries
-from thesis_lib.studies import cubes
+from thesis_lib.studies import cubes, workers
 from thesis_lib.studies.request import Study, study_command
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.structure import (
     Plate,
     deflection_shape,
     resonance_frequency,
     world_points,
 )
-from thesis_lib.vision import rounding
-from thesis_lib.vision.simulation import measure_deflections, percent_errors
+from thesis_lib.vision import rounding, simulation
 
 TILTS_DEG = (0, 15, 30, 45)
 WIDE_DEG, NARROW_DEG = (30, 40, 50, 60, 70, 80), (3, 5, 7, 9, 11, 13)  # half apertures, of pairs
@@ -209,8 +207,8 @@ def _askew(study: CameraStudy) -> list[verdicts.Series]:
     for setting in settings:
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
-        measured = measure_deflections(cameras, points, shifts)
-        _, rms, most = percent_errors(measured, shapes[1:])
+        measured = simulation.measure_deflections(cameras, points, shifts)
+        _, rms, most = simulation.percent_errors(measured, shapes[1:])
         mean.append(rms[:, 1:])
         largest.append(most[:, 1:])
     varied = np.array([float(setting.value) for setting in settings])
@@ -374,7 +372,7 @@ def run_readings(study: OtherReadings) -> xr.Dataset:
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
         judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
         made = [judge(chosen[0])]  # first alone: the others share with it
-        made += map_in_pairs(judge, chosen[1:])
+        made += workers.map_in_pairs(judge, chosen[1:])
     chapters = list(CHAPTER_OF_GROUP.values())
     shape = (len(chosen), len(chapters))
     counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)

@@ -21,9 +21,7 @@ from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.structure import world_points
-from thesis_lib.vision import cone_law, dither, rounding, simulation
-from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, MOTION_PX, cone_cameras
-from thesis_lib.vision.pinhole import pixelate, project
+from thesis_lib.vision import cone_law, dither, pinhole, rounding, simulation
 from thesis_lib.vision.triangulation import point_covariance, triangulate, triangulation_gain
 
 CHAPTER_PARTS = ("distance", "aperture", "resolution", "arrays")  # of chapters 3 and 4
@@ -108,7 +106,7 @@ def _motions(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return one coordinate: the law, and as many draws."""
     random = np.random.default_rng(study.seed)
     place = random.uniform(-0.5, 0.5, (DRAWS_PER_TRIAL * study.trials, 1))
-    error = pixelate(place + MOTIONS_PX) - pixelate(place) - MOTIONS_PX
+    error = pinhole.pixelate(place + MOTIONS_PX) - pinhole.pixelate(place) - MOTIONS_PX
     drawn, std = simulation.rms_with_std(error)
     return {
         "motion_error": np.sqrt(rounding.difference_variance(MOTIONS_PX)),
@@ -159,10 +157,10 @@ def _cone(study: DesignLaw) -> dict[str, ArrayLike]:
     points = np.stack([np.zeros_like(moved), moved], axis=1)
     closed, exact, drawn = [], [], []
     for angle in np.radians(CONE_ANGLES_DEG):
-        P = cone_cameras(distance, angle, n, focal, study.resolution_px).P
+        P = cone_law.cone_cameras(distance, angle, n, focal, study.resolution_px).P
         closed.append(cone_law.cone_covariance(distance, focal, n, angle))
-        exact.append(point_covariance(P, np.zeros(3), MOTION_PX))
-        found = triangulate(P, pixelate(project(P, points) + shift) - shift)
+        exact.append(point_covariance(P, np.zeros(3), cone_law.MOTION_PX))
+        found = triangulate(P, pinhole.pixelate(pinhole.project(P, points) + shift) - shift)
         drawn.append(simulation.rms_with_std((found[:, 1] - found[:, 0] - moved).T))
     variances = np.diagonal(closed, axis1=1, axis2=2)
     scale = np.sqrt(variances[:, :, None] * variances[:, None])
@@ -287,7 +285,7 @@ def describe_cone(cube: xr.Dataset) -> dict[str, Any]:
     std = largest_std(cube, "cone_drawn_error")
     return {
         "largest_motion": sweeps.CONE_MOTION_PX * pixel,
-        "max_motion": MAX_MOTION_FRACTION,
+        "max_motion": cone_law.MAX_MOTION_FRACTION,
         "std": std,
     }
 
@@ -310,7 +308,7 @@ def compare_exponents(cube: xr.Dataset) -> dict[str, Any]:
         "amplitudes": list(iterate_slices(cube, "amplitudes")),
         "structures": cube["structure"].values,
         "motions": motions,
-        "max_motion": MAX_MOTION_FRACTION,
+        "max_motion": cone_law.MAX_MOTION_FRACTION,
     }
 
 

@@ -11,7 +11,6 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
@@ -34,8 +33,8 @@ class DesignLaw(Study):
     varied = "n_cameras"
     varied_label = "cameras"
 
-    focal_length_mm: fields.FocalLength = assumed_values("beam")["focal_length_mm"]
-    sensor_width_mm: fields.SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    focal_length_mm: fields.FocalLength = setups.assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = setups.assumed_values("beam")["sensor_width_mm"]
     resolution_px: fields.SensorSize = Field(
         tuple(setups.setup_table("beam", "distance")["resolution_px"]),
         description="width and height of the sensors, of the cone and where numbers are compared",
@@ -46,7 +45,7 @@ class DesignLaw(Study):
         6, description="cameras where the angle of the cone varies"
     )
     amplitude_mm: fields.Positive = Field(
-        assumed_values("beam")["amplitude_mm"],
+        setups.assumed_values("beam")["amplitude_mm"],
         description="peak of the beam's vibration at equal pixel rates",
     )
     small_amplitude_mm: fields.Positive = Field(
@@ -80,7 +79,7 @@ class DesignLaw(Study):
         counts = np.array(self.counts)[:, None]
         return equal_pixel_rate(self.pixels_per_second, counts, self.frame_rates_hz)
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """Return cameras that share the pixels: for each number of them, each frame rate."""
         width, height, rate = self.shared
         made = []
@@ -88,7 +87,7 @@ class DesignLaw(Study):
             count = self.counts[i]
             angles = np.degrees(cone_directions(np.radians(self.cone_deg), count)).T.tolist()
             made.append(
-                Setting(
+                setups.Setting(
                     f"{rate[i, k]:.4g} Hz",
                     count,
                     f"{count} cameras",

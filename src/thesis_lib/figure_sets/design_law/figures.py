@@ -25,8 +25,7 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.vision import dither
-from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX
+from thesis_lib.vision import cone_law, dither
 from thesis_lib.vision.rounding import difference_variance
 
 __all__ = [
@@ -44,7 +43,7 @@ def motion(cube: xr.Dataset) -> Figure:
     drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     every = _arched(delta[0], delta[-1])
-    law, independent = np.sqrt(difference_variance(every)), np.full_like(every, MOTION_PX)
+    law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
         axes.plot(every, scale * law, color=CYCLE_COLORS[0], lw=1.6, label="the law")
@@ -118,7 +117,7 @@ def cone(cube: xr.Dataset) -> Figure:
         axes.plot(angle, 1000 * cube["cone_error"].sel(axis=axis), color=ink, lw=1.6, label=words)
         style: Any = {"color": ink, "ms": 3.5, "mfc": ink if filled else "none"}
         axes.plot(angle[some], drawn.sel(axis=axis)[some], "o", **style)
-    alike = float(np.degrees(ISOTROPIC_ANGLE_RAD))
+    alike = float(np.degrees(cone_law.ISOTROPIC_ANGLE_RAD))
     axes.axvline(alike, color=HIGHLIGHT_COLOR, lw=1)
     words = f" {alike:.1f}°: the same\n in all directions"
     axes.annotate(words, (alike, 0.5), xycoords=("data", "axes fraction"), color=HIGHLIGHT_COLOR)

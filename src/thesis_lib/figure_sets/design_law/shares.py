@@ -18,20 +18,17 @@ from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.sweeps import exact_rms, mode_shapes
-from thesis_lib.vision import cone_law, dither, rounding, simulation
+from thesis_lib.vision import cone_law, dither, interval, rounding, simulation, triangulation
 from thesis_lib.vision.analytic_centre import analytic_centre
-from thesis_lib.vision.interval import interval_estimate, least_covariance
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
-from thesis_lib.vision.simulation import rms_with_std
-from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 Estimator = Callable[[Array, Array], Array]
 
 # What everything is drawn with: projection matrices and rounded images to points (3, ...).
 ESTIMATORS: dict[str, Estimator] = {
-    "least squares": triangulate,
+    "least squares": triangulation.triangulate,
     "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
-    "interval": lambda P, uv: interval_estimate(P, uv).points,
+    "interval": lambda P, uv: interval.interval_estimate(P, uv).points,
 }
 
 MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
@@ -62,9 +59,9 @@ def equal_pixels(study: DesignLaw) -> dict[str, ArrayLike]:
         view[at] = np.mean(on_sensor(project(rig.P, points[:, 1:]), rig.size))
         frames = one_frame(rig, points, study)
         for e, estimate in enumerate(ESTIMATORS.values()):
-            drawn[:, e, *at] = rms_with_std(frames[e])
+            drawn[:, e, *at] = simulation.rms_with_std(frames[e])
             wrong = amplitude_errors(filmed, estimate(rig.P, images)[2][number])
-            drawn_fit[:, e, *at] = rms_with_std(wrong)
+            drawn_fit[:, e, *at] = simulation.rms_with_std(wrong)
     percent = 100 / peak
     counts = np.array(study.counts)[:, None]
     centre = percent * cone_law.cone_deflection_error(distance, focal, counts, angle)
@@ -174,7 +171,7 @@ def predict_amplitude_error(rig: CameraArray, filmed: Film) -> float:
     """
     v = project(rig.P[:1], filmed.points)[0, 1]
     each = cone_law.error_of_sum(v, filmed.fit[:, 0])
-    g = triangulation_gain(rig.P, np.zeros(3))[2]
+    g = triangulation.triangulation_gain(rig.P, np.zeros(3))[2]
     return float(np.sqrt(np.mean(each**2) * np.sum(g**2)))
 
 
@@ -223,7 +220,7 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
             drawn[i, k], drawn_std[i, k] = simulation.rms_with_std(wrong.T)
             if sigma:
-                variance = least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
+                variance = interval.least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
                 least[i, k] = np.sqrt(np.mean(variance))
         lottery = random.random(
             images.shape
@@ -231,9 +228,9 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         for k, (sigma, told, share) in enumerate(ASSUMED_MISTAKES.values()):
             aside = (lottery < share / 2).astype(float) - (lottery > 1 - share / 2)
             pixels = np.rint(images + sigma * noise + OUTLIER_PX * aside) - shift
-            found = interval_estimate(rig.P, pixels, told)
+            found = interval.interval_estimate(rig.P, pixels, told)
             centre = analytic_centre(rig.P, pixels).points
-            z = np.stack([triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
+            z = np.stack([triangulation.triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
             wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
             mistaken[i, k], mistaken_std[i, k] = simulation.rms_with_std(wrong.T)
             agreeing[i, k] = np.mean(found.feasible)
@@ -308,9 +305,9 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
             for n, errors in clean.items()
         ],
         **_name_errors(
-            "equidistant_rig_error", [rms_with_std(errors) for errors in clean.values()]
+            "equidistant_rig_error", [simulation.rms_with_std(errors) for errors in clean.values()]
         ),
-        **_name_errors("noise_error", [rms_with_std(errors) for errors in noisy]),
+        **_name_errors("noise_error", [simulation.rms_with_std(errors) for errors in noisy]),
         "unequal_distance_error": [sharp_errors(stand) for stand in UNEQUAL_DISTANCES_M],
     }
 
@@ -372,7 +369,7 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
         return np.asarray((black * reach).sum(axis=(1, 2)) / black.sum(axis=(1, 2)) - x[:, 0, 0])
 
     def simulate_each(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
-        found = [rms_with_std(of(float(one))) for one in np.asarray(values)]
+        found = [simulation.rms_with_std(of(float(one))) for one in np.asarray(values)]
         return _name_errors(f"drawn_{of.__name__}_error", found)
 
     return {

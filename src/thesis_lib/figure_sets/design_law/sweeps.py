@@ -11,15 +11,13 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.vibration.structure import Structure, deflection_shape, world_points
-from thesis_lib.vision import cone_law, rounding
+from thesis_lib.vision import cone_law, rounding, triangulation
 from thesis_lib.vision.cone_law import MOTION_PX, pair_deflection_error, pair_noise_error
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.simulation import fit_exponent, rms_with_std
-from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 SWEPT_MODES = (1, 2, 3)
 STRUCTURES: dict[str, Callable[[], Structure]] = {
@@ -114,7 +112,7 @@ def mode_shapes(structure: Structure, peak: float) -> Array:
 
 def noise_error(cameras: CameraArray, points: Array) -> float:
     """Return the rms error in m of markers (3, m) by independent noise, 1/6 px² a coordinate."""
-    g = triangulation_gain(cameras.P, points)[2]
+    g = triangulation.triangulation_gain(cameras.P, points)[2]
     return float(MOTION_PX * np.sqrt(np.mean(np.sum(g**2, axis=(0, 1)))))
 
 
@@ -123,7 +121,7 @@ def predicted_rms(cameras: CameraArray, points: Array) -> float:
 
     Averaged over amplitudes from half to one and a half of theirs; the first are at rest.
     """
-    g = triangulation_gain(cameras.P, points[:, 0])[2]
+    g = triangulation.triangulation_gain(cameras.P, points[:, 0])[2]
     images = project(cameras.P, points)
     moved = images[:, :, 1:] - images[:, :, :1]
     variance = rounding.mean_difference_variance(moved, *AMPLITUDE_RANGE)
@@ -144,7 +142,7 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     )
     best, gained = np.empty((2, len(STRUCTURES))), np.empty((2, len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
-        peak = float(assumed_values(name)["amplitude_mm"]) / 1000
+        peak = float(setups.assumed_values(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
         points, tiny = mode_shapes(make(), peak), mode_shapes(make(), tiny_peak)
         for f, finding in enumerate(SWEPT_FINDINGS):
@@ -211,7 +209,7 @@ def fit_arrays(study: DesignLaw) -> dict[str, ArrayLike]:
     """Fit the exponent in the number of cameras of the thesis's growing arrays."""
     found = np.empty((len(setups.camera_pairs()), len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
-        points = mode_shapes(make(), float(assumed_values(name)["amplitude_mm"]) / 1000)
+        points = mode_shapes(make(), float(setups.assumed_values(name)["amplitude_mm"]) / 1000)
         settings = thesis_study(study, name, "arrays").settings()
         for c, case in enumerate(setups.camera_pairs()):
             grown = [setting for setting in settings if setting.case == case]
@@ -253,7 +251,7 @@ def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
             (drawn, pixelate(images + shift) - shift),
             (drawn_noisy, images + noise),
         ):
-            height = triangulate(P, seen)[2]
+            height = triangulation.triangulate(P, seen)[2]
             found[:, *at] = rms_with_std(height[1] - height[0] - moved[2, 1])
         closed[at] = pair_deflection_error(distance, focal, opening, tilt)
         noisy[at] = pair_noise_error(distance, focal, opening, tilt)

@@ -16,13 +16,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
+from thesis_lib.measure.calibration import rig
 from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
-from thesis_lib.measure.calibration.rig import (
-    calibrate_camera,
-    cameras_in,
-    central_corners,
-    single_threaded_opencv,
-)
 from thesis_lib.measure.fitting import reconstruction as rc
 from thesis_lib.measure.fitting.harmonics import (
     Fitted,
@@ -32,7 +27,6 @@ from thesis_lib.measure.fitting.harmonics import (
     fit_harmonics,
     mean_of,
 )
-from thesis_lib.measure.fitting.reconstruction import check_frame
 from thesis_lib.measure.recordings.board import Board, Markers
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.media_info import MediaError
@@ -42,14 +36,13 @@ from thesis_lib.measure.synchronisation.listen import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera, resize_camera, undistort_pixels
 
 MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATION_METHODS = ("literal", "full")
 RECORDING_VARIABLES = read_variables(__file__, "recording")
 
 
-@single_threaded_opencv()
+@rig.single_threaded_opencv()
 def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     """Calibrate as the thesis does (Appendices D and E), from corners in px.
 
@@ -57,10 +50,10 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     poses refined in common, in the frame of the first shot.
     """
     board = manifest.board.board
-    used = corners[..., central_corners(board)]
+    used = corners[..., rig.central_corners(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
-        calibrate_camera(list(own), small, camera.size, True, camera.name).camera()
+        rig.calibrate_camera(list(own), small, camera.size, True, camera.name).camera()
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
     return adjust_bundle(used, small.corners, cameras, intrinsics=False, distortion=False)
@@ -137,8 +130,8 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
     cameras = read_cameras(data, "full", int(data["width"].max()))
-    rest = np.array([undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
-    check_frame(cameras, rest, markers)
+    rest = np.array([lens.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
+    rc.check_frame(cameras, rest, markers)
 
 
 def join_steps(
@@ -164,7 +157,7 @@ def join_steps(
         shift = np.array(widths)[:, None] / manifest.cameras[0].width_px * corners[:, None]
         tracks, matches = (own + shift[:, :, None, :, None] for own in (tracks, matches))
     thesis = calibrate_centrally(calibration["corners"].values, manifest)
-    cameras = [thesis.cameras, cameras_in(calibration)]
+    cameras = [thesis.cameras, rig.cameras_in(calibration)]
     rates = [c.frame_rate_hz for c in manifest.cameras]
     values = {
         "tracks": tracks,
@@ -201,12 +194,12 @@ def join_steps(
     )
 
 
-def read_cameras(data: xr.Dataset, calibration: str, width: int | None = None) -> list[Camera]:
+def read_cameras(data: xr.Dataset, calibration: str, width: int | None = None) -> list[lens.Camera]:
     """Return the cameras of a dataset, at full size or reduced to a width."""
-    cameras = cameras_in(data.sel(calibration=calibration))
+    cameras = rig.cameras_in(data.sel(calibration=calibration))
     if width is None:
         return cameras
-    return [resize_camera(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
+    return [lens.resize_camera(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
 
 
 MAX_HARMONIC_ORDER = 2  # harmonics that are fitted
@@ -276,7 +269,7 @@ def select_tracks(
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
 
 
-def _undistort_tracks(cameras: list[Camera], raw: Array) -> Array:
+def _undistort_tracks(cameras: list[lens.Camera], raw: Array) -> Array:
     """Return tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
         [lens.undistort_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]

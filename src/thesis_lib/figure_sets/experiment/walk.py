@@ -37,8 +37,7 @@ from thesis_lib.figure_sets.experiment.figures import (
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board, rows_on
-from thesis_lib.measure.tracking import tracker
-from thesis_lib.measure.tracking.follow import reduce_frame
+from thesis_lib.measure.tracking import follow, tracker
 from thesis_lib.plotting.style import (
     BLACK_COLOR,
     CYCLE_COLORS,
@@ -295,7 +294,7 @@ def draw_widths(data: xr.Dataset) -> Figure:
             layout="constrained", squeeze=False,
         )  # fmt: skip
         for axes, width in zip(grid.flat, reversed(every), strict=False):
-            small = reduce_frame(full, width)
+            small = follow.reduce_frame(full, width)
             if width == data.sizes["column_low"]:
                 small = data["picture_low"].values
             _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])

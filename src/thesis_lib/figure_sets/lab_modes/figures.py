@@ -12,19 +12,11 @@ from matplotlib.figure import Figure
 
 from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
+from thesis_lib.plotting import style
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
-from thesis_lib.plotting.style import (
-    BLACK_COLOR,
-    HIGHLIGHT_COLOR,
-    MATH_STYLE,
-    RANK_COLORS,
-    REFERENCE_COLOR,
-    cycle_color,
-    subplots,
-)
 from thesis_lib.studies.cubes import iterate_slices
 
-STYLE = MATH_STYLE  # of figures
+STYLE = style.MATH_STYLE  # of figures
 MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree
 
 
@@ -32,14 +24,14 @@ def modes_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the setup, bending along the axis, what the edge rows do next to it, and bars."""
     part = select_settings(cube, case, mode)
     chosen = best_and_worst(part)
-    drawing, axes = subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
+    drawing, axes = style.subplots(2, 2, figsize=(7.6, 5.6), layout="constrained")
     figures.setup_panel(axes[0, 0], cube, part)
     x, y = part["x"].values * 1000, part["y"].values
     rows = [np.flatnonzero(y == value) for value in np.unique(y)]
     axis, bending = rows[len(rows) // 2], axes[0, 1]
     true = 1000 * part["reference_deflection"].values[axis]
-    bending.plot(x[axis], true, color=REFERENCE_COLOR, linewidth=3, label="true")
-    for index, word, ink in zip(chosen, rank_settings(part), RANK_COLORS, strict=False):
+    bending.plot(x[axis], true, color=style.REFERENCE_COLOR, linewidth=3, label="true")
+    for index, word, ink in zip(chosen, rank_settings(part), style.RANK_COLORS, strict=False):
         measured = 1000 * part["measured_deflection"].values[index, 0, axis]
         label = f"{part['label'].values[index]}, {word}"
         bending.plot(x[axis], measured, ".-", color=ink, linewidth=1, label=label)
@@ -57,12 +49,12 @@ def _torsion_panel(axes: Axes, part: xr.Dataset, rows: list[Any], chosen: list[i
     true = part["reference_quadrature"].values * 1e6
     axes.set(title="(c) a quarter of a period before", xlabel="x in mm", ylabel="w in µm")
     for row, mark, name in ((rows[0], "v", "first row"), (rows[-1], "^", "last row")):
-        axes.plot(x[row], true[row], color=REFERENCE_COLOR, linewidth=2)
-        for index, ink in zip(chosen, RANK_COLORS, strict=False):
+        axes.plot(x[row], true[row], color=style.REFERENCE_COLOR, linewidth=2)
+        for index, ink in zip(chosen, style.RANK_COLORS, strict=False):
             measured = part["quadrature_deflection"].values[index] * 1e6
             axes.plot(x[row], measured[row], mark, color=ink, markersize=3.5)
         axes.plot([], [], mark, color=grey, markersize=4, label=name)
-    axes.plot([], [], color=REFERENCE_COLOR, linewidth=2, label="true")
+    axes.plot([], [], color=style.REFERENCE_COLOR, linewidth=2, label="true")
     if np.isnan(part["quadrature_deflection"].values[chosen]).all():
         place: Any = {"ha": "center", "va": "center", "transform": axes.transAxes}
         axes.text(0.5, 0.5, "one instant shows\none instant alone", color=grey, **place)
@@ -87,7 +79,7 @@ def aliases(cube: xr.Dataset, mode: int) -> Figure | None:
     misfits, costs = right.subplots(2, 1)
     _misfit_panel(misfits, part)
     _mark_rates(costs, part, "cycles", "detuned_error")
-    line: Any = {"color": BLACK_COLOR, "linewidth": 1, "label": "loss of amplitude"}
+    line: Any = {"color": style.BLACK_COLOR, "linewidth": 1, "label": "loss of amplitude"}
     costs.plot(part["cycles"], part["detuned_prediction"], **line)
     costs.set(title="(c) if the known frequency is wrong", ylim=(0, None), ylabel="mean error in %")
     costs.set_xlabel("error in periods per recording")
@@ -99,15 +91,17 @@ def _mark_rates(axes: Axes, part: xr.Dataset, x: str, y: str) -> None:
     """Mark one variable over another, each frame rate in its colour."""
     for r, one in enumerate(iterate_slices(part, "frame_rate")):
         label = f"{one['frame_rate'].item():g} fps"
-        axes.plot(one[x], one[y], "o", markersize=4, color=cycle_color(r), label=label)
+        axes.plot(one[x], one[y], "o", markersize=4, color=style.cycle_color(r), label=label)
 
 
 def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
     rate = float(one["frame_rate"])
-    axes.plot(one["spectrum_frequency"], one["spectrum"], color=cycle_color(number), linewidth=1.2)
+    axes.plot(
+        one["spectrum_frequency"], one["spectrum"], color=style.cycle_color(number), linewidth=1.2
+    )
     true, shown = float(one["frequency"]), float(one["alias_frequency"])
     aliased = abs(true - shown) > 1e-6
-    ink = HIGHLIGHT_COLOR if aliased else BLACK_COLOR
+    ink = style.HIGHLIGHT_COLOR if aliased else style.BLACK_COLOR
     axes.axvline(shown, color=ink, linewidth=0.8, linestyle="--")
     text = f"{shown:.1f} Hz" + (f", an alias of {true:.1f} Hz" if aliased else "")
     right = shown > 0.6 * rate / 2
@@ -119,8 +113,8 @@ def _spectrum_panel(axes: Axes, one: xr.Dataset, number: int) -> None:
 def _misfit_panel(axes: Axes, part: xr.Dataset) -> None:
     _mark_rates(axes, part, "candidate_frequency", "misfit")
     axes.set_yscale("log")
-    axes.axvline(float(part["frequency"]), color=BLACK_COLOR, linewidth=0.8, linestyle="--")
-    axes.axhline(1, color=BLACK_COLOR, linewidth=0.8)
+    axes.axvline(float(part["frequency"]), color=style.BLACK_COLOR, linewidth=0.8, linestyle="--")
+    axes.axhline(1, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(title="(b) disagreement of the cameras at each alias")
     axes.set(xlabel="frequency in Hz", ylabel="over what noise makes")
     top = float(np.nanmax(part["misfit"].values))

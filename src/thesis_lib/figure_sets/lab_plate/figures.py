@@ -15,7 +15,6 @@ from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import draw_map, make_mosaic
 from thesis_lib.studies import cubes
-from thesis_lib.studies.cubes import iterate_slices
 
 CASE_TITLES = {
     "distance": "distance d",
@@ -177,7 +176,7 @@ def _plate(cube: xr.Dataset, mode: int) -> dict[str, Any]:
         "part": part,
         "columns": columns,
         "nodal": part["plane"].values[np.isnan(part["largest_pressure"].values)].tolist(),
-        "gaps": [one for one in iterate_slices(part, "setting") if one["missing"][0] > 0],
+        "gaps": [one for one in cubes.iterate_slices(part, "setting") if one["missing"][0] > 0],
     }
 
 
@@ -215,7 +214,7 @@ def _visibility(cube: xr.Dataset) -> dict[str, Any]:
     request = json.loads(cube.attrs["parameters"])
     rate, frames = request["frame_rate_hz"], request["frames"]
     modes = []
-    for one in iterate_slices(cube, "mode"):
+    for one in cubes.iterate_slices(cube, "mode"):
         best = int(np.argmin(one["predicted_error"].values))
         peak = float(np.abs(one["reference_deflection"]).max())
         noise = float(one["predicted_error"][best]) / 100 * peak

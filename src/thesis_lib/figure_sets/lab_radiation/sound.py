@@ -20,38 +20,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thesis_lib.acoustics import estimates
+from thesis_lib.acoustics import estimates, planes, radiation
 from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stack_matrix
-from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.lab_radiation.figure_set import LabRadiation
 from thesis_lib.laboratory import tracking
 from thesis_lib.laboratory.rig import Rig, camera_rig, derive_seed, settle_rig
-from thesis_lib.laboratory.tracking import (
-    ImpactMotion,
-    TrackedCentres,
-    frame_times,
-    select_free_decay,
-    tap_structure,
-)
 from thesis_lib.measure.modes.identify import Asked, ModalError, Modes, identify_modes
-from thesis_lib.measure.radiation.of_measurement import (
-    SOUND_RATE_HZ,
-    audible_pressure,
-    shapes_of,
-    tones_of,
-)
-from thesis_lib.measure.radiation.radiated import (
-    ALL_TONES,
-    SURFACE_NODES,
-    Between,
-    by_model,
-    count_nodes,
-    radiate_sound,
-)
+from thesis_lib.measure.radiation import of_measurement, radiated
 from thesis_lib.measure.recordings.board import Markers, on_surface, rows_on
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies.schema import read_variables
@@ -183,7 +161,7 @@ def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
 
 TRUE_NODES = 3600  # of the true surface
 EDGE_PLACES = 32  # places on a marker's edge
-PRESSURE_PLANE = Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
+PRESSURE_PLANE = planes.Plane("XZ", 0.4, 0.05, 0.55, (41, 26))
 
 
 @dataclass(frozen=True)
@@ -195,7 +173,7 @@ class TrueSound:
     field: ComplexArray  #: Pressure on :data:`PRESSURE_PLANE` in Pa, shape (places,)
 
 
-def true_sound(own: Driven, peak: float, medium: Medium) -> TrueSound:
+def true_sound(own: Driven, peak: float, medium: radiation.Medium) -> TrueSound:
     """Compute the sound of the true motion with a largest deflection `peak` in m, finely.
 
     Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
@@ -215,18 +193,18 @@ class MarkerSound:
     """What the markers of a structure tell of its sound."""
 
     own: Driven
-    medium: Medium
+    medium: radiation.Medium
 
     @cached_property
-    def between(self) -> Between:
+    def between(self) -> radiated.Between:
         """Return the surface's motion between markers: by the first modes of its model."""
         markers, places = self.own.markers, self._surface.places
-        return by_model(self.own.structure, markers.centres, markers.diameter / 2, places)
+        return radiated.by_model(self.own.structure, markers.centres, markers.diameter / 2, places)
 
     @cached_property
     def _surface(self) -> Surface:
         extent = self.own.structure.extent
-        return _surface(self.own, count_nodes(extent, self._omega, self.medium))
+        return _surface(self.own, radiated.count_nodes(extent, self._omega, self.medium))
 
     @property
     def _omega(self) -> float:
@@ -305,15 +283,17 @@ HEARD_SECONDS, HEARD_STEP = 0.5, 24  # s that are kept of that; samples to one t
 TAP_VARIABLES = read_variables(__file__, "tap")
 
 
-def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str, Any]:
+def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -> dict[str, Any]:
     """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
     rig = _tap_rig(study)
-    assert isinstance(rig.motion, ImpactMotion)
+    assert isinstance(rig.motion, tracking.ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
-    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / SOUND_RATE_HZ)
+    times = np.arange(0, HEARD_SECONDS, HEARD_STEP / of_measurement.SOUND_RATE_HZ)
     try:
         asked = Asked(TAP_BAND_HZ, len(hertz), given=tuple(hertz))
-        found = identify_modes(*select_free_decay(rig, _project_tracks(rig, scatter)), asked)
+        found = identify_modes(
+            *tracking.select_free_decay(rig, _project_tracks(rig, scatter)), asked
+        )
     except (ChainError, ModalError):
         sizes = {"ringing": len(hertz), "tap_time": len(times)}
         none = {
@@ -323,17 +303,19 @@ def measure_tap(study: LabRadiation, scatter: float, medium: Medium) -> dict[str
         return none | {"tap_frequency": hertz, "tap_time": times}
     own, (x, y) = drive_structure("beam"), rig.markers.extent
     assert isinstance(own.structure, Beam)
-    surface = Surface.from_outline(np.array(own.corners), SURFACE_NODES, (x / 2, y / 2))
+    surface = Surface.from_outline(np.array(own.corners), radiated.SURFACE_NODES, (x / 2, y / 2))
     markers = rig.markers.centres  # seen as points, not by their edges
-    between = by_model(own.structure, markers, 0.0, surface.places)
-    plane = Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
+    between = radiated.by_model(own.structure, markers, 0.0, surface.places)
+    plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
     data = _as_measured(found)
-    shapes = shapes_of(data, np.ones(len(markers[0]), bool))
-    made = radiate_sound(surface, between, tones_of(data), shapes, LISTENER_M, [plane], medium)
+    shapes = of_measurement.shapes_of(data, np.ones(len(markers[0]), bool))
+    made = radiated.radiate_sound(
+        surface, between, of_measurement.tones_of(data), shapes, LISTENER_M, [plane], medium
+    )
     power = _true_power(rig.motion, found.zero, surface, medium)
     tones = (made.isel(tone=[k]) for k in range(made.sizes["tone"]))
-    each = [audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
-    whole = made.sel(band=ALL_TONES)
+    each = [of_measurement.audible_pressure(tone, 0)[::HEARD_STEP] for tone in tones]
+    whole = made.sel(band=radiated.ALL_TONES)
     return {
         "tap_frequency": made["frequency"].values,
         "tap_power": made["power"].values,
@@ -356,17 +338,17 @@ def _tap_rig(study: LabRadiation) -> Rig:
     rates = np.resize(TAP_RATES_HZ, len(rig.stations))
     at = TAP_PLACE * x, y / 2
     how: Any = {"seconds": TAP_SECONDS, "rates": tuple(rates.tolist()), "impulse": TAP_IMPULSE_NS}
-    return tap_structure(rig, TAP_DAMPING, at, **how)
+    return tracking.tap_structure(rig, TAP_DAMPING, at, **how)
 
 
-def _project_tracks(rig: Rig, scatter: float) -> list[TrackedCentres]:
+def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
     """Find the markers in each camera, of which none is lost."""
     found = []
     for index, station in enumerate(rig.stations):
-        times = frame_times(rig, station)
+        times = tracking.frame_times(rig, station)
         uv = _project_centres(rig, index, times)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
-        found.append(TrackedCentres(times, uv + scatter * noise, uv))
+        found.append(tracking.TrackedCentres(times, uv + scatter * noise, uv))
     return found
 
 
@@ -395,7 +377,9 @@ def _as_measured(found: Modes) -> xr.Dataset:
     )
 
 
-def _true_power(motion: ImpactMotion, moment: float, surface: Surface, medium: Medium) -> Array:
+def _true_power(
+    motion: tracking.ImpactMotion, moment: float, surface: Surface, medium: radiation.Medium
+) -> Array:
     """Return sound power of each mode of the true motion at a moment in s, W."""
     shapes, powers = motion.amplitudes(surface.places, moment), []
     for w, shape in zip(np.abs(motion.poles), shapes, strict=True):

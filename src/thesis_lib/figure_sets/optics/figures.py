@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.facts import setups
-from thesis_lib.facts.claims import read_numbers
+from thesis_lib.facts import claims, setups
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     INK_COLOR,
@@ -185,7 +184,7 @@ def choose_lens(cube: xr.Dataset) -> dict[str, Any]:
 def normal_lens(cube: xr.Dataset) -> dict[str, Any]:
     """Return equation 2.20, and the length of beam that such a lens and the book's see."""
     one = cube.isel(sensor=0).sel(focal_length=NORMAL_MM / 1000)
-    numbers = {number.id: number for number in read_numbers()}
+    numbers = {number.id: number for number in claims.read_numbers()}
     nearest = 1000 * float(cube["shown_distance"].min())
     half = np.radians(float(one["angle_of_view"].sel(side="width"))) / 2
     return {

@@ -18,16 +18,14 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
-from thesis_lib.studies import schema
-from thesis_lib.studies.workers import Block, compute_blocks, runs_of_trials
+from thesis_lib.studies import schema, workers
 from thesis_lib.vibration.structure import deflection_shape, world_points
-from thesis_lib.vision import rounding
+from thesis_lib.vision import rounding, simulation
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
-from thesis_lib.vision.simulation import measure_deflections, modal_assurance, percent_errors
 
 
 def block_results(
-    block: Block,
+    block: workers.Block,
     *,
     points: Array,
     modes: list[int],
@@ -54,15 +52,15 @@ def block_results(
         noise = noise_px * rounding.image_noise(
             seed, trials.stop - 1, modes, len(cameras), markers, trials.start
         )
-    measured = measure_deflections(
+    measured = simulation.measure_deflections(
         cameras, points, shifts, rest_is_known, estimator, noise=noise, noise_px=noise_px
     )
-    point, mean, largest = percent_errors(measured, reference)
+    point, mean, largest = simulation.percent_errors(measured, reference)
     results = {
         "measured_deflection": measured.astype("float32"),
         "mean_error": mean,
         "max_point_error": largest,
-        "mac": modal_assurance(measured, reference),
+        "mac": simulation.modal_assurance(measured, reference),
     }
     if trials.start > 0:
         return results
@@ -111,7 +109,7 @@ def run(
     )
 
     blocks = _blocks(settings, study.trials, points[0].size)
-    for block, results in compute_blocks(work, blocks, scheduler):
+    for block, results in workers.compute_blocks(work, blocks, scheduler):
         for name, result in results.items():
             of_trials = "trial" in schema.VARIABLES[name].dims
             values[name][block.place if of_trials else block.setting] = result
@@ -123,9 +121,9 @@ def run(
     return cube.assign(schema.camera_places(settings))
 
 
-def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[Block]:
+def _blocks(settings: list[Setting], trials: int, n_points: int) -> Iterator[workers.Block]:
     """Cut a study whose cameras see that many points, modes times markers, in a trial."""
     for index, setting in enumerate(settings):
         trial_bytes = 16 * len(setting.directions_deg) * n_points
-        for run in runs_of_trials(trials, trial_bytes):
-            yield Block(index, run, setting)
+        for run in workers.runs_of_trials(trials, trial_bytes):
+            yield workers.Block(index, run, setting)

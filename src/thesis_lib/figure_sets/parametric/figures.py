@@ -26,7 +26,6 @@ from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.plotting.style import bar_beside, draw_map, ordered_colors, place_panels, subplots
 from thesis_lib.studies import cubes, schema
-from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.finite_elements import plate_modes
 from thesis_lib.vibration.polygons import mesh_outline
@@ -252,7 +251,7 @@ def turn(cube: xr.Dataset) -> Figure:
     for panel, (mode, plane) in zip(axes[0], pairs, strict=True):
         one = cube.sel(mode=mode, plane=plane)
         inks = ordered_colors(cube.sizes["elevation"])
-        for part, ink in zip(iterate_slices(one, "elevation"), inks, strict=True):
+        for part, ink in zip(cubes.iterate_slices(one, "elevation"), inks, strict=True):
             law, words = part["turned_law_error"], f"elevation {part['elevation'].item():g}°"
             panel.plot(cube["law_turn"], law, color=ink, lw=1, label=words)
             panel.plot(cube["turn"], part["turned_simulated"], "o", color=ink, ms=4)

@@ -12,14 +12,11 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, COINCIDENT_TEXT
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.plotting.selection import LENS_FIELDS
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
-from thesis_lib.studies import cubes
-from thesis_lib.studies.cubes import read_published
-from thesis_lib.studies.fields import format_given, unit_of_field
+from thesis_lib.studies import cubes, fields
 from thesis_lib.studies.request import distance_limit
 from thesis_lib.vibration.structure import Beam, Plate, Structure, cantilever_roots, peak_deflection
 
@@ -76,7 +73,7 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
             for subject, one in structures.items()
         },
         "pairs": setups.camera_pairs(),
-        "order": assumed_values("beam")["pair_order"],
+        "order": setups.assumed_values("beam")["pair_order"],
         "centres": setups.CENTRES_DEG,
         "opposite": {case: list(pair) for case, pair in setups.OPPOSITE_DEG.items()},
         "colors": list(CYCLE_COLORS),
@@ -91,14 +88,14 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
                 "parameter": {
                     "name": one.varied,
                     "label": one.varied_label,
-                    "unit": unit_of_field(one.varied),
+                    "unit": fields.unit_of_field(one.varied),
                 },
                 "titles": {
                     case: setups.case_title(one.subject, one.study, case)
                     for case in dict.fromkeys(setting.case for setting in one.settings())
                 },
                 "others": {
-                    field: format_given(value)
+                    field: fields.format_given(value)
                     for field, value in one.request.items()
                     if field not in KNOWN_FIELDS
                 },
@@ -110,7 +107,7 @@ def page_facts(names: Iterable[str] = COMPUTED_SETS) -> dict[str, Any]:
 
 
 def _published_errors(name: str) -> list[list[Any]]:
-    table = read_published(name)
+    table = cubes.read_published(name)
     if table is None:
         return []
     of_mean = table[table["error"] == "mean_error"]

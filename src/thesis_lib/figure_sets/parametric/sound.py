@@ -34,13 +34,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts.setups import OPPOSITE_DEG, Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
-from thesis_lib.studies.schema import (
-    extreme_settings,
-    field_coordinates,
-    label_values,
-    read_variables,
-)
-from thesis_lib.studies.workers import Block, compute_blocks, runs_of_trials
+from thesis_lib.studies import schema, workers
 from thesis_lib.templates import render
 from thesis_lib.vibration.structure import (
     Plate,
@@ -50,10 +44,10 @@ from thesis_lib.vibration.structure import (
 )
 from thesis_lib.vision import rounding
 
-VARIABLES = read_variables(__file__, "sound")
-COORDINATES = read_variables(__file__, "sound_coordinates")
+VARIABLES = schema.read_variables(__file__, "sound")
+COORDINATES = schema.read_variables(__file__, "sound_coordinates")
 LISTED_RADIATION_MODES = 5  # radiation modes that are told
-LEVEL_VARIABLES = read_variables(__file__, "sound_levels")
+LEVEL_VARIABLES = schema.read_variables(__file__, "sound_levels")
 
 
 def deflection_checksum(plate_cube: xr.Dataset) -> str:
@@ -71,7 +65,7 @@ class _Sound:
     factors: list[list[Array]]
     modes: list[list[Array]]  # of radiation, the loudest of each plane
 
-    def __call__(self, block: Block) -> dict[str, Array]:
+    def __call__(self, block: workers.Block) -> dict[str, Array]:
         """Return rms errors (modes, trials, planes) in Pa; predicted ones with the first trials."""
         setting, measured = block.load
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
@@ -125,7 +119,7 @@ def run(
         plate_cube["reference_deflection"].values,
         plate_cube["measured_deflection"],
     )
-    settings, chosen = study.settings(), extreme_settings(plate_cube)
+    settings, chosen = study.settings(), schema.extreme_settings(plate_cube)
 
     n_modes = len(study.modes)
     norms, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
@@ -161,7 +155,7 @@ def run(
         for name, coordinate in plate_cube.coords.items()
         if coordinate.dims in (("setting",), ("mode",), ("trial",))
     }
-    cube = xr.Dataset(coords={**kept, **field_coordinates(planes, list(chosen))})
+    cube = xr.Dataset(coords={**kept, **schema.field_coordinates(planes, list(chosen))})
     values = {
         "independent_ratio": independent * amplitude / usable,
         "independent_share": np.sum(np.square(modes), axis=-1) / norms[..., None] ** 2,
@@ -173,8 +167,10 @@ def run(
         "pressure_reference_real": fields.real.astype("float32"),
         "pressure_reference_imag": fields.imag.astype("float32"),
     }
-    cube = cube.assign(label_values(values, VARIABLES))
-    cube = cube.assign_coords(label_values({"radiation_mode": range(1, told + 1)}, COORDINATES))
+    cube = cube.assign(schema.label_values(values, VARIABLES))
+    cube = cube.assign_coords(
+        schema.label_values({"radiation_mode": range(1, told + 1)}, COORDINATES)
+    )
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
     if study.amplitude_mm == "force":
@@ -188,11 +184,11 @@ def run(
     shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
     work = _Sound(shared, omegas, points, factors, modes)
 
-    def blocks() -> Iterator[Block]:
+    def blocks() -> Iterator[workers.Block]:
         trial_bytes = 8 * reference.size
         for index, setting in enumerate(settings):
-            for trials in runs_of_trials(study.trials, trial_bytes):
-                yield Block(index, trials, (setting, deflections[index, :, trials].values))
+            for trials in workers.runs_of_trials(study.trials, trial_bytes):
+                yield workers.Block(index, trials, (setting, deflections[index, :, trials].values))
 
     sizes = {**cube.sizes, **plate_cube.sizes}
     target = {
@@ -202,7 +198,7 @@ def run(
         for name, one in VARIABLES.items()
         if name not in values
     }
-    for block, found in compute_blocks(work, blocks(), scheduler):
+    for block, found in workers.compute_blocks(work, blocks(), scheduler):
         target["plane_error"][block.place] = 100 * found["rms"] / usable[:, None]
         target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
         if "predicted" in found:
@@ -218,7 +214,7 @@ def run(
                     pressure = op.field(1j * omega * literal)
                     target["pressure_measured_real"][c, m, x, p] = pressure.real
                     target["pressure_measured_imag"][c, m, x, p] = pressure.imag
-    cube = cube.assign(label_values(target, VARIABLES))
+    cube = cube.assign(schema.label_values(target, VARIABLES))
     cube["predicted_error"].attrs["long_name"] = study.law
     others = [name for name in cube.data_vars if name not in VARIABLES]
     cube = cube[[*VARIABLES, *others]].assign_attrs(
@@ -234,7 +230,7 @@ def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
         "sound_power_level": radiation.power_level(power),
         "largest_pressure_level": radiation.pressure_level(largest),
     }
-    return cube.assign(label_values(values, LEVEL_VARIABLES))
+    return cube.assign(schema.label_values(values, LEVEL_VARIABLES))
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
@@ -310,7 +306,7 @@ TURNS_DEG = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0)  # simulated
 LAW_TURNS_DEG = np.round(np.linspace(0, 5, 101), 2)  # where rows cross pixels the law has its dips
 BEST_DEG = (2.0, 3.0)  # turns that the text recommends: steep cameras err more from 4° on
 MAX_TRIALS = 1000  # trials, which know an rms to some percent
-TURN_VARIABLES = read_variables(__file__, "sound_turn")
+TURN_VARIABLES = schema.read_variables(__file__, "sound_turn")
 
 
 def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
@@ -376,7 +372,7 @@ def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset
         "turned_coherence": by_turn(turned["coherence"]),
         "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
     }
-    return xr.Dataset(label_values(values, TURN_VARIABLES))
+    return xr.Dataset(schema.label_values(values, TURN_VARIABLES))
 
 
 def turn_summary(cube: xr.Dataset) -> dict[str, Any]:

@@ -11,10 +11,8 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTION, THESIS_QUESTIONS, Planner
-from thesis_lib.planning import errors, sound
-from thesis_lib.planning.errors import layout_cost
+from thesis_lib.planning import errors, positions, sound
 from thesis_lib.planning.planner import Plan, as_cube, for_sound, plan
-from thesis_lib.planning.positions import first_most, visible_markers
 from thesis_lib.studies.schema import label_values, read_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
@@ -92,7 +90,7 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
     factor = errors.average_error(scene) / width
     readable = replace(scene, rules=replace(scene.rules, tilt=float(np.radians(study.tilt_deg))))
     for (case, number), layout in study.thesis_layouts(body).items():
-        cost = layout_cost(scene, layout, "mean")
+        cost = errors.layout_cost(scene, layout, "mean")
         if number not in counts or not np.isfinite(cost):
             continue
         at = (slice(None), cases.index(case), counts.index(number))
@@ -100,14 +98,14 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
         drawn = errors.simulate_layout(
             scene, layout, width, study.trials, study.seed, "least-squares"
         )
-        best = first_most(point)
+        best = positions.first_most(point)
         expected = factor * np.sqrt(cost)
         found[at] = (
             expected,
             np.max(errors.objective_error(point, "mean")),
             np.max(drawn.error("mean", best)),
             errors.average_predicted(scene, layout, width) / expected,
-            np.mean(visible_markers(readable, layout)),
+            np.mean(positions.visible_markers(readable, layout)),
         )
     return found
 
