@@ -22,17 +22,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts.claims import Claim
-from thesis_lib.plotting import selection
-from thesis_lib.plotting.style import (
-    BLACK_COLOR,
-    HIGHLIGHT_COLOR,
-    RANK_COLORS,
-    REFERENCE_COLOR,
-    make_logarithmic,
-    name_styles,
-    ordered_colors,
-    place_panels,
-)
+from thesis_lib.plotting import selection, style
 from thesis_lib.studies import cubes, schema
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
@@ -47,7 +37,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     the length of a bar means nothing.
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
-    colors = ordered_colors(n_settings)
+    colors = style.ordered_colors(n_settings)
     top = _top(groups)
     floor = _least(groups, top)
     silent = [bars.name for bars in groups if np.isnan(bars.literal).all()]
@@ -56,21 +46,21 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
             continue
         position = np.arange(n_settings) + (g - (len(groups) - 1) / 2) * width
         low, median, high = bars.band
-        style: dict[str, Any] = {"color": colors, "alpha": 0.4 if g else 0.75}
+        look: dict[str, Any] = {"color": colors, "alpha": 0.4 if g else 0.75}
         if floor:
-            axes.scatter(position, bars.literal, 36, marker="s", **style)
+            axes.scatter(position, bars.literal, 36, marker="s", **look)
         else:
-            axes.bar(position, bars.literal, 0.9 * width, **style)
+            axes.bar(position, bars.literal, 0.9 * width, **look)
         words, alone = bars.name or part.attrs["trial_0"], {"ls": "none", "marker": "s", "ms": 8}
-        name_styles(axes, {words: {"alpha": style["alpha"], **alone}})
+        style.name_styles(axes, {words: {"alpha": look["alpha"], **alone}})
         if np.isfinite(median).all():  # there were trials
-            axes.vlines(position, low, high, color=BLACK_COLOR, lw=1.2)
+            axes.vlines(position, low, high, color=style.BLACK_COLOR, lw=1.2)
             words = f"5–95 % of {cubes.trials_are(part)}"
-            axes.plot([], [], "|", color=BLACK_COLOR, ms=10, mew=1.2, label=words)
-            axes.plot(position, median, "o", color=BLACK_COLOR, ms=4, label="median")
+            axes.plot([], [], "|", color=style.BLACK_COLOR, ms=10, mew=1.2, label=words)
+            axes.plot(position, median, "o", color=style.BLACK_COLOR, ms=4, label="median")
         words = f"{part.attrs['predicts']}, rms"
         axes.plot(
-            position, bars.predicted, "_", color=BLACK_COLOR, ms=18 / len(groups), label=words
+            position, bars.predicted, "_", color=style.BLACK_COLOR, ms=18 / len(groups), label=words
         )
         for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
             if claim:
@@ -88,7 +78,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     room = 1.5 if crowded else 1.35
     if floor:
         ticks = [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
-        make_logarithmic(axes.yaxis, ticks)
+        style.make_logarithmic(axes.yaxis, ticks)
         axes.set_ylim(floor / 1.5, top * (top / floor) ** (room - 1))
     else:
         axes.set_ylim(0, room * top)
@@ -100,14 +90,14 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
 def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
     """Mark what the thesis states: a value or interval, or a bound and the side that it allows."""
     least, most = claim.ends
-    style: dict[str, Any] = {"color": HIGHLIGHT_COLOR}
+    look: dict[str, Any] = {"color": style.HIGHLIGHT_COLOR}
     if least is None or most is None:
         marker = "v" if least is None else "^"
-        axes.plot([at - reach, at + reach], [claim.high] * 2, lw=1.2, **style)
-        axes.plot(at, claim.high, marker, ms=5, label="thesis, bound", **style)
+        axes.plot([at - reach, at + reach], [claim.high] * 2, lw=1.2, **look)
+        axes.plot(at, claim.high, marker, ms=5, label="thesis, bound", **look)
         return
-    axes.plot([at, at], [least, most], lw=1.2, **style)
-    axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **style)
+    axes.plot([at, at], [least, most], lw=1.2, **look)
+    axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **look)
 
 
 def _top(groups: Sequence[selection.Bars]) -> float:
@@ -141,7 +131,7 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
     closed = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in seen_curves))
     axes.add_patch(PathPatch(closed, color="#9a9a9a", lw=1, zorder=3))
     seen: set[tuple[float, ...]] = set()
-    for places, ink in zip(cameras, ordered_colors(len(cameras)), strict=True):
+    for places, ink in zip(cameras, style.ordered_colors(len(cameras)), strict=True):
         for place in places:
             if (key := tuple(np.round(place, 6))) not in seen:
                 seen.add(key)
@@ -163,20 +153,22 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
 
 def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset) -> None:
     """Mark the varied distance or aperture of the widest setting, or write the varied values."""
-    style = {"color": HIGHLIGHT_COLOR, "lw": 1.6, "zorder": 5}
+    look = {"color": style.HIGHLIGHT_COLOR, "lw": 1.6, "zorder": 5}
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
-        _draw(axes, np.array([0 * far, far]), **style)
-        _write(axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=HIGHLIGHT_COLOR)
+        _draw(axes, np.array([0 * far, far]), **look)
+        _write(
+            axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=style.HIGHLIGHT_COLOR
+        )
     elif varied == "aperture_deg":
         widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
         arc = _aperture_arc(*widest[:2])
-        _draw(axes, arc, **style)
-        _write(axes, 1.12 * arc[20], "α", color=HIGHLIGHT_COLOR)
+        _draw(axes, arc, **look)
+        _write(axes, 1.12 * arc[20], "α", color=style.HIGHLIGHT_COLOR)
     else:
         labels = [str(text) for text in part["label"].values]
         text = f"{labels[0]} … {labels[-1]}" if len(labels) > 1 else labels[0]
-        axes.text(0.0, 0.0, text, color=HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
+        axes.text(0.0, 0.0, text, color=style.HIGHLIGHT_COLOR, transform=axes.transAxes, fontsize=8)
 
 
 def _aperture_arc(first: Array, second: Array) -> Array:
@@ -213,13 +205,13 @@ def _view(points: ArrayLike) -> Array:
     return np.asarray(points, float) @ np.stack([right, -down]).T
 
 
-def _draw(axes: Axes, points: Array, **style: Any) -> None:
-    axes.plot(*_view(points).T, **style)
+def _draw(axes: Axes, points: Array, **look: Any) -> None:
+    axes.plot(*_view(points).T, **look)
 
 
-def _write(axes: Axes, place: Array, text: str, **style: Any) -> None:
+def _write(axes: Axes, place: Array, text: str, **look: Any) -> None:
     u, v = _view(place)
-    axes.text(u, v, text, ha="center", va="center", **style)
+    axes.text(u, v, text, ha="center", va="center", **look)
 
 
 def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
@@ -227,12 +219,14 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     part = selection.select_settings(cube, case, mode)
     chosen = selection.best_and_worst(part)
     labels = list(part["label"].values)
-    drawing, axes = place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
+    drawing, axes = style.place_panels("ab;cd", (7.6, 5.4), (0.6, 0.15, 0.5, 0.3), (0.65, 0.75))
     setup_panel(axes["a"], cube, part)
     x = part["x"].values * 1000
     reference = part["reference_deflection"].values * 1000
-    axes["b"].plot(x, reference, color=REFERENCE_COLOR, lw=3, label="reference")
-    for index, word, ink in zip(chosen, selection.rank_settings(part), RANK_COLORS, strict=False):
+    axes["b"].plot(x, reference, color=style.REFERENCE_COLOR, lw=3, label="reference")
+    for index, word, ink in zip(
+        chosen, selection.rank_settings(part), style.RANK_COLORS, strict=False
+    ):
         measured = part["measured_deflection"].isel(setting=index, trial=0).values * 1000
         name = f"{labels[index]}, {word}"
         axes["b"].plot(x, measured, ".-", color=ink, lw=1, label=name)

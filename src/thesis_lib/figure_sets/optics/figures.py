@@ -12,16 +12,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import claims, setups
-from thesis_lib.plotting.style import (
-    CYCLE_COLORS,
-    INK_COLOR,
-    REFERENCE_COLOR,
-    cycle_color,
-    make_logarithmic,
-    name_styles,
-    ordered_colors,
-    subplots,
-)
+from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision.optics import picture_height
 
@@ -37,20 +28,20 @@ CLAIMED_SIDES = {  # side: how it is called, and the claimed number of eq. 2.20
 
 def view(cube: xr.Dataset) -> Figure:
     """Plot the angle of view against focal length, and against that times the crop factor."""
-    drawing, (left, right) = subplots(
+    drawing, (left, right) = style.subplots(
         1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", sharey=True
     )
     ordered = cube.sortby("focal_length")
     f = ordered["focal_length"].values * 1000
     for i, one in enumerate(iterate_slices(ordered, "sensor")):
         width, height = one["sensor_size"].values[:2] * 1000
-        style = {"color": cycle_color(i), "lw": 1.2, "marker": "osD^v"[i % 5], "ms": 3.5}
+        look = {"color": style.cycle_color(i), "lw": 1.2, "marker": "osD^v"[i % 5], "ms": 3.5}
         name = f"{one['sensor'].item()}, {width:g}×{height:g} mm"
-        left.plot(f, one["angle_of_view"].sel(side="width"), label=name, **style)
+        left.plot(f, one["angle_of_view"].sel(side="width"), label=name, **look)
         diagonal = one["angle_of_view"].sel(side="diagonal")
-        right.plot(f * float(one["crop_factor"]), diagonal, **style)
-    make_logarithmic(left.xaxis, [10, 20, 50, 100])
-    make_logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
+        right.plot(f * float(one["crop_factor"]), diagonal, **look)
+    style.make_logarithmic(left.xaxis, [10, 20, 50, 100])
+    style.make_logarithmic(right.xaxis, [10, 20, 50, 100, 200, 500])
     left.set(title="(a) across", xlabel="focal length f in mm", ylabel="angle of view in °")
     left.set_ylim(0, None)
     right.set(title="(b) diagonally: one curve for all", xlabel="f times crop factor in mm")
@@ -60,15 +51,17 @@ def view(cube: xr.Dataset) -> Figure:
 
 def projection(cube: xr.Dataset) -> Figure:
     """Plot the markers by a pinhole and with one depth, and their distance."""
-    drawing, (left, right) = subplots(
+    drawing, (left, right) = style.subplots(
         1, 2, figsize=FIGURE_SIZE_IN, layout="constrained", width_ratios=[1.25, 1]
     )
     near = cube.isel(shown_distance=int(np.argmin(cube["shown_distance"].values)))
     (u, v), (flat_u, flat_v) = near["image"].values
-    left.plot([u, flat_u], [v, flat_v], color=REFERENCE_COLOR, lw=0.6)
-    style = {"ls": "none", "marker": "o", "ms": 3.5}
-    left.plot(u, v, color=CYCLE_COLORS[0], label="pinhole", **style)
-    left.plot(flat_u, flat_v, color=CYCLE_COLORS[4], mfc="none", label="one depth for all", **style)
+    left.plot([u, flat_u], [v, flat_v], color=style.REFERENCE_COLOR, lw=0.6)
+    look = {"ls": "none", "marker": "o", "ms": 3.5}
+    left.plot(u, v, color=style.CYCLE_COLORS[0], label="pinhole", **look)
+    left.plot(
+        flat_u, flat_v, color=style.CYCLE_COLORS[4], mfc="none", label="one depth for all", **look
+    )
     title = f"(a) the markers from {1000 * float(near['shown_distance']):g} mm"
     left.set(title=title, xlabel="u in px", ylabel="v in px", aspect="equal")
     left.invert_yaxis()
@@ -77,15 +70,20 @@ def projection(cube: xr.Dataset) -> Figure:
     d = cube["distance"].values * 1000
     asked = np.isin(cube["distance"].values, cube["shown_distance"].values)
     for name, line, ink, words in (
-        ("projection_error", "-", CYCLE_COLORS[4], "largest error, px"),
-        ("relative_projection_error", "--", CYCLE_COLORS[1], "the same, % of the row of markers"),
-        ("depth_range", ":", REFERENCE_COLOR, "spread of the depths, ± %"),
+        ("projection_error", "-", style.CYCLE_COLORS[4], "largest error, px"),
+        (
+            "relative_projection_error",
+            "--",
+            style.CYCLE_COLORS[1],
+            "the same, % of the row of markers",
+        ),
+        ("depth_range", ":", style.REFERENCE_COLOR, "spread of the depths, ± %"),
     ):
         values = cube[name].values
         right.plot(d, values, line, label=words, lw=1.5, color=ink)
-        right.plot(d[asked], values[asked], color=ink, **style)
+        right.plot(d[asked], values[asked], color=ink, **look)
     _label_distances(right, d)
-    make_logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
+    style.make_logarithmic(right.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20, 50])
     right.set(title="(b) the error of one depth")
     right.legend(loc="lower left")
     return drawing
@@ -96,7 +94,7 @@ def pixels(cube: xr.Dataset) -> Figure:
     number = cube.sizes["width"]
     rows, columns = cube["pixelated"].shape[1:]
     size = (6.8, number * (6.6 * rows / columns + 0.3))
-    drawing, axes = subplots(number, 1, figsize=size, squeeze=False, layout="constrained")
+    drawing, axes = style.subplots(number, 1, figsize=size, squeeze=False, layout="constrained")
     for part, axis in zip(iterate_slices(cube, "width"), axes[:, 0], strict=True):
         axis.imshow(part["pixelated"].values, cmap="gray", vmin=0, vmax=255, interpolation="none")
         axis.set_title(
@@ -109,7 +107,7 @@ def pixels(cube: xr.Dataset) -> Figure:
 
 def mosaic(cube: xr.Dataset) -> Figure:
     """Show a marker in colours, through the filters, interpolated, and the error."""
-    drawing, axes = subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
+    drawing, axes = style.subplots(2, 2, figsize=(6.4, 4.6), layout="constrained")
     titles = ("(a) what is there", "(b) what the sensor records", "(c) interpolated")
     for axis, picture, title in zip(axes.flat, cube["colour_picture"].values, titles, strict=False):
         axis.imshow(np.clip(picture, 0, 1), interpolation="none")
@@ -126,21 +124,21 @@ def mosaic(cube: xr.Dataset) -> Figure:
 
 def sharpness(cube: xr.Dataset) -> Figure:
     """Plot the nearest and farthest sharp depth against the focused distance."""
-    drawing, axes = subplots(figsize=(6.0, 3.6), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.6), layout="constrained")
     d = cube["distance"].values * 1000
     top = 2 * d.max()
     parts = list(iterate_slices(cube.sortby("f_number", ascending=False), "f_number"))
-    for part, ink in zip(parts, ordered_colors(len(parts))[::-1], strict=True):
+    for part, ink in zip(parts, style.ordered_colors(len(parts))[::-1], strict=True):
         near, far = (part[name].values * 1000 for name in ("near_limit", "far_limit"))
         far = np.where(np.isfinite(far), far, 10 * top)
         axes.fill_between(d, near, far, color=ink, alpha=0.18, lw=0)
         axes.plot(d, near, color=ink, lw=1.3, label=f"f/{float(part.f_number):g}")
         axes.plot(d, far, color=ink, lw=1.3)
-    axes.plot(d, d, color=REFERENCE_COLOR, lw=0.8, label="focused distance")
+    axes.plot(d, d, color=style.REFERENCE_COLOR, lw=0.8, label="focused distance")
     for name, word in (("nearest_depth", "nearest and farthest marker"), ("farthest_depth", "_")):
-        axes.plot(d, cube[name].values * 1000, color=INK_COLOR, lw=1, ls="--", label=word)
+        axes.plot(d, cube[name].values * 1000, color=style.INK_COLOR, lw=1, ls="--", label=word)
     _label_distances(axes, d, "focused distance d in mm")
-    make_logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
+    style.make_logarithmic(axes.yaxis, [200, 500, 1000, 2000, 5000, 10000])
     axes.set(ylabel="sharp depths in mm", ylim=(800 * float(cube["near_limit"].min()), top))
     drawing.legend(loc="outside right center")
     return drawing
@@ -148,9 +146,9 @@ def sharpness(cube: xr.Dataset) -> Figure:
 
 def stereo(cube: xr.Dataset) -> Figure:
     """Plot the depth error of two parallel cameras against distance."""
-    drawing, axes = subplots(figsize=(6.0, 3.8), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.8), layout="constrained")
     d, some = cube["distance"].values * 1000, slice(None, None, DRAWN_DEPTH_STEP)
-    inks = ordered_colors(cube.sizes["baseline"])
+    inks = style.ordered_colors(cube.sizes["baseline"])
     for part, ink in zip(iterate_slices(cube, "baseline"), inks, strict=True):
         fine, law, drawn = (
             part[name].values * 1000
@@ -161,16 +159,16 @@ def stereo(cube: xr.Dataset) -> Figure:
         axes.plot(d[some], drawn[some], "o", color=ink, ms=3)
     drawn_style = {"ls": "none", "marker": "o", "ms": 3}
     kinds = {"fine centres": {}, "whole pixels, first order": {"ls": "--"}}
-    name_styles(axes, {**kinds, "whole pixels, drawn": drawn_style})
+    style.name_styles(axes, {**kinds, "whole pixels, drawn": drawn_style})
     _label_distances(axes, d)
-    make_logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
+    style.make_logarithmic(axes.yaxis, [0.1, 1, 10, 100, 1000, 10000])
     axes.set(ylabel="error of the depth in mm")
     axes.legend(ncols=2, columnspacing=1)
     return drawing
 
 
 def _label_distances(axes: Axes, d: Array, label: str = "distance d in mm") -> None:
-    make_logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
+    style.make_logarithmic(axes.xaxis, [500, 1000, 2000, 5000, 10000])
     axes.set(xlim=(d.min(), d.max()), xlabel=label)
 
 
