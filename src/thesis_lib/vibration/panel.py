@@ -18,15 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.vibration import polygons
-from thesis_lib.vibration.finite_elements import (
-    CLAMPED_EDGE,
-    SIMPLY_SUPPORTED,
-    SUPPORTS,
-    PlateModes,
-    facets_along,
-    plate_modes,
-)
+from thesis_lib.vibration import finite_elements, polygons
 from thesis_lib.vibration.structure import Sheet
 
 MODES_PER_BATCH = 10  # modes found at a time
@@ -169,16 +161,23 @@ class Panel(Sheet):
 
 
 @lru_cache(maxsize=8)
-def _compute_batch(panel: Panel, batches: int) -> PlateModes:
+def _compute_batch(panel: Panel, batches: int) -> finite_elements.PlateModes:
     mesh = polygons.mesh_outline(panel.outline, panel.holes, panel.element_size)
-    sides: dict[str, list[Any]] = {support: [np.zeros(0, np.int64)] for support in SUPPORTS}
+    sides: dict[str, list[Any]] = {
+        support: [np.zeros(0, np.int64)] for support in finite_elements.SUPPORTS
+    }
     for edge, support in zip(polygons.polygon_edges(panel.outline), panel.supports, strict=True):
-        sides[support].append(facets_along(mesh, *edge))
-    clamped, supported = (np.concatenate(sides[held]) for held in (CLAMPED_EDGE, SIMPLY_SUPPORTED))
-    return plate_modes(mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH)
+        sides[support].append(finite_elements.facets_along(mesh, *edge))
+    clamped, supported = (
+        np.concatenate(sides[held])
+        for held in (finite_elements.CLAMPED_EDGE, finite_elements.SIMPLY_SUPPORTED)
+    )
+    return finite_elements.plate_modes(
+        mesh, clamped, supported, panel.poisson, batches * MODES_PER_BATCH
+    )
 
 
-def _find_modes(panel: Panel, n_modes: int) -> PlateModes:
+def _find_modes(panel: Panel, n_modes: int) -> finite_elements.PlateModes:
     """Compute at least so many modes, once."""
     if n_modes < 1:
         raise polygons.ShapeError("n_modes", n_modes, "1 or more")
@@ -238,14 +237,16 @@ def _check_holes(panel: Panel) -> None:
 
 def _check_supports(panel: Panel) -> None:
     sides = polygons.polygon_edges(panel.outline)
-    if len(panel.supports) != len(sides) or not set(panel.supports) <= set(SUPPORTS):
-        allowed = f"one of {', '.join(SUPPORTS)} for each of {len(sides)} edges"
+    if len(panel.supports) != len(sides) or not set(panel.supports) <= set(
+        finite_elements.SUPPORTS
+    ):
+        allowed = f"one of {', '.join(finite_elements.SUPPORTS)} for each of {len(sides)} edges"
         raise polygons.ShapeError("supports", panel.supports, allowed)
-    supported = [s == SIMPLY_SUPPORTED for s in panel.supports]
+    supported = [s == finite_elements.SIMPLY_SUPPORTED for s in panel.supports]
     held = np.array(sides)[supported].reshape(-1, 2)
     near = ON_EDGE * max(panel.extent)
     on_a_line = len(held) < 3 or np.linalg.matrix_rank(held[1:] - held[0], tol=near) < 2
-    if CLAMPED_EDGE not in panel.supports and on_a_line:
+    if finite_elements.CLAMPED_EDGE not in panel.supports and on_a_line:
         allowed = "a clamped edge, or simply supported ones that are not on one line"
         raise polygons.ShapeError("supports", panel.supports, allowed)
 

@@ -12,18 +12,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law.compute import SHOWN_NOISES_PX, TEXTS
-from thesis_lib.plotting.style import (
-    CYCLE_COLORS,
-    HIGHLIGHT_COLOR,
-    INK_COLOR,
-    REFERENCE_COLOR,
-    cycle_color,
-    log_axes,
-    make_logarithmic,
-    name_styles,
-    ordered_colors,
-    subplots,
-)
+from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vision import cone_law, dither
 from thesis_lib.vision.rounding import difference_variance
@@ -40,23 +29,27 @@ _NO_LINE: dict[str, Any] = {"ls": "none", "mfc": "none", "ms": 3.5}
 
 def motion(cube: xr.Dataset) -> Figure:
     """Plot the rounding error of one coordinate against its motion, and relative to it."""
-    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     delta, drawn = cube["motion"].values, cube["drawn_motion_error"].values
     every = _arched(delta[0], delta[-1])
     law, independent = np.sqrt(difference_variance(every)), np.full_like(every, cone_law.MOTION_PX)
     for axes, power in ((left, 0), (right, 1)):
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
-        axes.plot(every, scale * law, color=CYCLE_COLORS[0], lw=1.6, label="the law")
-        axes.plot(delta, drawn_scale * drawn, "o", color=INK_COLOR, ms=2.2, label="drawn")
-        style: Any = {"color": CYCLE_COLORS[4], "lw": 1.2, "label": "two independent roundings"}
-        axes.plot(every, scale * independent, "--", **style)
+        axes.plot(every, scale * law, color=style.CYCLE_COLORS[0], lw=1.6, label="the law")
+        axes.plot(delta, drawn_scale * drawn, "o", color=style.INK_COLOR, ms=2.2, label="drawn")
+        look: Any = {
+            "color": style.CYCLE_COLORS[4],
+            "lw": 1.2,
+            "label": "two independent roundings",
+        }
+        axes.plot(every, scale * independent, "--", **look)
     left.set(title="(a) error of a motion", ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))
     left.legend(loc="upper right")
     small = delta < 0.2
-    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=INK_COLOR, lw=1.2)
-    right.annotate("1/√δ", (0.013, 480), color=INK_COLOR)
-    right.annotate("1/δ", (0.04, 1300), color=CYCLE_COLORS[4])
-    log_axes(right, [0.01, 0.1, 1, 5], [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
+    right.plot(delta[small], 100 / np.sqrt(delta[small]), ":", color=style.INK_COLOR, lw=1.2)
+    right.annotate("1/√δ", (0.013, 480), color=style.INK_COLOR)
+    right.annotate("1/δ", (0.04, 1300), color=style.CYCLE_COLORS[4])
+    style.log_axes(right, [0.01, 0.1, 1, 5], [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
     right.set(title="(b) in % of the motion", ylim=(4, 3000))
     for axes in (left, right):
         axes.set_xlabel("motion of the image in px")
@@ -76,24 +69,24 @@ def _arched(first: float, last: float) -> Array:
 
 def settings(cube: xr.Dataset) -> Figure:
     """Plot predicted against simulated errors of all settings of the thesis."""
-    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     simulated = cube["simulated_error"].values
     ends = np.array([simulated.min() / 1.3, simulated.max() * 1.3])
-    left.plot(ends, ends, color=REFERENCE_COLOR, lw=1)
-    right.axhline(1, color=REFERENCE_COLOR, lw=1)
+    left.plot(ends, ends, color=style.REFERENCE_COLOR, lw=1)
+    right.axhline(1, color=style.REFERENCE_COLOR, lw=1)
     for number, one in enumerate(cube["structure"].values):
         rows = cube["of_structure"].values == one
         law, naive, x = (
             cube[f"{k}_error"].values[rows].ravel() for k in ("law", "naive", "simulated")
         )
-        style: Any = {"ls": "none", "marker": "os"[number % 2], "ms": 3}
+        look: Any = {"ls": "none", "marker": "os"[number % 2], "ms": 3}
         apart = {"mfc": "none", "mew": 0.6, "label": f"{one}, independent roundings"}
-        right.plot(x, naive / x, color=CYCLE_COLORS[4], **apart, **style)
-        style |= {"color": cycle_color(2 * number), "label": f"{one}, the law"}
-        left.plot(x, law, **style)
-        right.plot(x, law / x, **style)
-    log_axes(left, PERCENT_TICKS, PERCENT_TICKS)
-    make_logarithmic(right.xaxis, PERCENT_TICKS)
+        right.plot(x, naive / x, color=style.CYCLE_COLORS[4], **apart, **look)
+        look |= {"color": style.cycle_color(2 * number), "label": f"{one}, the law"}
+        left.plot(x, law, **look)
+        right.plot(x, law / x, **look)
+    style.log_axes(left, PERCENT_TICKS, PERCENT_TICKS)
+    style.make_logarithmic(right.xaxis, PERCENT_TICKS)
     left.set(title="(a) predicted against simulated", ylabel="predicted error in %")
     left.set(xlim=ends, ylim=ends)
     right.set(title="(b) predicted over simulated", ylim=(0.8, 2.7))
@@ -106,32 +99,34 @@ def settings(cube: xr.Dataset) -> Figure:
 
 def cone(cube: xr.Dataset) -> Figure:
     """Plot errors along and across the normal against the angle of the cone."""
-    drawing, axes = subplots(figsize=(6.0, 3.4), layout="constrained")
+    drawing, axes = style.subplots(figsize=(6.0, 3.4), layout="constrained")
     angle, some = cube["angle"].values, slice(None, None, DRAWN_ANGLE_STEP)
     drawn = 1000 * cube["cone_drawn_error"]
     for axis, ink, filled, words in (
-        ("Z", CYCLE_COLORS[0], True, "along the normal, z"),
-        ("X", CYCLE_COLORS[1], True, "across it, x = y"),
-        ("Y", CYCLE_COLORS[1], False, "_"),
+        ("Z", style.CYCLE_COLORS[0], True, "along the normal, z"),
+        ("X", style.CYCLE_COLORS[1], True, "across it, x = y"),
+        ("Y", style.CYCLE_COLORS[1], False, "_"),
     ):
         axes.plot(angle, 1000 * cube["cone_error"].sel(axis=axis), color=ink, lw=1.6, label=words)
-        style: Any = {"color": ink, "ms": 3.5, "mfc": ink if filled else "none"}
-        axes.plot(angle[some], drawn.sel(axis=axis)[some], "o", **style)
+        look: Any = {"color": ink, "ms": 3.5, "mfc": ink if filled else "none"}
+        axes.plot(angle[some], drawn.sel(axis=axis)[some], "o", **look)
     alike = float(np.degrees(cone_law.ISOTROPIC_ANGLE_RAD))
-    axes.axvline(alike, color=HIGHLIGHT_COLOR, lw=1)
+    axes.axvline(alike, color=style.HIGHLIGHT_COLOR, lw=1)
     words = f" {alike:.1f}°: the same\n in all directions"
-    axes.annotate(words, (alike, 0.5), xycoords=("data", "axes fraction"), color=HIGHLIGHT_COLOR)
-    name_styles(axes, {"drawn with whole pixels": {"ls": "none", "marker": "o", "ms": 3.5}})
+    axes.annotate(
+        words, (alike, 0.5), xycoords=("data", "axes fraction"), color=style.HIGHLIGHT_COLOR
+    )
+    style.name_styles(axes, {"drawn with whole pixels": {"ls": "none", "marker": "o", "ms": 3.5}})
     axes.set(xlabel="angle θ of the cone from the normal in °", xlim=(0, 90))
     axes.set_ylabel("rms error in mm")
-    make_logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
+    style.make_logarithmic(axes.yaxis, [0.2, 0.5, 1, 2, 5, 10, 20])
     axes.legend(loc="upper right")
     return drawing
 
 
 def findings(cube: xr.Dataset) -> Figure:
     """Plot distance, resolution, number, elevation, aperture; and the thesis's growing arrays."""
-    drawing, grid = subplots(2, 3, figsize=(7.6, 5.4), layout="constrained")
+    drawing, grid = style.subplots(2, 3, figsize=(7.6, 5.4), layout="constrained")
     labels = {
         "distance": "distance d in mm",
         "resolution": "pixels across",
@@ -142,7 +137,7 @@ def findings(cube: xr.Dataset) -> Figure:
     ticks = ([500, 750, 1000, 1500], [320, 640, 1280, 1920], [3, 6, 12, 24, 48])
     for number, (axis, (name, words)) in enumerate(zip(grid.flat, labels.items(), strict=False)):
         for s, part in enumerate(iterate_slices(cube.sel(finding=name), "structure")):
-            x, ink = part["swept"].values, cycle_color(2 * s)
+            x, ink = part["swept"].values, style.cycle_color(2 * s)
             axis.plot(x, part["exact_error"], color=ink, lw=0.6, alpha=0.7)
             axis.plot(x, part["expected_error"], color=ink, lw=1.8)
             axis.plot(x, part["centre_error"], ":", color=ink, lw=1.3)
@@ -152,15 +147,15 @@ def findings(cube: xr.Dataset) -> Figure:
                 least = float(np.interp(best, x, part["expected_error"]))
                 axis.plot(best, least, "v", color=ink, ms=5)
         axis.set(title=f"({'abcde'[number]})", xlabel=words)
-        make_logarithmic(axis.yaxis, PERCENT_TICKS)
+        style.make_logarithmic(axis.yaxis, PERCENT_TICKS)
         if number < len(ticks):
-            make_logarithmic(axis.xaxis, ticks[number])
+            style.make_logarithmic(axis.xaxis, ticks[number])
     for row in grid:
         row[0].set_ylabel("error in % of the peak")
     _draw_exponents(grid[1, 2], cube)
     structures = cube["structure"].values
     styles: dict[str, dict[str, Any]] = {
-        str(one): {"color": cycle_color(2 * s), "lw": 4} for s, one in enumerate(structures)
+        str(one): {"color": style.cycle_color(2 * s), "lw": 4} for s, one in enumerate(structures)
     }
     styles |= {
         "markers, amplitudes averaged": {"lw": 1.8},
@@ -168,9 +163,9 @@ def findings(cube: xr.Dataset) -> Figure:
         "centre": {"ls": ":", "lw": 1.3},
         "markers, independent noise": {"ls": "--"},
         "least error": {"ls": "none", "marker": "v", "ms": 5},
-        "1/√N": {"color": HIGHLIGHT_COLOR},
+        "1/√N": {"color": style.HIGHLIGHT_COLOR},
     }
-    name_styles(grid[1, 1], styles)
+    style.name_styles(grid[1, 1], styles)
     handles = grid[1, 1].get_legend_handles_labels()
     drawing.legend(*handles, loc="outside lower center", ncols=4, fontsize=7)
     return drawing
@@ -181,8 +176,8 @@ def _draw_exponents(axes: Axes, cube: xr.Dataset) -> None:
     names = cube["array"].values
     for s, part in enumerate(iterate_slices(cube["array_exponent"], "structure")):
         place = np.arange(len(names)) + 0.36 * (s - 0.5)
-        axes.bar(place, part, 0.34, color=cycle_color(2 * s))
-    axes.axhline(-0.5, color=HIGHLIGHT_COLOR, lw=1)
+        axes.bar(place, part, 0.34, color=style.cycle_color(2 * s))
+    axes.axhline(-0.5, color=style.HIGHLIGHT_COLOR, lw=1)
     axes.set_xticks(np.arange(len(names)), [str(name) for name in names])
     axes.set(title="(f) exponent in N", xlabel="growing arrays of the thesis")
     axes.grid(visible=False, axis="x")
@@ -190,7 +185,7 @@ def _draw_exponents(axes: Axes, cube: xr.Dataset) -> None:
 
 def shares(cube: xr.Dataset) -> Figure:
     """Plot equal pixels per second in two to many cameras: one frame, a fit to all, the sensors."""
-    drawing, (frame, film, sensor) = subplots(1, 3, figsize=(7.6, 3.9), layout="constrained")
+    drawing, (frame, film, sensor) = style.subplots(1, 3, figsize=(7.6, 3.9), layout="constrained")
     cube = cube.sortby("count")
     n, law = cube["count"].values, {"marker": "_", "ms": 9, "mew": 1.5, "ls": "none"}
     names = [str(name) for name in cube["estimator"].values]
@@ -198,38 +193,38 @@ def shares(cube: xr.Dataset) -> Figure:
         name: {"marker": "osD^"[e % 4], "ms": 3.5} | ({"mfc": "none"} if e else {})
         for e, name in enumerate(names)
     }
-    inks = ordered_colors(cube.sizes["rate"])
+    inks = style.ordered_colors(cube.sizes["rate"])
     for part, ink in zip(iterate_slices(cube, "rate"), inks, strict=True):
         frame.plot(n, part["frame_error"], color=ink, **law)
         frame.plot(n, part["average_error"], "--", lw=0.9, color=ink)
         film.plot(n, part["fit_error"], color=ink, **law)
-        for name, style in dots.items():
-            style = {"ls": "none" if name == names[0] else ":", "color": ink, **style}
-            frame.plot(n, part["drawn_frame_error"].sel(estimator=name), **style)
-            film.plot(n, part["drawn_fit_error"].sel(estimator=name), **style)
+        for name, look in dots.items():
+            look = {"ls": "none" if name == names[0] else ":", "color": ink, **look}
+            frame.plot(n, part["drawn_frame_error"].sel(estimator=name), **look)
+            film.plot(n, part["drawn_fit_error"].sel(estimator=name), **look)
         width = part["width_px"].values
         lost = part["marker_height"].values < design_shares.FOLLOWED_PX
         sensor.plot(n, width, lw=1.2, color=ink)
         sensor.plot(n[~lost], width[~lost], "o", ms=3.5, color=ink)
         sensor.plot(n[lost], width[lost], "x", ms=4.5, color=ink)
-    film.plot(n, cube["independent_fit_error"].isel(rate=0), "--", color=INK_COLOR, lw=0.9)
+    film.plot(n, cube["independent_fit_error"].isel(rate=0), "--", color=style.INK_COLOR, lw=0.9)
     titles = ("(a) one frame, %", "(b) amplitude from all frames, %", "(c) pixels across each")
     for axes, title in zip((frame, film, sensor), titles, strict=True):
-        make_logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
+        style.make_logarithmic(axes.xaxis, [2, 4, 8, 16, 32, 64])
         axes.set(title=title, xlabel="number of cameras N")
     least = min(float(cube[f"{k}fit_error"].min()) for k in ("", "drawn_", "independent_"))
     most = max(float(cube[f"{k}frame_error"].max()) for k in ("", "drawn_"))
     for axes in (frame, film):
-        make_logarithmic(axes.yaxis, PERCENT_TICKS)
+        style.make_logarithmic(axes.yaxis, PERCENT_TICKS)
         axes.set_ylim(0.75 * least, 1.4 * most)
-    make_logarithmic(sensor.yaxis, [100, 200, 500, 1000, 2000])
+    style.make_logarithmic(sensor.yaxis, [100, 200, 500, 1000, 2000])
     rates = zip(cube["rate"].values, inks, strict=True)
     styles: dict[str, dict[str, Any]] = {f"{r:g} Hz": {"color": ink, "lw": 4} for r, ink in rates}
-    styles |= {name: {"ls": "none", **style} for name, style in dots.items()}
+    styles |= {name: {"ls": "none", **look} for name, look in dots.items()}
     styles |= {"the law": law, "independent, averaged": {"ls": "--"}}
     low = f"markers < {design_shares.FOLLOWED_PX:g} px high"
     styles |= {low: {"ls": "none", "marker": "x", "ms": 4.5}}
-    name_styles(sensor, styles)
+    style.name_styles(sensor, styles)
     handles = sensor.get_legend_handles_labels()
     drawing.legend(*handles, loc="outside lower center", ncols=5, fontsize=7)
     return drawing
@@ -237,21 +232,21 @@ def shares(cube: xr.Dataset) -> Figure:
 
 def estimators(cube: xr.Dataset) -> Figure:
     """Plot errors of the estimators against the number of cameras and the noise of pixels."""
-    drawing, (left, right) = subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=FIGURE_SIZE_IN, layout="constrained")
     n = cube["equidistant_rig"].values
     for k, part in enumerate(iterate_slices(cube, "rule")):
         # the first, linear, coincides with the second: it is drawn wide below
         size = {"ms": 7, "lw": 4, "alpha": 0.5} if k == 0 else {"ms": 4, "lw": 1.3}
-        style: Any = {"color": cycle_color(k), "marker": "osD^"[k % 4], **size}
+        look: Any = {"color": style.cycle_color(k), "marker": "osD^"[k % 4], **size}
         words = str(part["rule"].item())
-        left.plot(n, 1e6 * part["equidistant_rig_error"], label=words, **style)
-        right.plot(cube["noise"], 1e6 * part["noise_error"], **style)
+        left.plot(n, 1e6 * part["equidistant_rig_error"], label=words, **look)
+        right.plot(cube["noise"], 1e6 * part["noise_error"], **look)
     first = 1e6 * float(cube["equidistant_rig_error"].isel(equidistant_rig=0).min())
     for power, words in ((-0.5, "1/√N"), (-1.0, "1/N")):
         line = first * (n / n[0]) ** power
-        left.plot(n, line, ":", color=INK_COLOR, lw=1)
-        left.annotate(words, (n[-1], line[-1]), color=INK_COLOR, ha="right", va="top")
-    log_axes(left, [4, 8, 16, 32, 64], [50, 100, 200, 500, 1000])
+        left.plot(n, line, ":", color=style.INK_COLOR, lw=1)
+        left.annotate(words, (n[-1], line[-1]), color=style.INK_COLOR, ha="right", va="top")
+    style.log_axes(left, [4, 8, 16, 32, 64], [50, 100, 200, 500, 1000])
     left.set(title="(a) error of a deflection, µm", xlabel="number of cameras N")
     left.legend(loc="lower left", fontsize=7)
     right.set(title=f"(b) {design_shares.NOISY_CAMERAS} cameras, µm", ylim=(0, None))
@@ -261,17 +256,17 @@ def estimators(cube: xr.Dataset) -> Figure:
 
 def noisy(cube: xr.Dataset) -> Figure:
     """Plot errors at equal pixels per second against the number of cameras and the noise."""
-    drawing, (left, right) = subplots(1, 2, figsize=(7.2, 3.9), layout="constrained")
+    drawing, (left, right) = style.subplots(1, 2, figsize=(7.2, 3.9), layout="constrained")
     cube = cube.sortby("count")
     drawn, least = 1e6 * cube["noisy_share_error"], 1e6 * cube["least_share_error"]
     counts, noises = cube["count"].values, cube["image_noise"].values
     styles: list[dict[str, Any]] = [{**_NO_LINE, "marker": "o"}, {**_NO_LINE, "marker": "s"}, {}]
 
     def draw_approaches(axes: Axes, part: xr.DataArray, x: Array, ink: str, label: str) -> None:
-        for values, style in zip(iterate_slices(part, "approach"), styles, strict=True):
-            axes.plot(x, values, color=ink, label="_" if style else label, **style)
+        for values, look in zip(iterate_slices(part, "approach"), styles, strict=True):
+            axes.plot(x, values, color=ink, label="_" if look else label, **look)
 
-    inks = ordered_colors(len(SHOWN_NOISES_PX))
+    inks = style.ordered_colors(len(SHOWN_NOISES_PX))
     for noise, ink in zip(SHOWN_NOISES_PX, inks, strict=True):
         words = f"{noise:g} px" if noise else "no noise"
         draw_approaches(left, drawn.sel(image_noise=noise), counts, ink, words)
@@ -279,22 +274,22 @@ def noisy(cube: xr.Dataset) -> Figure:
             left.plot(counts, least.sel(image_noise=noise), ":", color=ink, lw=1.2)
     places = np.where(noises > 0, noises, 0.5 * np.min(noises[noises > 0], initial=1))
     some = (counts[0], counts[len(counts) // 2], counts[-1])
-    for count, ink in zip(some, ordered_colors(len(some)), strict=True):
+    for count, ink in zip(some, style.ordered_colors(len(some)), strict=True):
         draw_approaches(right, drawn.sel(count=count), places, ink, f"{count} cameras")
     few = least.sel(count=counts[0]).values[noises > 0]
-    right.plot(noises[noises > 0], few, ":", color=INK_COLOR, lw=1.2)
+    right.plot(noises[noises > 0], few, ":", color=style.INK_COLOR, lw=1.2)
     for axes, title in ((left, "(a) error of a deflection, µm"), (right, "(b) the same, µm")):
-        make_logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
+        style.make_logarithmic(axes.yaxis, [50, 100, 200, 300, 500])
         axes.set(title=title, ylim=(0.9 * min(float(drawn.min()), few.min()), None))
         axes.legend(loc="upper left" if axes is right else "lower left", fontsize=7)
-    make_logarithmic(left.xaxis, [2, 4, 8, 16, 32, 64])
+    style.make_logarithmic(left.xaxis, [2, 4, 8, 16, 32, 64])
     left.set_xlabel("number of cameras N")
     right.set_xscale("log")
     right.set_xticks(places, [f"{noise:g}" for noise in noises])
     right.minorticks_off()
     right.set_xlabel("noise of the images before rounding, px")
     named = dict(zip(map(str, drawn["approach"].values), styles, strict=True))
-    name_styles(spare := drawing.axes[0], named | {"bound": {"ls": ":", "lw": 1.2}})
+    style.name_styles(spare := drawing.axes[0], named | {"bound": {"ls": ":", "lw": 1.2}})
     kinds = dict(zip(*spare.get_legend_handles_labels()[::-1], strict=True))
     kinds = {name: kinds[name] for name in (*named, "bound")}
     drawing.legend(kinds.values(), kinds, loc="outside lower center", ncols=4, fontsize=7)
@@ -303,7 +298,7 @@ def noisy(cube: xr.Dataset) -> Figure:
 
 def dithering(cube: xr.Dataset) -> Figure:
     """Plot the residual rounding error by motion, shake, and size of the markers."""
-    drawing, grid = subplots(1, 3, figsize=(7.6, 3.4), layout="constrained")
+    drawing, grid = style.subplots(1, 3, figsize=(7.6, 3.4), layout="constrained")
     panels = (
         ("fitted_amplitude", "(a) fitted amplitude, px", "amplitude of the image, px"),
         ("shake", "(b) mean of frames, px", "camera shake, px"),
@@ -317,18 +312,18 @@ def dithering(cube: xr.Dataset) -> Figure:
         "shake": (shake, np.sqrt(dither.shaken_variance(design_shares.SHAKE_FRAMES, shake))),
         "disc": (disc, [dither.disc_variance(one) ** 0.5 for one in disc]),
     }
-    one_frame: Any = {"color": CYCLE_COLORS[4], "ls": "--", "lw": 1.2}
+    one_frame: Any = {"color": style.CYCLE_COLORS[4], "ls": "--", "lw": 1.2}
     for axes, (name, title, words) in zip(grid, panels, strict=True):
         axes.axhline(dither.ONE_FRAME**0.5, label="one coordinate, one frame", **one_frame)
-        axes.plot(*closed_forms[name], color=CYCLE_COLORS[0], lw=1.6, label="closed form")
+        axes.plot(*closed_forms[name], color=style.CYCLE_COLORS[0], lw=1.6, label="closed form")
         drawn = cube[f"drawn_{name}_error"]
-        axes.plot(cube[name], drawn, "o", color=INK_COLOR, ms=2.4, label="drawn")
+        axes.plot(cube[name], drawn, "o", color=style.INK_COLOR, ms=2.4, label="drawn")
         axes.set(title=title, xlabel=words)
-        make_logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+        style.make_logarithmic(axes.yaxis, [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
     endless, words = np.sqrt(dither.mean_variance(0.0, shake)), "endless frames"
-    grid[1].plot(shake, endless, ":", color=CYCLE_COLORS[0], lw=1.4, label=words)
+    grid[1].plot(shake, endless, ":", color=style.CYCLE_COLORS[0], lw=1.4, label=words)
     grid[1].set_ylim(0.01, 0.5)
-    make_logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
+    style.make_logarithmic(grid[0].xaxis, [0.1, 0.3, 1, 3, 10])
     once = grid[1].get_legend_handles_labels()
     drawing.legend(*once, loc="outside lower center", ncols=4, fontsize=7)
     return drawing
