@@ -23,14 +23,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.facts.setups import data_folder
+from thesis_lib.figure_sets import registry
 from thesis_lib.figure_sets.figure_set import Product
-from thesis_lib.figure_sets.registry import (
-    FIGURE_SETS,
-    SETS_VARIABLE,
-    STUDIES,
-    is_known,
-    validate_request,
-)
 from thesis_lib.files import digest_of, folder_files, shipped, workplace
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import ParameterError, Study
@@ -48,7 +42,7 @@ def cube_of(asked: Study, scheduler: str = "") -> xr.Dataset:
         Workers that compute what can be cut into pieces
         (:func:`thesis_lib.studies.workers.check_address`); empty computes here.
     """
-    return make_product(FIGURE_SETS[asked.name], asked, scheduler)
+    return make_product(registry.FIGURE_SETS[asked.name], asked, scheduler)
 
 
 def make_product(product: Product, asked: Study, scheduler: str = "") -> xr.Dataset:
@@ -74,7 +68,7 @@ def cache_file(product: Product, asked: Study) -> Path:
 
 def make_inputs(name: str) -> None:
     """Compute and cache what a figure set needs besides the cubes of others."""
-    for needed in FIGURE_SETS[name].needs(STUDIES[name]()).values():
+    for needed in registry.FIGURE_SETS[name].needs(registry.STUDIES[name]()).values():
         make_product(*needed)
 
 
@@ -111,7 +105,7 @@ def code_digest(product: Product) -> str:
 def request_key(product: Product, asked: Study) -> str:
     """Return the digest of all that determines a product for a request, inputs included."""
     needed = [request_key(*each) for each in product.needs(asked).values()]
-    needed += [request_key(FIGURE_SETS[one.name], one) for one in product.reads()]
+    needed += [request_key(registry.FIGURE_SETS[one.name], one) for one in product.reads()]
     needed += [digest_of(product.stored(asked))]
     text = json.dumps([asked.name, asked.digest, code_digest(product), *needed])
     return hashlib.sha256(text.encode()).hexdigest()
@@ -163,7 +157,7 @@ def read_usable(path: Path, study: Study) -> xr.Dataset | str:
         return f"cube {path.name} is of {cube.attrs['figure_set']}: run `thesis book`"
     if cube.attrs.get("parameters_hash") != study.digest:
         return f"cube {path.name} was run with other parameters: run `thesis book`"
-    if cube.attrs.get("library_sha256") != code_digest(FIGURE_SETS[study.name]):
+    if cube.attrs.get("library_sha256") != code_digest(registry.FIGURE_SETS[study.name]):
         return f"cube {path.name} is outdated, the library has changed since: run `thesis book`"
     return cube
 
@@ -209,12 +203,14 @@ def _refusal(path: Path, problem: str) -> cubes.CubeError:
 def _request(cube: xr.Dataset, path: Path) -> Study:
     """Return the request that a cube was computed for."""
     name, given = str(cube.attrs["figure_set"]), str(cube.attrs["parameters"])
-    if not is_known(name):
-        trusted = f"if you trust its code, name its folder: {SETS_VARIABLE}=FOLDER thesis …"
+    if not registry.is_known(name):
+        trusted = (
+            f"if you trust its code, name its folder: {registry.SETS_VARIABLE}=FOLDER thesis …"
+        )
         raise _refusal(path, f"its figure set {one_line(name)} is not known; {trusted}")
     try:
         values = json.loads(given)
-        request = validate_request(name, values)
+        request = registry.validate_request(name, values)
         text = json.dumps([name, values])
     except (ParameterError, ValueError, AttributeError, RecursionError) as error:
         why = str(error) if isinstance(error, ParameterError) else one_line(given)
@@ -250,7 +246,7 @@ def _problems(
             yield f"its {name} is not a number for each setting, mode and trial"
     if "plane" in cube.dims and set(cube["plane"].values.tolist()) != {"XZ", "YZ"}:
         yield "its planes are not XZ and YZ"
-    if FIGURE_SETS[request.name].in_pieces and "point" in cube.dims:
+    if registry.FIGURE_SETS[request.name].in_pieces and "point" in cube.dims:
         markers = np.stack(list(request.structure.markers))
         places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
         if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(

@@ -24,21 +24,9 @@ from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts import setups
+from thesis_lib.plotting import style
 from thesis_lib.plotting.panels import camera_centres, setup_panel
 from thesis_lib.plotting.selection import select_settings
-from thesis_lib.plotting.style import (
-    BEST_COLOR,
-    BLACK_COLOR,
-    CYCLE_COLORS,
-    HIGHLIGHT_COLOR,
-    REFERENCE_COLOR,
-    WORST_COLOR,
-    add_legend,
-    draw_curves,
-    make_logarithmic,
-    ordered_colors,
-    subplots,
-)
 from thesis_lib.studies.cubes import iterate_slices, trials_are
 from thesis_lib.studies.fields import unit_of_field
 
@@ -46,10 +34,10 @@ MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
 MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
 CURVE_POINTS = 400  # points at which a curve is looked up
 PALE_GREY = "#c8c8c8"
-LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", BLACK_COLOR)}
+LAW_CURVE = {"predicted_error": ("law, centres equally exact", "_", style.BLACK_COLOR)}
 PART_CURVES = {
-    "noise_error": ("scatter alone", "-", CYCLE_COLORS[5]),
-    "bias_error": ("bias alone", "-", CYCLE_COLORS[1]),
+    "noise_error": ("scatter alone", "-", style.CYCLE_COLORS[5]),
+    "bias_error": ("bias alone", "-", style.CYCLE_COLORS[1]),
 }
 _LINE_STYLE: Any = {"markersize": 4, "linewidth": 1}
 CENTRE_CURVES: list[tuple[str, str, str, Any]] = [  # variable, label, line, style
@@ -173,7 +161,7 @@ def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
 
 def _draw_sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
     part = part.isel(setting=np.argsort(part["value"].values, kind="stable"))
-    drawing, axes = subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
+    drawing, axes = style.subplots(2, 2, figsize=(7.6, 6.0), layout="constrained")
     setup_panel(axes[0, 0], cube, part)
     axes[0, 0].set_title(f"(a) setups: {VARIED_NAMES[str(part['parameter'].values[0])]} varied")
     _draw_errors(axes[0, 1], part)
@@ -192,7 +180,7 @@ def _draw_sweep(cube: xr.Dataset, part: xr.Dataset) -> Figure:
 def _value_axis(axes: Axes, part: xr.Dataset) -> None:
     """Make a logarithmic axis with the settings' values as its ticks."""
     values = part["value"].values
-    make_logarithmic(axes.xaxis, values.tolist())
+    style.make_logarithmic(axes.xaxis, values.tolist())
     varied = str(part["parameter"].values[0])
     axes.set_xlabel(f"{VARIED_NAMES[varied]} in {unit_of_field(varied)}")
     axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
@@ -200,25 +188,25 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
 
 def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
     values, error = part["value"].values, part["mean_error"].transpose("setting", "trial").values
-    draw_curves(axes, values, part, LAW_CURVE, markersize=10)
-    draw_curves(axes, values, part, PART_CURVES, linewidth=1)
+    style.draw_curves(axes, values, part, LAW_CURVE, markersize=10)
+    style.draw_curves(axes, values, part, PART_CURVES, linewidth=1)
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
         label = f"5–95 % of {trials_are(part)}"
-        axes.vlines(values, low, high, color=CYCLE_COLORS[0], linewidth=1.4, label=label)
-        style: Any = {"color": CYCLE_COLORS[0], "markersize": 4}
-        axes.plot(values, predict_errors(part), "o", label="rms over these", **style)
-    style = {"markerfacecolor": "none", "color": HIGHLIGHT_COLOR, "markersize": 4}
-    axes.plot(values, error[:, 0], "D", label="rendered run", **style)
+        axes.vlines(values, low, high, color=style.CYCLE_COLORS[0], linewidth=1.4, label=label)
+        look: Any = {"color": style.CYCLE_COLORS[0], "markersize": 4}
+        axes.plot(values, predict_errors(part), "o", label="rms over these", **look)
+    look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, "markersize": 4}
+    axes.plot(values, error[:, 0], "D", label="rendered run", **look)
     whole = select_complete(part)
     best = None
     if part["parameter"].values[0] == "elevation_deg":
         best = find_optimum(whole["value"].values, predict_errors(whole))
     if best is not None:
-        axes.axvspan(best.low, best.high, color=CYCLE_COLORS[0], alpha=0.08, linewidth=0)
-        axes.axvline(best.at, color=CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
+        axes.axvspan(best.low, best.high, color=style.CYCLE_COLORS[0], alpha=0.08, linewidth=0)
+        axes.axvline(best.at, color=style.CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
         where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
-        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=CYCLE_COLORS[0], **where)
+        axes.text(best.at, 0.55, f" least at {best.at:.0f}°", color=style.CYCLE_COLORS[0], **where)
     axes.set_yscale("log")
     axes.set(title="(b) mean (rms) error", ylabel="% of the largest deflection")
     _add_key(axes, room=0.45, ncols=2, handlelength=1.4)
@@ -226,16 +214,16 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
 
 def _add_key(axes: Axes, room: float, **how: Any) -> None:
     """Add plain ticks and a legend, in some room above what is drawn."""
-    add_legend(axes, room, "upper center", columnspacing=1, fontsize=7, **how)
+    style.add_legend(axes, room, "upper center", columnspacing=1, fontsize=7, **how)
     plain_ticks(axes.yaxis)
 
 
 def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
-    for name, label, style, how in CENTRE_CURVES:
-        for axis, tone in (("u", CYCLE_COLORS[4]), ("v", CYCLE_COLORS[2])):
+    for name, label, look, how in CENTRE_CURVES:
+        for axis, tone in (("u", style.CYCLE_COLORS[4]), ("v", style.CYCLE_COLORS[2])):
             one = part[name].sel(axis=axis)
-            axes.plot(values, one, style, color=tone, label=f"{label}, {axis}", **how)
+            axes.plot(values, one, look, color=tone, label=f"{label}, {axis}", **how)
     axes.set_yscale("log")
     axes.set(title="(c) scatter and bias of the centres", ylabel="px")
     _add_key(axes, room=0.35, ncols=3, handlelength=1.8)
@@ -244,10 +232,15 @@ def _draw_centres(axes: Axes, part: xr.Dataset) -> None:
 def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
     values, grey = part["value"].values, "#555555"
     axes.plot(
-        values, 100 * part["lost"], "o-", color=BLACK_COLOR, markersize=4, label="lost, of all"
+        values,
+        100 * part["lost"],
+        "o-",
+        color=style.BLACK_COLOR,
+        markersize=4,
+        label="lost, of all",
     )
-    style: Any = {"markerfacecolor": "none", "color": HIGHLIGHT_COLOR, **_LINE_STYLE}
-    axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **style)
+    look: Any = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, **_LINE_STYLE}
+    axes.plot(values, 100 * part["wrong"], "D-", label="wrong, of those found", **look)
     for value, height in zip(values, part["image_height"].values, strict=True):
         axes.text(value, 112, f"{height:.1f}", ha="center", fontsize=7, color=grey)
     where: Any = {"ha": "center", "fontsize": 7, "color": grey, "transform": axes.transAxes}
@@ -263,9 +256,12 @@ def _draw_along(axes: Axes, part: xr.Dataset) -> None:
         for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
             one = part.isel(setting=index)
             name = "best" if index == np.nanargmin(error) else "worst"
-            style: Any = {"color": BEST_COLOR if name == "best" else WORST_COLOR, "linewidth": 1}
+            look: Any = {
+                "color": style.BEST_COLOR if name == "best" else style.WORST_COLOR,
+                "linewidth": 1,
+            }
             label = f"{one['label'].item()} ({name})"
-            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **style)
+            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **look)
         axes.legend()
     axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes.set_ylabel("% of the largest deflection")
@@ -287,7 +283,7 @@ def draw_sets(part: xr.Dataset) -> Figure:
     _draw_plans(parts[0, 0], part)
     count = part["n_cameras"].values
     numbers = np.unique(count).tolist()
-    tones = dict(zip(numbers, ordered_colors(len(numbers)), strict=True))
+    tones = dict(zip(numbers, style.ordered_colors(len(numbers)), strict=True))
     _against_the_law(parts[0, 1].subplots(), part, tones)
     _draw_ratio(parts[1, 0].subplots(), part)
     _by_number(parts[1, 1].subplots(), part)
@@ -308,13 +304,13 @@ def _draw_plans(place: SubFigure, part: xr.Dataset) -> None:
         ends = zip(panels[:, column], order[[0, -1]], ("best", "worst"), strict=True)
         for axes, index, word in ends:
             one = part.isel(setting=int(index))
-            ground: Any = {"color": REFERENCE_COLOR, "linewidth": 0}
+            ground: Any = {"color": style.REFERENCE_COLOR, "linewidth": 0}
             axes.add_patch(Rectangle((-length / 2, -width / 2), length, width, **ground))
             axes.plot(*every.T, ".", color="#cccccc", markersize=3)
             names = str(one["label"].item()).split("–")
             for name, (x, y) in zip(names, 1000 * camera_centres(one)[:, :2], strict=True):
-                axes.plot([0, x], [0, y], color=CYCLE_COLORS[0], linewidth=0.6, alpha=0.6)
-                axes.plot(x, y, "o", color=CYCLE_COLORS[0], markersize=4)
+                axes.plot([0, x], [0, y], color=style.CYCLE_COLORS[0], linewidth=0.6, alpha=0.6)
+                axes.plot(x, y, "o", color=style.CYCLE_COLORS[0], markersize=4)
                 axes.annotate(name, (1.17 * x, 1.17 * y), ha="center", va="center", fontsize=7)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
             axes.set_title(f"{word} {n}: {error[index]:.3g} %", fontsize=8, loc="center")
@@ -332,7 +328,7 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
     both = both[np.isfinite(both)]
     if both.size:
         ends = [both.min(), both.max()]
-        axes.plot(ends, ends, color=BLACK_COLOR, linewidth=0.8)
+        axes.plot(ends, ends, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
     axes.set(xlabel="law, % of the largest deflection")
     axes.set(title=f"(b) rms over {trials_are(part)} against the law")
@@ -350,9 +346,9 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
         axes.hist(literal, bins, color=PALE_GREY, label="rendered run")
         label = f"rms over {trials_are(part)}"
-        axes.hist(trials, bins, histtype="step", color=CYCLE_COLORS[0], label=label)
+        axes.hist(trials, bins, histtype="step", color=style.CYCLE_COLORS[0], label=label)
         axes.legend()
-    axes.axvline(1, color=BLACK_COLOR, linewidth=0.8)
+    axes.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(title="(c) error over the law", xlabel="ratio", ylabel="sets")
 
 
@@ -366,11 +362,11 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
     axes.plot(count, error, ".", color=PALE_GREY, markersize=4)
     groups = [error[known & (count == k)] for k in n]
     curves = ("best", np.min, "v-", 0.6), ("mean", np.mean, "o-", 1.0), ("worst", np.max, "^-", 0.6)
-    for name, function, style, alpha in curves:
-        how: Any = {**_LINE_STYLE, "color": CYCLE_COLORS[0], "alpha": alpha}
-        axes.plot(n, [function(own) for own in groups], style, label=name, **how)
+    for name, function, look, alpha in curves:
+        how: Any = {**_LINE_STYLE, "color": style.CYCLE_COLORS[0], "alpha": alpha}
+        axes.plot(n, [function(own) for own in groups], look, label=name, **how)
     root = groups[0].min() * np.sqrt(n[0] / n)
-    axes.plot(n, root, "--", color=BLACK_COLOR, linewidth=1, label="best pair, as 1/√n")
+    axes.plot(n, root, "--", color=style.BLACK_COLOR, linewidth=1, label="best pair, as 1/√n")
     axes.set(yscale="log", xlabel="cameras", title="(d) error by the number of cameras")
     axes.set_ylabel("% of the largest deflection")
     plain_ticks(axes.yaxis)

@@ -36,12 +36,7 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.studies import schema, workers
 from thesis_lib.templates import render
-from thesis_lib.vibration.structure import (
-    Plate,
-    deflection_shape,
-    resonance_frequency,
-    world_points,
-)
+from thesis_lib.vibration import structure
 from thesis_lib.vision import rounding
 
 VARIABLES = schema.read_variables(__file__, "sound")
@@ -112,7 +107,7 @@ def run(
     settings. With the cube of `turned` pairs, also what the turn does.
     """
     plate = study.structure
-    assert isinstance(plate, Plate)
+    assert isinstance(plate, structure.Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
     medium: Medium = study.medium  # type: ignore[attr-defined]
     reference, deflections = (
@@ -125,7 +120,7 @@ def run(
     norms, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
-    omegas = [resonance_frequency(plate, mode) for mode in study.modes]
+    omegas = [structure.resonance_frequency(plate, mode) for mode in study.modes]
     operators = [
         [plane_operator(plate, plane, omega, medium) for plane in planes] for omega in omegas
     ]
@@ -178,7 +173,7 @@ def run(
 
     rests = np.zeros_like(reference)
     points = np.stack(
-        [world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
+        [structure.world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
     )
     known = study.rest == "known"
     shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
@@ -260,8 +255,8 @@ def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Ar
     step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
     near = np.prod(enough_nodes(plate, study.planes[0].bottom)) > MOST_NODES
     for m, (mode, peak) in enumerate(zip(study.modes, study.peaks_m, strict=True)):
-        omega = resonance_frequency(plate, mode)
-        shape = partial(deflection_shape, plate, mode, peak=peak)
+        omega = structure.resonance_frequency(plate, mode)
+        shape = partial(structure.deflection_shape, plate, mode, peak=peak)
         for p, plane in enumerate(study.planes):
             if near or np.isnan(largest[m, p]):
                 continue
@@ -339,9 +334,9 @@ def law_errors(study: Any, reference: Array) -> Array:
     found = []
     for mode, shape in zip(study.modes, reference, strict=True):
         heard_ = PlateSound.from_shape(
-            plate, study.planes, study.medium, resonance_frequency(plate, mode), shape
+            plate, study.planes, study.medium, structure.resonance_frequency(plate, mode), shape
         )
-        rest, bent = np.moveaxis(world_points(plate, np.stack([0 * shape, shape])), 1, 0)
+        rest, bent = np.moveaxis(structure.world_points(plate, np.stack([0 * shape, shape])), 1, 0)
         for setting in settings:
             P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
             C = rounding.deflection_covariance(P, rest, bent, known, study.noise_px)
