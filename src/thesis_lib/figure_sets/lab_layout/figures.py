@@ -24,11 +24,9 @@ from scipy.interpolate import Akima1DInterpolator
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.facts import setups
-from thesis_lib.plotting import style
+from thesis_lib.plotting import selection, style
 from thesis_lib.plotting.panels import camera_centres, setup_panel
-from thesis_lib.plotting.selection import select_settings
-from thesis_lib.studies.cubes import iterate_slices, trials_are
-from thesis_lib.studies.fields import unit_of_field
+from thesis_lib.studies import cubes, fields
 
 MAX_NEAR_OPTIMUM = 1.1  # times the least error that still count as near it
 MIN_LOST = 0.0005  # share of a setting's markers from which on it is named
@@ -155,7 +153,7 @@ def select_viewable(cube: xr.Dataset) -> xr.Dataset:
 
 def figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
     """Draw the figure of a case."""
-    part = select_settings(cube, case, mode)
+    part = selection.select_settings(cube, case, mode)
     return draw_sets(part) if case == "subsets" else _draw_sweep(cube, part)
 
 
@@ -182,7 +180,7 @@ def _value_axis(axes: Axes, part: xr.Dataset) -> None:
     values = part["value"].values
     style.make_logarithmic(axes.xaxis, values.tolist())
     varied = str(part["parameter"].values[0])
-    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {unit_of_field(varied)}")
+    axes.set_xlabel(f"{VARIED_NAMES[varied]} in {fields.unit_of_field(varied)}")
     axes.set_xlim(values.min() / 1.15, values.max() * 1.15)
 
 
@@ -192,17 +190,15 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
     style.draw_curves(axes, values, part, PART_CURVES, linewidth=1)
     if error.shape[1] > 1:
         low, high = np.quantile(error[:, 1:], [0.05, 0.95], axis=1)
-        label = f"5–95 % of {trials_are(part)}"
+        label = f"5–95 % of {cubes.trials_are(part)}"
         axes.vlines(values, low, high, color=style.CYCLE_COLORS[0], linewidth=1.4, label=label)
         look: Any = {"color": style.CYCLE_COLORS[0], "markersize": 4}
         axes.plot(values, predict_errors(part), "o", label="rms over these", **look)
     look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **look)
-    whole = select_complete(part)
-    best = None
-    if part["parameter"].values[0] == "elevation_deg":
-        best = find_optimum(whole["value"].values, predict_errors(whole))
-    if best is not None:
+    whole, varied = select_complete(part), part["parameter"].values[0]
+    best = find_optimum(whole["value"].values, predict_errors(whole))
+    if best is not None and varied == "elevation_deg":
         axes.axvspan(best.low, best.high, color=style.CYCLE_COLORS[0], alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=style.CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
         where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
@@ -253,15 +249,13 @@ def _draw_lost(axes: Axes, part: xr.Dataset) -> None:
 def _draw_along(axes: Axes, part: xr.Dataset) -> None:
     error = predict_errors(part)
     if np.isfinite(error).any():
-        for index in dict.fromkeys([int(np.nanargmin(error)), int(np.nanargmax(error))]):
-            one = part.isel(setting=index)
-            name = "best" if index == np.nanargmin(error) else "worst"
-            look: Any = {
-                "color": style.BEST_COLOR if name == "best" else style.WORST_COLOR,
-                "linewidth": 1,
-            }
-            label = f"{one['label'].item()} ({name})"
-            axes.plot(one["x"] * 1000, one["point_error"], ".-", label=label, **look)
+        best, worst = int(np.nanargmin(error)), int(np.nanargmax(error))
+        for index in dict.fromkeys([best, worst]):
+            one, is_best = part.isel(setting=index), index == best
+            label = f"{one['label'].item()} ({'best' if is_best else 'worst'})"
+            color = style.BEST_COLOR if is_best else style.WORST_COLOR
+            look: Any = {"label": label, "color": color, "linewidth": 1}
+            axes.plot(one["x"] * 1000, one["point_error"], ".-", **look)
         axes.legend()
     axes.set(title="(d) error of each marker", xlabel="x in mm", ylim=(0, None))
     axes.set_ylabel("% of the largest deflection")
@@ -331,7 +325,7 @@ def _against_the_law(axes: Axes, part: xr.Dataset, tones: dict[int, str]) -> Non
         axes.plot(ends, ends, color=style.BLACK_COLOR, linewidth=0.8)
     axes.set(xscale="log", yscale="log", ylabel="error, %")
     axes.set(xlabel="law, % of the largest deflection")
-    axes.set(title=f"(b) rms over {trials_are(part)} against the law")
+    axes.set(title=f"(b) rms over {cubes.trials_are(part)} against the law")
     for axis in (axes.xaxis, axes.yaxis):
         plain_ticks(axis)
     axes.legend(ncols=2, fontsize=7, columnspacing=1, handletextpad=0.2)
@@ -345,7 +339,7 @@ def _draw_ratio(axes: Axes, part: xr.Dataset) -> None:
     if both.size:
         bins = np.linspace(min(both.min(), 0.98), max(both.max(), 1.02), 31).tolist()
         axes.hist(literal, bins, color=PALE_GREY, label="rendered run")
-        label = f"rms over {trials_are(part)}"
+        label = f"rms over {cubes.trials_are(part)}"
         axes.hist(trials, bins, histtype="step", color=style.CYCLE_COLORS[0], label=label)
         axes.legend()
     axes.axvline(1, color=style.BLACK_COLOR, linewidth=0.8)
@@ -356,8 +350,8 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
     error, count = predict_errors(part), part["n_cameras"].values
     known = np.isfinite(error)
     n = np.unique(count[known])
+    axes.set_title("(d) error by the number of cameras")
     if not len(n):
-        axes.set(title="(d) error by the number of cameras")
         return
     axes.plot(count, error, ".", color=PALE_GREY, markersize=4)
     groups = [error[known & (count == k)] for k in n]
@@ -367,8 +361,7 @@ def _by_number(axes: Axes, part: xr.Dataset) -> None:
         axes.plot(n, [function(own) for own in groups], look, label=name, **how)
     root = groups[0].min() * np.sqrt(n[0] / n)
     axes.plot(n, root, "--", color=style.BLACK_COLOR, linewidth=1, label="best pair, as 1/√n")
-    axes.set(yscale="log", xlabel="cameras", title="(d) error by the number of cameras")
-    axes.set_ylabel("% of the largest deflection")
+    axes.set(yscale="log", xlabel="cameras", ylabel="% of the largest deflection")
     plain_ticks(axes.yaxis)
     axes.set_xticks(n)
     axes.legend()
@@ -385,7 +378,7 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
     settings = []
     for case in list_cases(cube):
         part = part_of(cube, case)
-        for one in list(iterate_slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
+        for one in list(cubes.iterate_slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
             drawn = one["mean_error"].values[1:]
             trials = None
             if len(drawn) and np.isfinite(drawn).all():
@@ -405,7 +398,7 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
             slopes = np.sin(np.radians(part["value"].values))
             height = np.interp(np.sin(np.radians(best.at)), slopes, part["image_height"].values)
         optima.append((case, part, best, spread, height))
-    every = list(iterate_slices(cube, "setting"))
+    every = list(cubes.iterate_slices(cube, "setting"))
     return {
         "optima": optima,
         "unfound": [one for one in every if one["lost"] == 1],
@@ -425,7 +418,7 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
         return {"powers": []}
     x, labels = np.log(part["value"].values[known]), part["label"].values[known]
     values = {
-        f"error, rms over the {trials_are(cube)}, %": error,
+        f"error, rms over the {cubes.trials_are(cube)}, %": error,
         "law, one noise for all, %": part["predicted_error"].values,
         "scatter of the centres along u, px": part["centre_scatter"].values[:, 0],
         "scatter of the centres along v, px": part["centre_scatter"].values[:, 1],
@@ -451,11 +444,10 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
 
     def worse_than_pair(chosen: Mask) -> list[dict[str, int]]:
         """Count sets that are worse than the best pair, by their number of cameras above two."""
-        sets = [(n, error[chosen & (count == n)]) for n in np.unique(count) if n > 2]
+        sets = [(n, error[chosen & (count == n)]) for n in np.unique(count[chosen]) if n > 2]
         return [
             {"worse": int(np.sum(own > best_pair)), "count": len(own), "cameras": n}
             for n, own in sets
-            if len(own)
         ]
 
     numbers = []
