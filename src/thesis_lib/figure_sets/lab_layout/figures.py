@@ -196,9 +196,9 @@ def _draw_errors(axes: Axes, part: xr.Dataset) -> None:
         axes.plot(values, predict_errors(part), "o", label="rms over these", **look)
     look = {"markerfacecolor": "none", "color": style.HIGHLIGHT_COLOR, "markersize": 4}
     axes.plot(values, error[:, 0], "D", label="rendered run", **look)
-    whole, varied = select_complete(part), part["parameter"].values[0]
-    best = find_optimum(whole["value"].values, predict_errors(whole))
-    if best is not None and varied == "elevation_deg":
+    whole, swept = select_complete(part), part["parameter"].values[0] == "elevation_deg"
+    best = find_optimum(whole["value"].values, predict_errors(whole)) if swept else None
+    if best is not None:
         axes.axvspan(best.low, best.high, color=style.CYCLE_COLORS[0], alpha=0.08, linewidth=0)
         axes.axvline(best.at, color=style.CYCLE_COLORS[0], linewidth=0.8, linestyle=":")
         where: Any = {"fontsize": 8, "transform": axes.get_xaxis_transform()}
