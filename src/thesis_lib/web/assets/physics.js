@@ -4,7 +4,7 @@
 // and orders are those of pinhole.js, but for what a setting of cameras is given in.
 import { hemisphereCameras, inView, pixelate, project, radians, rint } from "./pinhole.js";
 
-// --- vibration: structure.py, beam.py, plate.py
+// --- vibration: structure.py
 // Coordinates of the markers in the structure's own frame, [[x, …], [y, …]].
 export function markers({ kind, length, width, row, grid }) {
   if (kind === "beam") {
