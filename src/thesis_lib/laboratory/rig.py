@@ -33,7 +33,6 @@ from thesis_lib.measure.recordings.board import Board, Markers, on_surface, rows
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Beam, Plate
 from thesis_lib.vision import lens, pinhole
-from thesis_lib.vision.lens import Camera
 
 # Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
 _UPRIGHT_ROTATION = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -98,7 +97,7 @@ MAX_FORCE_SHARE = 0.5  # largest force on the audio track over full scale
 class Station:
     """A camera, what its sensor does, how fast it takes frames, and when it starts."""
 
-    camera: Camera  #: Optics and pose
+    camera: lens.Camera  #: Optics and pose
     sensor: Sensor  #: Exposure, spread, noise, grey levels
     frame_rate: float  #: Frames per second
     start: float  #: World time of its first frame, s
@@ -121,7 +120,7 @@ class Rig:
     translations: Array = field(default_factory=lambda: default_poses()[1])
 
     @property
-    def cameras(self) -> list[Camera]:
+    def cameras(self) -> list[lens.Camera]:
         """The cameras alone."""
         return [station.camera for station in self.stations]
 
@@ -197,7 +196,7 @@ def default_rig(
         K = pinhole.intrinsics(focal * (1 + 0.005 * differs[0]), size)
         K[:2, 2] += 0.004 * size[0] * differs[1:3]
         distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
-        camera = Camera(chr(ord("A") + i), K, distortion, R, centre, size)
+        camera = lens.Camera(chr(ord("A") + i), K, distortion, R, centre, size)
         stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
     period = 1 / min(part.frequency for part in components)
     motion = Motion(structure, components, REST_S + MAX_START_S, 2 * period)
@@ -298,7 +297,7 @@ TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
 WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
 
 
-def replace_cameras(rig: Rig, cameras: Sequence[Camera]) -> Rig:
+def replace_cameras(rig: Rig, cameras: Sequence[lens.Camera]) -> Rig:
     """Replace the cameras of a rig, in the same order."""
     pairs = zip(rig.stations, cameras, strict=True)
     return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
@@ -324,7 +323,7 @@ def _rotate_about(vector: Array) -> Array:
     return rotation + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * K @ K
 
 
-def crop_camera(camera: Camera, low: Array, high: Array) -> Camera:
+def crop_camera(camera: lens.Camera, low: Array, high: Array) -> lens.Camera:
     """Let a camera read its sensor from one corner to another."""
     K = camera.K.copy()
     K[:2, 2] -= low

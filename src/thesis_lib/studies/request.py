@@ -14,20 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from thesis_lib.acoustics.planes import Plane, plate_pistons
 from thesis_lib.acoustics.radiation import Medium, check_pistons
 from thesis_lib.facts import setups
-from thesis_lib.studies.fields import (
-    Fields,
-    Positive,
-    Seed,
-    Trials,
-    Whole,
-    describe_allowed,
-    describe_permitted,
-    first_problem,
-    format_given,
-    refuse_value,
-    suggest_name,
-    unit_of_field,
-)
+from thesis_lib.studies import fields
 from thesis_lib.text import listed, one_line
 from thesis_lib.vibration.structure import Plate, Structure, resonance_frequency
 
@@ -51,7 +38,7 @@ class ParameterError(ValueError):
     """A request that cannot be run; the message is one line for the person who made it."""
 
 
-class Study(Fields):
+class Study(fields.Fields):
     """Parameters that all figure sets share."""
 
     name: ClassVar[str]
@@ -67,8 +54,8 @@ class Study(Fields):
     draws: ClassVar[str] = "pixel-grid shifts"  # what differs from trial to trial
     hints: ClassVar[dict[str, str]] = {}  # how to say what is no parameter, by the name tried
 
-    trials: Trials = 200
-    seed: Seed = 0
+    trials: fields.Trials = 200
+    seed: fields.Seed = 0
     cube: str = Field(
         "",
         pattern=r"^$|\.nc$",
@@ -96,8 +83,8 @@ class Study(Fields):
         model = type(self)
         if model.folder or any(info.is_required() for info in model.model_fields.values()):
             return False
-        printed, fields = model(), set(model.model_fields) - CHOOSING_FIELDS
-        return all(getattr(self, name) == getattr(printed, name) for name in fields)
+        printed, names = model(), set(model.model_fields) - CHOOSING_FIELDS
+        return all(getattr(self, name) == getattr(printed, name) for name in names)
 
     @property
     def request(self) -> dict[str, Any]:
@@ -116,7 +103,7 @@ class Study(Fields):
             value = getattr(self, name)
             repeats = isinstance(value, list) and len(set(value)) < len(value)
             if repeats and name != "amplitude_mm":
-                self.refuse(name, describe_permitted(type(self), name))
+                self.refuse(name, fields.describe_permitted(type(self), name))
         return self
 
 
@@ -130,7 +117,7 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
     """Refuse a parameter that a figure set does not have."""
     for name in names:
         if name not in model.model_fields:
-            hint = suggest_name(name, model.model_fields)
+            hint = fields.suggest_name(name, model.model_fields)
             own = [one for one in model.model_fields if one != "cube"]
             command = "plan --parameters" if model.name == "plan" else f"list {model.name}"
             words = model.hints.get(name) or f"{hint}; {listed(own, f'thesis {command}')}"
@@ -140,14 +127,17 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
 def validate_values(model: type[Study], values: Mapping[str, Any]) -> Study:
     """Return a model's parameters from plain values, refused in one line."""
     if not isinstance(values, Mapping):  # of a file that is not ours
+        given = fields.format_given(values)
         raise ParameterError(
-            f"{model.name}: given {format_given(values)}, allowed: an object of parameters by name"
+            f"{model.name}: given {given}, allowed: an object of parameters by name"
         )
     check_names(model, values)
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise ParameterError(f"{model.name}: {first_problem(model, values, error)}") from None
+        raise ParameterError(
+            f"{model.name}: {fields.first_problem(model, values, error)}"
+        ) from None
 
 
 def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
@@ -157,8 +147,8 @@ def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
         {
             "name": name,
             "default": json.dumps(defaults[name], ensure_ascii=False),
-            "unit": unit_of_field(name),
-            "allowed": describe_allowed(model, name),
+            "unit": fields.unit_of_field(name),
+            "allowed": fields.describe_allowed(model, name),
             "meaning": info.description or "",
         }
         for name, info in sorted(
@@ -217,13 +207,13 @@ def join_command(words: list[str], parameters: Mapping[str, Any]) -> str:
 
 # What a plate and its sound add: markers, planes, medium (thesis 6.1).
 
-Markers = Annotated[Whole, Field(ge=2, le=60)]
+Markers = Annotated[fields.Whole, Field(ge=2, le=60)]
 Grid = Annotated[tuple[Markers, Markers], Field(description="markers along and across the plate")]
-PlanePoints = Annotated[Whole, Field(ge=2, le=500)]
+PlanePoints = Annotated[fields.Whole, Field(ge=2, le=500)]
 SOUND_READING = setups.assumed_values("sound")
 
 
-class PlateMarkers(Fields):
+class PlateMarkers(fields.Fields):
     """Parameters of a plate."""
 
     grid: Grid
@@ -237,19 +227,19 @@ class PlateMarkers(Fields):
 class SoundPlanes(PlateMarkers):
     """Parameters of the sound field."""
 
-    speed_of_sound_m_s: Positive = Field(
+    speed_of_sound_m_s: fields.Positive = Field(
         SOUND_READING["speed_of_sound_m_s"], description="speed of sound in the fluid"
     )
-    air_density_kg_m3: Positive = Field(
+    air_density_kg_m3: fields.Positive = Field(
         SOUND_READING["air_density_kg_m3"], description="density of the fluid"
     )
-    plane_half_width_mm: Positive = Field(
+    plane_half_width_mm: fields.Positive = Field(
         SOUND_READING["plane_half_width_mm"], description="the planes reach |X|, |Y| up to this"
     )
-    plane_bottom_mm: Positive = Field(
+    plane_bottom_mm: fields.Positive = Field(
         SOUND_READING["plane_bottom_mm"], description="lowest height of the planes"
     )
-    plane_top_mm: Positive = Field(
+    plane_top_mm: fields.Positive = Field(
         SOUND_READING["plane_top_mm"],
         description="greatest height of the planes, above plane_bottom_mm",
     )
@@ -288,5 +278,5 @@ class SoundPlanes(PlateMarkers):
                 )
         except ValueError as error:
             known, here = "use more and smaller pistons", "take lower modes or a finer grid"
-            refuse_value("modes", highest, str(error).replace(known, here))
+            fields.refuse_value("modes", highest, str(error).replace(known, here))
         return self

@@ -33,8 +33,7 @@ import xarray as xr
 from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.acoustics.radiation import Medium
 from thesis_lib.arrays import Array
-from thesis_lib.facts import setups
-from thesis_lib.facts.claims import Claim, claims_of, read_claims
+from thesis_lib.facts import claims, setups
 from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
 from thesis_lib.figure_sets.claims.figure_set import Claims, OtherReadings, OwnRuns
 from thesis_lib.figure_sets.cube_file import cube_of, read_built
@@ -292,7 +291,7 @@ def format_command(reading: Reading) -> str:
 def measure_claimed(study: CameraStudy) -> xr.Dataset:
     """Return the cube of beam or plate, only of settings that claims on it or its sound name."""
     names = {study.name, study.name.replace("plate", "sound")}
-    spoken = [claim for name in names for claim in claims_of(name)]
+    spoken = [claim for name in names for claim in claims.claims_of(name)]
     only = [
         setting
         for setting in study.settings()
@@ -348,7 +347,7 @@ def judge_interpretation(
                 cube = select_plane_errors(study, plates[plate])
             else:
                 cube = plates[name] = measure_claimed(study)
-            same[study.digest] = verdicts.check_claims(cube, claims_of(name))
+            same[study.digest] = verdicts.check_claims(cube, claims.claims_of(name))
         found += same[study.digest]
     return found
 
@@ -378,7 +377,7 @@ def run_readings(study: OtherReadings) -> xr.Dataset:
     counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)
     inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
     gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
-    simulated = [claim for claim in read_claims() if claim.chapter in chapters]
+    simulated = [claim for claim in claims.read_claims() if claim.chapter in chapters]
     stated = Counter(claim.chapter for claim in simulated)
     met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
     for r, of_reading in enumerate(made):
@@ -441,17 +440,17 @@ def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         return opened[study.name]
 
     found = explain_differences(judge_claims(open_cube, read_own(own)), other)
-    tested = compute_power(lambda name: open_cube(STUDIES[name]()), read_claims())
+    tested = compute_power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
     return as_cube(found, other.merge(tested))
 
 
-def meet_all(claim: Claim, band: Array, factor: float = 1.0) -> bool:
+def meet_all(claim: claims.Claim, band: Array, factor: float = 1.0) -> bool:
     """Return whether bands (2, settings) in %, each times a factor, all meet the claim."""
     return all(verdicts.meets_claim(claim, *(factor * ends)) for ends in band.T)
 
 
 def compute_power(
-    cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[Claim]
+    cube_of: Callable[[str], xr.Dataset | str], stated: Sequence[claims.Claim]
 ) -> xr.Dataset:
     """Count claimed values met, expected to be met, and met by errors of other sizes.
 

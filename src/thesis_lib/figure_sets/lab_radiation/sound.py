@@ -21,7 +21,6 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.acoustics import estimates, planes, radiation
-from thesis_lib.acoustics.estimates import Amplitudes, Estimate, stack_matrix
 from thesis_lib.acoustics.surfaces import Surface
 from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.facts import setups
@@ -229,21 +228,21 @@ class MarkerSound:
     @cached_property
     def _squares(self) -> Array:
         """Form of the mean square of a pressure on the plane, of stacked amplitudes."""
-        stacked = stack_matrix(self.matrix)
+        stacked = estimates.stack_matrix(self.matrix)
         return np.asarray(stacked.T @ stacked / len(self.matrix))
 
-    def power(self, shape: Amplitudes) -> Estimate:
+    def power(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return sound power in W."""
         return self._widened(estimates.estimate_quadratic_form(self.power_form, shape))
 
-    def efficiency(self, shape: Amplitudes) -> Estimate:
+    def efficiency(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return radiation efficiency."""
         return self._widened(estimates.estimate_ratio(self.power_form, self.plain_form, shape))
 
-    def _widened(self, of: Estimate) -> Estimate:
+    def _widened(self, of: estimates.Estimate) -> estimates.Estimate:
         return estimates.widen_error(of, self._surface.sum_std)
 
-    def field_error(self, shape: Amplitudes) -> float:
+    def field_error(self, shape: estimates.Amplitudes) -> float:
         """Return stated rms error of the pressure over the plane, in Pa."""
         return float(np.sqrt(np.sum(self._squares * shape.covariance)))
 

@@ -9,14 +9,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit
 from thesis_lib.vibration.structure import peak_deflection
 from thesis_lib.vision.pinhole import hemisphere_directions
 from thesis_lib.vision.simulation import LEAST_SQUARES
 
-BEAM_READING = assumed_values("beam")
+BEAM_READING = setups.assumed_values("beam")
 CAMERA_CONDITIONS = {
     "amplitude_mm": 'allowed: a number, a list with one for each mode, or "force"',
     "cases": "allowed: at least one, or layouts",
@@ -74,11 +73,11 @@ class CameraStudy(Study):
     )
     modes: fields.Several[fields.Mode] = Field([1, 2, 3], description="modes to measure")
 
-    def thesis_settings(self) -> list[Setting]:
+    def thesis_settings(self) -> list[setups.Setting]:
         """Return the study's settings with azimuths as they are given."""
         raise NotImplementedError
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """Return the study's settings in the order of the thesis's tables, azimuths from +Y."""
         return [s.swap_axes() if self.azimuth_zero == "X" else s for s in self.thesis_settings()]
 
@@ -134,7 +133,7 @@ def _check_memory(study: CameraStudy) -> None:
         )
 
 
-def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
+def _check_reach(study: CameraStudy, settings: list[setups.Setting]) -> None:
     length, width = study.structure.extent
     reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
     name = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
@@ -143,7 +142,7 @@ def _check_reach(study: CameraStudy, settings: list[Setting]) -> None:
             fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
 
 
-def _check_directions(setting: Setting) -> None:
+def _check_directions(setting: setups.Setting) -> None:
     for azimuth, elevation in setting.directions_deg:
         if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
             fields.refuse_value(
@@ -153,7 +152,7 @@ def _check_directions(setting: Setting) -> None:
             )
 
 
-def _check_coincidence(study: CameraStudy, setting: Setting) -> None:
+def _check_coincidence(study: CameraStudy, setting: setups.Setting) -> None:
     angles = np.radians(setting.directions_deg)
     directions = hemisphere_directions(angles[:, 0], angles[:, 1])
     apart = np.linalg.norm(directions[:, None] - directions[None], axis=2)

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
 
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
 from thesis_lib.figure_sets.parametric.camera_study import CAMERA_CONDITIONS, CameraStudy
 from thesis_lib.studies import fields
@@ -60,7 +59,7 @@ class Distance(CameraStudy):
     elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
     resolution_px: fields.SensorSize
 
-    def thesis_settings(self) -> list[Setting]:
+    def thesis_settings(self) -> list[setups.Setting]:
         """Return one setting per distance."""
         return setups.distance_settings(
             self.distances_mm, self.azimuth_deg, self.elevation_deg, self.resolution_px
@@ -88,7 +87,7 @@ class Aperture(CameraStudy):
     distance_mm: FromCentre
     resolution_px: fields.SensorSize
 
-    def thesis_settings(self) -> list[Setting]:
+    def thesis_settings(self) -> list[setups.Setting]:
         """Return the cases in the order asked for, apertures in the order of the table."""
         return setups.aperture_settings(
             self.cases,
@@ -115,7 +114,7 @@ class Resolutions(CameraStudy):
     azimuth_deg: OfPair
     elevation_deg: fields.Elevation = Field(..., description="elevation of the cameras")
 
-    def thesis_settings(self) -> list[Setting]:
+    def thesis_settings(self) -> list[setups.Setting]:
         """Return one setting per width."""
         return setups.resolution_settings(
             self.widths_px, self.distance_mm, self.azimuth_deg, self.elevation_deg
@@ -155,11 +154,11 @@ class Arrays(CameraStudy):
             self.refuse("layouts", CAMERA_CONDITIONS["layouts"])
         return self
 
-    def thesis_settings(self) -> list[Setting]:
+    def thesis_settings(self) -> list[setups.Setting]:
         """Return growing sets of cameras, cases first and layouts after them."""
         return setups.array_settings(
             self.cases,
-            assumed_values("beam")["pair_order"]
+            setups.assumed_values("beam")["pair_order"]
             | {str(case): order for case, order in self.pair_order.items()},
             self.layouts,
             self.distance_mm,
@@ -309,7 +308,7 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     """Return a study of one structure: its fields default to what the structure's tables say."""
     grid = {"grid": setups.thesis_plate().grid}
     like = "plate" if subject == "shape" else subject
-    printed = {**grid, **assumed_values(like), **setups.setup_table(subject, kind.study)}
+    printed = {**grid, **setups.assumed_values(like), **setups.setup_table(subject, kind.study)}
     bases = (*more, kind)
     defaults: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}

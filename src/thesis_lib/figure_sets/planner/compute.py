@@ -11,8 +11,7 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTION, THESIS_QUESTIONS, Planner
-from thesis_lib.planning import errors, positions, sound
-from thesis_lib.planning.planner import Plan, as_cube, for_sound, plan
+from thesis_lib.planning import errors, planner, positions, sound
 from thesis_lib.studies.schema import label_values, read_variables
 
 _DROPPED_VARIABLES = ("chosen", "point_error", "marker", "normal", "reference_deflection")
@@ -28,9 +27,9 @@ def run(study: Planner) -> xr.Dataset:
     resolutions, along ``thesis_case`` and ``count``; ``quantity``, ``value`` and ``unit`` are what
     runs are compared by.
     """
-    plans = {name: plan(request) for name, request in study.questions.items()}
+    plans = {name: planner.plan(request) for name, request in study.questions.items()}
     cube = xr.concat(
-        [_whole(as_cube(one), one, study) for one in plans.values()],
+        [_whole(planner.as_cube(one), one, study) for one in plans.values()],
         "question",
         join="outer",
         coords="minimal",
@@ -56,7 +55,7 @@ def run(study: Planner) -> xr.Dataset:
     return cube.assign(_for_sound(study, plans[READABLE_QUESTION]))
 
 
-def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
+def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
     """Return a plan's cube with a row for every option asked for, NaN where none was found."""
     wanted = [(w, n) for w, _ in study.resolutions_px for n in sorted(study.counts)]
     have = {(one.resolution[0], len(one.layout)): i for i, one in enumerate(made.options)}
@@ -82,7 +81,7 @@ def _whole(cube: xr.Dataset, made: Plan, study: Planner) -> xr.Dataset:
     return cube
 
 
-def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
+def _of_thesis(study: Planner, made: planner.Plan, body: str) -> Array:
     """Return ``OF_THESIS`` (variables, cases, counts) of a structure, at the first resolution."""
     scene, width = made.options[0].scene, study.resolutions_px[0][0]
     cases, counts = list(setups.camera_pairs()), sorted(study.counts)
@@ -110,11 +109,11 @@ def _of_thesis(study: Planner, made: Plan, body: str) -> Array:
     return found
 
 
-def _for_sound(study: Planner, made: Plan) -> dict[str, Any]:
+def _for_sound(study: Planner, made: planner.Plan) -> dict[str, Any]:
     """Return the plate's layouts for shape and sound, at the first resolution."""
     request = made.request.model_copy(update={"goal": "sound"})
     by_shape = [one for one in made.options if one.kind == 0]
-    both = list(zip(by_shape, for_sound(by_shape, request), strict=True))
+    both = list(zip(by_shape, planner.for_sound(by_shape, request), strict=True))
     counts = sorted(study.counts)
     found = np.full((2, len(counts), 2, len(request.modes)), np.nan)
     shape, places = found[0, :, :, 0].copy(), np.full((3, len(counts), 2, max(counts)), np.nan)

@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting, assumed_values
 from thesis_lib.figure_sets.figure_set import FigureSet
 from thesis_lib.planning.positions import places_at
 from thesis_lib.planning.request import Count, PlanRequest, Tilt
@@ -59,14 +58,14 @@ class Planner(Study):
         max_length=8,
         description="cameras to choose from: width and height of their images",
     )
-    focal_length_mm: fields.FocalLength = assumed_values("beam")["focal_length_mm"]
-    sensor_width_mm: fields.SensorWidth = assumed_values("beam")["sensor_width_mm"]
+    focal_length_mm: fields.FocalLength = setups.assumed_values("beam")["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = setups.assumed_values("beam")["sensor_width_mm"]
     beam_amplitude_mm: fields.Positive = Field(
-        assumed_values("beam")["amplitude_mm"],
+        setups.assumed_values("beam")["amplitude_mm"],
         description="peak of the beam's deflection in every mode",
     )
     plate_amplitude_mm: fields.Positive = Field(
-        assumed_values("plate")["amplitude_mm"],
+        setups.assumed_values("plate")["amplitude_mm"],
         description="peak of the plate's deflection in every mode",
     )
     elevation_deg: Annotated[fields.Real, Field(ge=0, lt=90)] = Field(
@@ -86,7 +85,7 @@ class Planner(Study):
         200, description="random shifts of the pixel grids in each simulation"
     )
 
-    def settings(self) -> list[Setting]:
+    def settings(self) -> list[setups.Setting]:
         """None: layouts are found, not given."""
         return []
 
@@ -117,7 +116,7 @@ class Planner(Study):
     def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
         """Return places of the thesis's growing arrays, by case and number of cameras."""
         order, near = (
-            assumed_values(body)["pair_order"],
+            setups.assumed_values(body)["pair_order"],
             setups.setup_table(body, "arrays")["distance_mm"],
         )
         grown = setups.array_settings(
