@@ -21,15 +21,7 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
 from thesis_lib.measure.recordings.board import Markers, rows_on
-from thesis_lib.plotting.style import (
-    CYCLE_COLORS,
-    HIGHLIGHT_COLOR,
-    REFERENCE_COLOR,
-    cycle_color,
-    in_style,
-    make_mosaic,
-    subplots,
-)
+from thesis_lib.plotting import style
 
 WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
 SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
@@ -47,15 +39,15 @@ def tip_marker(markers: Markers) -> int:
     return markers.middle_row.stop - 1
 
 
-def write_label(axes: Axes, place: Any, text: str, **style: Any) -> None:
+def write_label(axes: Axes, place: Any, text: str, **look: Any) -> None:
     """Write letters in ink, in the middle of a place if not said otherwise."""
-    how: Any = {"ha": "center", "va": "center", "color": SKETCH_INK, **style}
+    how: Any = {"ha": "center", "va": "center", "color": SKETCH_INK, **look}
     axes.text(place[0], place[1], text, **how)
 
 
-def draw_box(axes: Axes, corner: Any, size: Any, ground: str, **style: Any) -> None:
+def draw_box(axes: Axes, corner: Any, size: Any, ground: str, **look: Any) -> None:
     """Draw a rectangle with an edge in ink."""
-    how: Any = {"facecolor": ground, "edgecolor": SKETCH_INK, "linewidth": 0.8, **style}
+    how: Any = {"facecolor": ground, "edgecolor": SKETCH_INK, "linewidth": 0.8, **look}
     axes.add_patch(Rectangle(corner, *size, **how))
 
 
@@ -76,8 +68,8 @@ def draw_rig(data: xr.Dataset) -> Figure:
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
-    with in_style():
-        figure, axes = subplots(
+    with style.in_style():
+        figure, axes = style.subplots(
             4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
             height_ratios=[3.9, 1.75, 0.75, 1.6],
         )  # fmt: skip
@@ -95,11 +87,11 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
     """
     hidden = [np.linalg.norm(places - place[:, None], axis=0) < 20 for place in places.T]
     for i, (place, look) in enumerate(zip(places.T, looks.T, strict=True)):
-        axes.plot(*np.stack([place, [0, 0]]).T, color=cycle_color(i), linewidth=0.9, zorder=1)
+        axes.plot(*np.stack([place, [0, 0]]).T, color=style.cycle_color(i), linewidth=0.9, zorder=1)
         ahead = 38 * look / np.linalg.norm(look)
         side = 0.5 * np.array([-ahead[1], ahead[0]])
         body = np.array([place, place - ahead + side, place - ahead - side])
-        axes.add_patch(Polygon(body, color=cycle_color(i), zorder=4))
+        axes.add_patch(Polygon(body, color=style.cycle_color(i), zorder=4))
         if np.argmax(hidden[i]) == i:
             letters = ", ".join(chr(ord("A") + n) for n in np.flatnonzero(hidden[i]))
             aside = 1 + 0.9 * (len(letters) > 1)
@@ -120,10 +112,10 @@ def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
     _draw_axes(axes, ("Y", "X"), 150)
     first, second = (np.degrees(np.arctan2(*centres[:2, i])) for i in (0, 1))
     low, high = sorted([first, second])
-    arc = Arc((0, 0), 560, 560, theta1=low, theta2=high, color=HIGHLIGHT_COLOR, linewidth=1.4)
+    arc = Arc((0, 0), 560, 560, theta1=low, theta2=high, color=style.HIGHLIGHT_COLOR, linewidth=1.4)
     axes.add_patch(arc)
     angle = f"α = {abs(first - second):.0f}°"
-    write_label(axes, (295, 0), angle, color=HIGHLIGHT_COLOR, ha="left")
+    write_label(axes, (295, 0), angle, color=style.HIGHLIGHT_COLOR, ha="left")
     along = centres[[1, 0], 3] / np.linalg.norm(centres[[1, 0], 3])
     distance = np.mean(np.linalg.norm(centres, axis=0))
     slope = np.degrees(np.arctan(along[1] / along[0]))
@@ -139,9 +131,13 @@ def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
     _draw_axes(axes, ("Y", "Z"), 150)
     flat = np.hypot(*centres[:2, 0])
     elevation = np.degrees(np.arctan2(centres[2, 0], flat))
-    axes.plot([0, flat], [0, 0], color=REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0)
-    axes.add_patch(Arc((0, 0), 560, 560, theta2=elevation, color=HIGHLIGHT_COLOR, linewidth=1.4))
-    write_label(axes, (300, 50), f"φ = {elevation:.0f}°", color=HIGHLIGHT_COLOR, ha="left")
+    axes.plot(
+        [0, flat], [0, 0], color=style.REFERENCE_COLOR, linewidth=0.8, linestyle="--", zorder=0
+    )
+    axes.add_patch(
+        Arc((0, 0), 560, 560, theta2=elevation, color=style.HIGHLIGHT_COLOR, linewidth=1.4)
+    )
+    write_label(axes, (300, 50), f"φ = {elevation:.0f}°", color=style.HIGHLIGHT_COLOR, ha="left")
     _draw_arrow(axes, (-60, 48), (-60, -48), "<->")
     write_label(axes, (-78, -36), "vibrates", ha="right")
     _hide_axes(axes, (-650, 650), (-90, 290))
@@ -166,7 +162,7 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
     draw_box(axes, (0, 0), (length, width), BEAM_GREY)
     for n, place in enumerate(places.T):
-        ink = HIGHLIGHT_COLOR if n >= markers.count else SKETCH_INK  # the hole comes last
+        ink = style.HIGHLIGHT_COLOR if n >= markers.count else SKETCH_INK  # the hole comes last
         axes.add_patch(Circle(place, radius, color=ink, zorder=3))
     row = markers.columns
     if whole:
@@ -186,20 +182,20 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     for y in (low, high):
         axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
     _draw_measure(axes, (right, low), (right, high), f"{1e3 * markers.row_spacing:g}")
-    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), CYCLE_COLORS[4]
+    force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), style.CYCLE_COLORS[4]
     axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
     _point_at(axes, force, (force[0] + 4, -7), "shaker beneath", "left", ink)
     if markers.hole is not None:
         hole = tuple(places[:, -1])
-        _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", HIGHLIGHT_COLOR)
+        _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", style.HIGHLIGHT_COLOR)
     write_label(axes, (places[0, 2], width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
     draw_box(axes, (-14, -3), (14, width + 6), "white", hatch="////")
     _hide_axes(axes, (-16, 118), (-12, width + 14))
 
 
 def _point_at(axes: Axes, place: Any, words: Any, text: str, align: str, ink: str) -> None:
-    style: Any = {"color": ink, "ha": align, "va": "center"}
-    axes.annotate(text, place, words, arrowprops={"arrowstyle": "-", "color": ink}, **style)
+    look: Any = {"color": ink, "ha": align, "va": "center"}
+    axes.annotate(text, place, words, arrowprops={"arrowstyle": "-", "color": ink}, **look)
 
 
 def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
@@ -212,8 +208,8 @@ def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
 
 def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
-    with in_style():
-        figure, grid = subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
+    with style.in_style():
+        figure, grid = style.subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
         for i, axes in enumerate(grid.flat):
             if i < data.sizes["camera"]:
                 _draw_sensor(axes, data.isel(camera=i), i)
@@ -231,17 +227,17 @@ def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     unit = width / 1920
     draw_box(axes, (0, 0), (width, height), SENSOR_GREY)
     ends = corners + RESIDUAL_FACTOR * unit * residual
-    axes.add_patch(_draw_segments(corners, ends, cycle_color(index), 0.7))
+    axes.add_patch(_draw_segments(corners, ends, style.cycle_color(index), 0.7))
     axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
     row = still.transpose("axis", "marker").values[:, rows_on(setups.thesis_beam()).middle_row]
     axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
     left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
-    axes.plot([left, left + bar], [0.95 * height] * 2, color=HIGHLIGHT_COLOR, linewidth=2)
-    style: Any = {"color": HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
+    axes.plot([left, left + bar], [0.95 * height] * 2, color=style.HIGHLIGHT_COLOR, linewidth=2)
+    look: Any = {"color": style.HIGHLIGHT_COLOR, "fontsize": 7.5, "ha": "left", "va": "bottom"}
     ground = WHITE_GROUND | {"facecolor": SENSOR_GREY}
-    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **style)
+    write_label(axes, (left, 0.92 * height), "0.01 px", bbox=ground, **look)
     axes.set_title(f"{camera['camera'].item()}: rms {rms:.4f} px")
     _hide_axes(axes, (-0.01 * width, 1.01 * width), (1.01 * height, -0.01 * height))
 
@@ -260,13 +256,13 @@ def draw_sound(data: xr.Dataset) -> Figure:
     seconds = np.arange(signal.shape[1]) / float(data["picture_sound"].attrs["rate_hz"])
     delay, begin = data["delay"].values, float(data["steady"][0])
     whole = data["delay_frames"].values / data["frame_rate"].values
-    with in_style():
-        figure, panels = make_mosaic(
+    with style.in_style():
+        figure, panels = style.make_mosaic(
             [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
         )
         top, below = panels["own"], [panels["whole"], panels["part"]]
         for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
-            top.plot(seconds, own - i, color=cycle_color(i), linewidth=0.9)
+            top.plot(seconds, own - i, color=style.cycle_color(i), linewidth=0.9)
             text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
             top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
         top.set_title("(a) the force on each camera's clock; start after A's")
@@ -279,7 +275,7 @@ def draw_sound(data: xr.Dataset) -> Figure:
             for i, own in enumerate(signal):
                 time = 1000 * (seconds + shift[i] - middle)
                 near = np.abs(time) < 30
-                axes.plot(time[near], own[near], color=cycle_color(i), linewidth=1.3)
+                axes.plot(time[near], own[near], color=style.cycle_color(i), linewidth=1.3)
             axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
             axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
             axes.set_ylim(-0.45, 0.5)
@@ -309,12 +305,12 @@ def draw_tracks(data: xr.Dataset) -> Figure:
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
-    with in_style():
-        figure, axes = subplots(
+    with style.in_style():
+        figure, axes = style.subplots(
             3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
         )
         for i, name in enumerate(camera_letters(data)):
-            ink: Any = {"color": cycle_color(i)}
+            ink: Any = {"color": style.cycle_color(i)}
             dots: Any = {**ink, "markersize": 3.5}
             rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
             moved = v[i] - rest

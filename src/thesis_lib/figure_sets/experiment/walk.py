@@ -38,22 +38,15 @@ from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
 from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.measure.tracking import follow, tracker
-from thesis_lib.plotting.style import (
-    BLACK_COLOR,
-    CYCLE_COLORS,
-    in_style,
-    make_mosaic,
-    save_figure,
-    subplots,
-)
+from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 from thesis_lib.vibration.motion import Component
 
 Box = tuple[float, float, float, float]  # left, right, top, bottom in px
 
-_, ORANGE, GREEN, PINK, RED, SKY = CYCLE_COLORS
-DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=BLACK_COLOR)]
+_, ORANGE, GREEN, PINK, RED, SKY = style.CYCLE_COLORS
+DARK_RIM: Any = [patheffects.withStroke(linewidth=2.5, foreground=style.BLACK_COLOR)]
 
 
 def _draw_photo(
@@ -76,10 +69,10 @@ def _draw_photo(
         spine.set_visible(False)
 
 
-def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **style: Any) -> None:
+def _write_note(axes: Axes, place: Any, text: str, tint: str = "white", **look: Any) -> None:
     """Write letters that are read on any ground."""
-    (u, v), style = place, {"ha": "center", "va": "center", "fontsize": 9, **style}
-    axes.text(u, v, text, color=tint, path_effects=DARK_RIM, **style)
+    (u, v), look = place, {"ha": "center", "va": "center", "fontsize": 9, **look}
+    axes.text(u, v, text, color=tint, path_effects=DARK_RIM, **look)
 
 
 def _draw_frame(axes: Axes, box: Box, tint: str) -> None:
@@ -98,7 +91,7 @@ def _colour_border(axes: Axes, tint: str) -> None:
 def _draw_crosses(axes: Axes, places: Array, tint: str, size: float, rim: bool = True) -> None:
     """Draw crosses at places (2, n), with a dark rim where the ground may be bright."""
     if rim:
-        axes.plot(*places, "+", color=BLACK_COLOR, markersize=size + 1, markeredgewidth=2.4)
+        axes.plot(*places, "+", color=style.BLACK_COLOR, markersize=size + 1, markeredgewidth=2.4)
     axes.plot(*places, "+", color=tint, markersize=size, markeredgewidth=1.2)
 
 
@@ -126,8 +119,8 @@ def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
     markers = rows_on(setups.thesis_beam())
-    with in_style():
-        figure, grid = subplots(
+    with style.in_style():
+        figure, grid = style.subplots(
             2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
             gridspec_kw={"wspace": 0.01, "hspace": 0.01},
         )  # fmt: skip
@@ -153,8 +146,8 @@ def draw_board(data: xr.Dataset) -> Figure:
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
-    with in_style():
-        figure, (left, right) = subplots(
+    with style.in_style():
+        figure, (left, right) = style.subplots(
             1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
         )
         _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
@@ -189,8 +182,8 @@ def draw_outline(data: xr.Dataset) -> Figure:
         "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
         "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
     }
-    with in_style():
-        figure, panels = make_mosaic(
+    with style.in_style():
+        figure, panels = style.make_mosaic(
             [["all", "all"], ["tip", "clamped end"]],
             figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
         )  # fmt: skip
@@ -228,8 +221,8 @@ def draw_plane(data: xr.Dataset) -> Figure:
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
-    with in_style():
-        figure, axes = subplots(
+    with style.in_style():
+        figure, axes = style.subplots(
             3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
             height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
         )  # fmt: skip
@@ -262,8 +255,10 @@ def draw_centres(data: xr.Dataset) -> Figure:
     pictures = data["picture_first"].values, data["picture_moved"].values
     both = np.column_stack([still[:, shown], moved[:, shown]])
     box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
-    with in_style():
-        figure, axes = subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
+    with style.in_style():
+        figure, axes = style.subplots(
+            2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained"
+        )
         for panel, picture in zip(axes, pictures, strict=True):
             _draw_photo(panel, picture, box)
             _draw_crosses(panel, still[:, shown], SKY, 10)
@@ -288,8 +283,8 @@ def draw_widths(data: xr.Dataset) -> Figure:
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)
-    with in_style():
-        figure, grid = subplots(
+    with style.in_style():
+        figure, grid = style.subplots(
             -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
             layout="constrained", squeeze=False,
         )  # fmt: skip
@@ -336,14 +331,18 @@ def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     paths = [folder / file_name(name) for name in WALK_FIGURES]
     for path, draw in zip(paths, WALK_FIGURES.values(), strict=True):
         figure = draw(data)
-        content = _encode_webp(figure) if path.suffix == ".webp" else save_figure(figure, "svg")
+        content = (
+            _encode_webp(figure) if path.suffix == ".webp" else style.save_figure(figure, "svg")
+        )
         files.whole_file(path, partial(Path.write_bytes, data=content))
     return paths
 
 
 def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
-    file = io.BytesIO(save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth()))
+    file = io.BytesIO(
+        style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
+    )
     picture, found = PIL.Image.open(file).convert("RGB"), []
     for lossless in (True, False):
         file = io.BytesIO()

@@ -21,15 +21,7 @@ from thesis_lib.figure_sets.planner.figure_set import (
 from thesis_lib.planning import report as plan_report
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.positions import MAX_TIE_RATIO
-from thesis_lib.plotting.style import (
-    BELOW_PANEL,
-    BLACK_COLOR,
-    HIGHLIGHT_COLOR,
-    REFERENCE_COLOR,
-    cycle_color,
-    log_axes,
-    subplots,
-)
+from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
@@ -183,13 +175,13 @@ __all__ = ["TEXTS", "front", "gain", "layouts"]
 
 def gain(cube: xr.Dataset) -> Figure:
     """Plot errors of the thesis's layouts and of planned ones against the number of cameras."""
-    drawing, axes = subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
+    drawing, axes = style.subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
     n, tilt = cube["count"].values, table_parameter(cube, "tilt_deg")
     for panel, (body, question) in zip(axes, THESIS_QUESTIONS.items(), strict=True):
         of_cases = iterate_slices(cube["thesis_expected"].sel(structure=body), "thesis_case")
         for i, own in enumerate(of_cases):
-            words, style = f"case {own['thesis_case'].item()}", {"ms": 3.5, "lw": 0.8}
-            panel.plot(n, own, "o--", color=cycle_color(i), label=words, **style)
+            words, look = f"case {own['thesis_case'].item()}", {"ms": 3.5, "lw": 0.8}
+            panel.plot(n, own, "o--", color=style.cycle_color(i), label=words, **look)
         one = coarse_options(cube, question)
         read = coarse_options(cube, f"{body}: markers that can be read")
         lines: tuple[tuple[Any, str, dict[str, Any]], ...] = (
@@ -198,12 +190,16 @@ def gain(cube: xr.Dataset) -> Figure:
             (
                 read["expected_error"],
                 "s-",
-                {"label": f"planned, read up to {tilt:g}°", "color": REFERENCE_COLOR, "ms": 4},
+                {
+                    "label": f"planned, read up to {tilt:g}°",
+                    "color": style.REFERENCE_COLOR,
+                    "ms": 4,
+                },
             ),
         )
-        for values, line, style in lines:
-            panel.plot(n, values, line, **{"color": BLACK_COLOR, **style})
-        log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
+        for values, line, look in lines:
+            panel.plot(n, values, line, **{"color": style.BLACK_COLOR, **look})
+        style.log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
     once = axes[1].get_legend_handles_labels()
     drawing.legend(*once, loc="outside lower center", ncols=5, fontsize=7)
@@ -216,7 +212,9 @@ def layouts(cube: xr.Dataset) -> Figure:
     across = 3
     rows = -(-len(shown) // across)
     size = (7.6, 3.6 * rows)
-    drawing, grid = subplots(2 * rows, across, figsize=size, layout="constrained", squeeze=False)
+    drawing, grid = style.subplots(
+        2 * rows, across, figsize=size, layout="constrained", squeeze=False
+    )
     columns = [grid[2 * row : 2 * row + 2, at] for row in range(rows) for at in range(across)]
     for column, question in zip(columns, shown, strict=False):
         at = nearest_option(cube, question, SHOWN_CAMERAS)
@@ -226,7 +224,7 @@ def layouts(cube: xr.Dataset) -> Figure:
             if question in BLOCKED_QUESTIONS:
                 _draw_wall(panel, part, BLOCKED_QUESTIONS[question], azimuth, elevation)
         column[0].set_title(question)
-        column[1].set_gid(f"{BELOW_PANEL}-{question}")
+        column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
     for column in columns[len(shown) :]:
         for panel in column:
             panel.axis("off")
@@ -243,13 +241,15 @@ def _draw_wall(
     across = np.full(4, MACHINE_BOX_MM[0] / 1000 if obstacle == "machine" else 0.0)
     corners = (across, along, up) if obstacle == "machine" else (along, across, up)
     face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
-    panel.fill(*face.T, color=HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
-    panel.annotate(obstacle, face[1], color=HIGHLIGHT_COLOR, fontsize=8, ha="center", va="top")
+    panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)
+    panel.annotate(
+        obstacle, face[1], color=style.HIGHLIGHT_COLOR, fontsize=8, ha="center", va="top"
+    )
 
 
 def front(cube: xr.Dataset) -> Figure:
     """Plot the error against cost for one question."""
-    drawing, panel = subplots(figsize=(7.2, 3.8), layout="constrained")
+    drawing, panel = style.subplots(figsize=(7.2, 3.8), layout="constrained")
     one = cube.sel(question=FRONT_QUESTION)
     found, target = np.isfinite(one["cost"].values), table_parameter(cube, "target_percent")
     best = cheapest_option(one, target)
