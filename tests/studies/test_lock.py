@@ -33,8 +33,7 @@ def test_what_other_packages_computed_is_not_trusted(monkeypatch):
 
     before = trusted()
     assert trusted() == before
-    for module in (cube_file, storage):
-        monkeypatch.setattr(module, "package_versions", lambda: OTHER)
+    monkeypatch.setattr(storage, "package_versions", lambda: OTHER)
     cube, step = trusted()
     cube_file.code_digest.cache_clear()
     assert cube != before[0]
