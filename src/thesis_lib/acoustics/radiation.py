@@ -159,9 +159,9 @@ def transfer_pressure(
     """
     points = np.asarray(points, float)
     result = np.empty((points[0].size, pistons.centres.shape[1]), complex)
-    for part, sine, cosine in spherical_waves(pistons, points, omega, medium):
+    for part, sine, cosine in _spherical_waves(pistons, points, omega, medium):
         result[part].real, result[part].imag = sine, cosine
-    result *= per_velocity(pistons, omega, medium)
+    result *= _per_velocity(pistons, omega, medium)
     return result.reshape(points.shape[1:] + result.shape[1:])
 
 
@@ -176,12 +176,12 @@ def outgoing_wave(k: float, R: Array) -> tuple[Array, Array]:
     return 2 * t * inverse, (1 - square) * inverse
 
 
-def per_velocity(pistons: Pistons, omega: float, medium: Medium) -> float:
+def _per_velocity(pistons: Pistons, omega: float, medium: Medium) -> float:
     """Return the factor ωρA/2π in kg/s² from a piston's velocity to its wave's strength."""
     return omega * medium.density * pistons.area / (2 * np.pi)
 
 
-def spherical_waves(
+def _spherical_waves(
     pistons: Pistons, points: Array, omega: float, medium: Medium
 ) -> Iterator[tuple[slice, Array, Array]]:
     """Yield the outgoing waves from every piston to blocks of points, (points, pistons) each."""
@@ -223,11 +223,11 @@ def rayleigh_pressure(
     v = np.asarray(velocity)
     parts = np.stack([v.real, v.imag], axis=-1)
     pressure = np.empty(points[0].size, complex)
-    for part, sine, cosine in spherical_waves(pistons, points, omega, medium):
+    for part, sine, cosine in _spherical_waves(pistons, points, omega, medium):
         in_phase, quadrature = sine @ parts, cosine @ parts
         pressure[part].real = in_phase[:, 0] - quadrature[:, 1]
         pressure[part].imag = in_phase[:, 1] + quadrature[:, 0]
-    pressure *= per_velocity(pistons, omega, medium)
+    pressure *= _per_velocity(pistons, omega, medium)
     return pressure.reshape(points.shape[1:])
 
 
@@ -270,7 +270,7 @@ def far_field(
     u = np.asarray(directions, float)
     phase = k * np.tensordot(pistons.centres, u[:2], axes=(0, 0))
     waves = np.tensordot(np.asarray(velocity), np.exp(1j * phase), axes=(0, 0))
-    return np.asarray(1j * per_velocity(pistons, omega, medium) * waves)
+    return np.asarray(1j * _per_velocity(pistons, omega, medium) * waves)
 
 
 def pressure_level(pressure: ArrayLike) -> Array:

@@ -78,10 +78,10 @@ def claim_errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     }
     if not claim.excepted:
         return cubes.cube_error(cube, claim.quantity).isel(here)
-    return point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
+    return _point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
 
 
-def point_errors(cube: xr.Dataset) -> xr.DataArray:
+def _point_errors(cube: xr.Dataset) -> xr.DataArray:
     """Return the errors of the markers in %, sorted, over settings, modes and trials."""
     reference = cube["reference_deflection"]
     error = abs(cube["measured_deflection"].astype(float) - reference)
@@ -204,7 +204,7 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     if "deflection_error" in cube:
         kinds["deflection_error"] = cube["deflection_error"]
     if cube.attrs["figure_set"] in _sets_with(SECOND_LARGEST):
-        kinds[SECOND_LARGEST] = point_errors(cube).isel(point=-2, drop=True)
+        kinds[SECOND_LARGEST] = _point_errors(cube).isel(point=-2, drop=True)
     if {"lost", "wrong"} <= set(cube):  # of the laboratory, once for all trials
         failures = 100 * (cube["lost"] + cube["wrong"].fillna(0))
         kinds["tracking_failures"] = failures.expand_dims(mode=cube["mode"], trial=[0, 1])

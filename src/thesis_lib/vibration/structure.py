@@ -60,7 +60,7 @@ class Structure(Protocol):
         """Return the mode shapes at `points` (2, ...), shape (modes, ...)."""
 
 
-def numbers_from_one(modes: Sequence[int]) -> IntArray:
+def _numbers_from_one(modes: Sequence[int]) -> IntArray:
     """Return the mode numbers as an array, refused unless they begin with 1."""
     numbers = np.asarray(modes, np.int64)
     if numbers.min() < 1:
@@ -292,7 +292,7 @@ class Beam:
             Dimensionless for derivative 0 (2 at the tip), else in m^-derivative.
         """
         x = np.asarray(points, float)[0]
-        beta = cantilever_roots(max(modes))[numbers_from_one(modes) - 1]
+        beta = cantilever_roots(max(modes))[_numbers_from_one(modes) - 1]
         beta = beta.reshape((-1,) + (1,) * x.ndim)
         decay = np.exp(-beta)
         scale = 1 + decay**2 + 2 * decay * np.cos(beta)
@@ -465,7 +465,7 @@ class Plate(Sheet):
     def mode_shapes(self, modes: Sequence[int], points: ArrayLike) -> Array:
         """Return mode shapes 2 sin(m₁πx/Lx) sin(m₂πy/Ly) at `points` (2, ...) (eq. 4.4)."""
         x, y = np.asarray(points, float)
-        m = self.mode_indices(max(modes))[numbers_from_one(modes) - 1].T
+        m = self.mode_indices(max(modes))[_numbers_from_one(modes) - 1].T
         m1, m2 = m.reshape((2, -1) + (1,) * x.ndim)
         return 2 * np.sin(m1 * np.pi * x / self.length) * np.sin(m2 * np.pi * y / self.width)
 
