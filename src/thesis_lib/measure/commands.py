@@ -64,7 +64,7 @@ class HelpGroup(click.Group):
 
 def start(folder: Path, given: Mapping[str, Any]) -> None:
     """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
-    from thesis_lib.measure.feasibility.draft import write_draft
+    from thesis_lib.measure.feasibility.prediction import write_draft
     from thesis_lib.measure.recordings.manifest import rename_options
     from thesis_lib.measure.recordings.template import new_manifest
 

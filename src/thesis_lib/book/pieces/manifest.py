@@ -28,9 +28,9 @@ from thesis_lib.measure.feasibility.assess import (
     describe_verdict,
     format_error_share,
 )
-from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure.feasibility.prediction import draft_manifest
 from thesis_lib.measure.fitting.aliasing import fold_frequency
-from thesis_lib.measure.fitting.models import known_rms
+from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.messages import (
     CHECK_GROUPS,
     CHECK_LIMITS,

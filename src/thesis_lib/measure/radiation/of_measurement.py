@@ -15,8 +15,7 @@ from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.models import model_of
-from thesis_lib.measure.fitting.result import size_off
+from thesis_lib.measure.fitting.result import model_of, size_off
 from thesis_lib.measure.radiation import radiated
 from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
 from thesis_lib.measure.recordings.manifest import Manifest

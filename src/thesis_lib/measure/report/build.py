@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
-from thesis_lib.measure.fitting.models import known_rms
+from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
