@@ -23,11 +23,11 @@ from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.parametric.in_page import structure_model
 from thesis_lib.files import whole_text
-from thesis_lib.notebook.form import form_data
+from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.comparison import read_published
-from thesis_lib.web.fragment import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
+from thesis_lib.web.html import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]

@@ -33,8 +33,7 @@ from thesis_lib.studies.cubes import percent_text
 from thesis_lib.studies.request import changed_parameters, join_command
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision.pinhole import hemisphere_rotations
-from thesis_lib.web.fragment import VIEWER_CSS, join_modules, static_html
-from thesis_lib.web.html import render_html, render_lines
+from thesis_lib.web.html import VIEWER_CSS, join_modules, render_html, render_lines, static_html
 
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
 _LINE_SYMBOLS = "osD^vP*X"

@@ -8,7 +8,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from thesis_lib.web.fragment import (
+from thesis_lib.web.html import (
     VIEWER_CSS,
     VIEWER_KINDS,
     copy_plain,
@@ -97,7 +97,7 @@ class Viewer(anywidget.AnyWidget):
         may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
     form : dict, optional
         Where no kernel runs, parameters to change and to compute again stand above it: those of
-        :func:`thesis_lib.notebook.form.form_of`.
+        :func:`thesis_lib.notebook.show.form_of`.
     """
 
     _esm = _VIEWER_SCRIPT

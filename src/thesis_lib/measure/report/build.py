@@ -26,8 +26,17 @@ from thesis_lib.measure.report import warnings
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.plotting.viewer_data import encode_field
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
-from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
+from thesis_lib.web.html import (
+    VIEWER_CSS,
+    Picture,
+    format_number,
+    join_modules,
+    read_asset,
+    render_html,
+    render_lines,
+    static_html,
+    write_pictures,
+)
 
 _NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
 _NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
