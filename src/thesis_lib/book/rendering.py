@@ -33,13 +33,13 @@ from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
-from thesis_lib.outputs import aside
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
 from thesis_lib.studies import schema
 from thesis_lib.studies.request import study_command
 from thesis_lib.studies.storage import read_attributes
+from thesis_lib.text import aside
 from thesis_lib.web.page import (
     INSTALLED_RECORD,
     NPM_PACKAGES,

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.files import staging
+from thesis_lib.files import check_cache, check_outputs, put_files, staging
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
 from thesis_lib.measure.exchange import files, history
@@ -40,7 +40,6 @@ from thesis_lib.measure.steps import (
     track_markers,
 )
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
 

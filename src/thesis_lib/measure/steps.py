@@ -12,6 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from thesis_lib.arrays import Array
+from thesis_lib.files import mark_cache
 from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
@@ -19,7 +20,6 @@ from thesis_lib.measure.recordings.media_info import describe_reading
 from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
-from thesis_lib.outputs import mark_cache
 from thesis_lib.studies.cache import key_of, load_or_compute
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.studies.workers import map_in_pairs

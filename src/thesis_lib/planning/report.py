@@ -20,8 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import staging
-from thesis_lib.outputs import check_outputs, put_files
+from thesis_lib.files import check_outputs, put_files, staging
 from thesis_lib.planning import errors
 from thesis_lib.planning.planner import Plan, as_cube, camera_table, plan
 from thesis_lib.planning.request import PlanRequest

@@ -28,10 +28,10 @@ from thesis_lib.files import (
     shipped,
     whole_text,
 )
-from thesis_lib.outputs import aside
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.studies.storage import CubeError, open_netcdf, write_netcdf
+from thesis_lib.text import aside
 
 # Not numba, which the book does without: with it, results are the same up to rounding.
 RESULT_PACKAGES = (
