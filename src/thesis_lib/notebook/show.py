@@ -23,21 +23,10 @@ from matplotlib.figure import Figure
 
 from thesis_lib import files
 from thesis_lib.figure_sets import display as figure_sets
-from thesis_lib.figure_sets import run
+from thesis_lib.figure_sets import registry, run
 from thesis_lib.figure_sets.parametric import in_page
-from thesis_lib.figure_sets.registry import (
-    CHAPTER_SETS,
-    FIGURE_SETS,
-    STUDIES,
-    TITLES,
-    is_known,
-    model_of,
-    validate_request,
-)
-from thesis_lib.plotting import panels
-from thesis_lib.plotting.panels import Caption
+from thesis_lib.plotting import panels, viewer_data
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.plotting.viewer_data import viewer_data
 from thesis_lib.studies import effort, storage, workers
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import (
@@ -62,8 +51,8 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    is_known(name, here=True)  # which loads it
-    model = model_of(name)
+    registry.is_known(name, here=True)  # which loads it
+    model = registry.model_of(name)
     injected = _find_injected(namespace.get("In", []))
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
@@ -118,7 +107,7 @@ def _read_scheduler(request: Study) -> str:
         scheduler = workers.from_environment()
     except ValueError as error:
         raise ParameterError(str(error)) from None
-    if scheduler and not FIGURE_SETS[request.name].in_pieces:
+    if scheduler and not registry.FIGURE_SETS[request.name].in_pieces:
         print(workers.describe_alone(request.name), file=sys.stderr)
         return ""
     return scheduler
@@ -126,7 +115,7 @@ def _read_scheduler(request: Study) -> str:
 
 def viewer(cube: xr.Dataset) -> Viewer:
     """Return the interactive viewer, in a live notebook and in the static page alike."""
-    data = viewer_data(cube)
+    data = viewer_data.viewer_data(cube)
     first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
     return Viewer(data=data, form=_build_form(cube), **first)
 
@@ -135,7 +124,7 @@ def _build_form(cube: xr.Dataset) -> dict[str, Any]:
     """Return parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
     return (
-        form_of(validate_request(name, json.loads(cube.attrs["parameters"])))
+        form_of(registry.validate_request(name, json.loads(cube.attrs["parameters"])))
         if name in in_page.COMPUTED_SETS
         else {}
     )
@@ -186,9 +175,9 @@ def _render_figure(drawing: Figure, style: Any = None) -> str:
     return text[text.index("<svg") :]
 
 
-def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
+def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: panels.Caption) -> dict[str, Any]:
     """Return the words of a drawing, which say whether it is the thesis's only in kind."""
-    ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
+    ours = cube.attrs["in_the_thesis"] or registry.FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or panels.describe_panels(drawing)
     return {"name": caption.name, "caption": after + caption.text, "alt": alt}
@@ -197,7 +186,7 @@ def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dic
 _KNOWN_KEYS = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
 
 
-def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
+def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
     """Return what a form of some figure sets shows and checks, as JSON values.
 
     Returns
@@ -214,7 +203,7 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
     fields: list[dict[str, Any]] = []
     sets: dict[str, dict[str, Any]] = {}
     for name in names:
-        study, numbers = STUDIES[name], {}
+        study, numbers = registry.STUDIES[name], {}
         schema = study.model_json_schema()["properties"]
         for row in describe_parameters(study):
             if row["name"] == "cube":  # where a notebook writes: not of the command
@@ -230,7 +219,11 @@ def form_data(names: Iterable[str] = tuple(STUDIES)) -> dict[str, Any]:
             "checked": checked,
             "takes": _describe_cost([name]),
         }
-    whole = {name: members for name, members in CHAPTER_SETS.items() if sets.keys() >= set(members)}
+    whole = {
+        name: members
+        for name, members in registry.CHAPTER_SETS.items()
+        if sets.keys() >= set(members)
+    }
     return {
         "fields": fields,
         "sets": sets,
@@ -281,12 +274,12 @@ def _describe_chapter(
     name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     """Describe the parameters that sets of a chapter share, common ones first."""
-    members = CHAPTER_SETS[name]
+    members = registry.CHAPTER_SETS[name]
     held = Counter(number for one in members for number in sets[one]["shown"])
     numbers = sorted(held, key=lambda number: held[number] < len(members))
     names = [fields[number]["name"] for number in numbers]
     return {
-        "title": TITLES[name],
+        "title": registry.TITLES[name],
         "sets": members,
         "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
         "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],

@@ -41,12 +41,7 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 from thesis_lib.vibration import deflection_shape
-from thesis_lib.vibration.structure import (
-    Structure,
-    modal_coordinates,
-    peak_deflection,
-    resonance_frequency,
-)
+from thesis_lib.vibration import structure as structures
 
 DRAWN_MODE = 3  # of the curves over what is varied
 TICKS_OF_SETS = {
@@ -233,7 +228,7 @@ def draw_response() -> Figure:
     drawing, (left, right) = subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
     hertz = np.geomspace(3, 200, 900)
     points = np.array([[0.45, 1.0], [0.5, 0.5]]) * [[beam.length], [beam.width]]
-    moved = modal_coordinates(beam, 2 * np.pi * hertz, 20)
+    moved = structures.modal_coordinates(beam, 2 * np.pi * hertz, 20)
     response = np.abs(moved.T @ beam.mode_shapes(range(1, 21), points))
     for i, word in enumerate(("45 % of the length", "the tip")):
         left.plot(hertz, 1000 * response[:, i], color=cycle_color(i), label=word)
@@ -254,11 +249,14 @@ def draw_response() -> Figure:
 def draw_deflections() -> Figure:
     """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
-    bodies: dict[str, Structure] = {"beam": setups.thesis_beam(), "plate": setups.thesis_plate()}
+    bodies: dict[str, structures.Structure] = {
+        "beam": setups.thesis_beam(),
+        "plate": setups.thesis_plate(),
+    }
     for i, (word, body) in enumerate(bodies.items()):
         modes = range(1, 6)
-        hertz = [resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
-        peak = [1000 * peak_deflection(body, mode) for mode in modes]
+        hertz = [structures.resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
+        peak = [1000 * structures.peak_deflection(body, mode) for mode in modes]
         axes.plot(hertz, peak, "o-", color=cycle_color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
         span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
@@ -318,7 +316,7 @@ def draw_plate_modes() -> Figure:
 def draw_alias() -> Figure:
     """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
     drawing, axes = subplots(figsize=(6.4, 2.2), layout="constrained")
-    hertz, rate = resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
+    hertz, rate = structures.resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
     slow = hertz - rate * np.round(hertz / rate)
     for one, style in ((hertz, "-"), (slow, "--")):

@@ -18,14 +18,8 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.result import model_of, size_off
 from thesis_lib.measure.radiation import radiated
 from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
+from thesis_lib.measure.recordings import manifest_parts, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.manifest_parts import (
-    MIN_SURFACE_MARKERS,
-    Radiation,
-    StructureSpec,
-)
-from thesis_lib.measure.recordings.text_files import write_csv
-from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies import storage
 from thesis_lib.studies.cubes import iterate_slices
 
@@ -132,17 +126,17 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     return [Tone(*map(float, one)) for one in columns]
 
 
-def _check(data: xr.Dataset, known: Mask, structure: StructureSpec) -> None:
-    if known.sum() < MIN_SURFACE_MARKERS:
-        raise ChainError(
-            f"radiation: {known.sum()} markers were measured, allowed: {MIN_SURFACE_MARKERS} or "
-            "more; fewer do "
-            "not tell how the surface between them moves"
+def _check(data: xr.Dataset, known: Mask, structure: manifest_parts.StructureSpec) -> None:
+    if known.sum() < manifest_parts.MIN_SURFACE_MARKERS:
+        raise validation.ChainError(
+            f"radiation: {known.sum()} markers were measured, allowed: "
+            f"{manifest_parts.MIN_SURFACE_MARKERS} or more; fewer do not tell how the surface "
+            "between them moves"
         )
     off = 1000 * float(np.max(np.abs(data["rest_position"].sel(axis="z").values[known])))
     most = MAX_FLATNESS_RATIO * max(structure.length_mm, structure.width_mm)
     if off > most:
-        raise ChainError(
+        raise validation.ChainError(
             f"radiation: a marker is {off:.1f} mm off the plane of the others at rest, allowed: "
             f"{most:.2g} mm; Rayleigh's integral is for flat structures, leave radiation out"
         )
@@ -183,8 +177,8 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
 
 
 def _choose_motion(
-    asked: Radiation,
-    structure: StructureSpec,
+    asked: manifest_parts.Radiation,
+    structure: manifest_parts.StructureSpec,
     places: Array,
     corners: Array,
     markers: Array,
@@ -204,14 +198,14 @@ def _choose_motion(
     return radiated.by_spline(markers, held, places)
 
 
-def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
+def _planes(asked: manifest_parts.Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
     half = (asked.plane_half_width_mm or 1000 * max(size)) / 1000
     low = asked.plane_bottom_mm / 1000
     high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
     return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
 
 
-def _highest(structure: StructureSpec, step: float) -> float:
+def _highest(structure: manifest_parts.StructureSpec, step: float) -> float:
     """Return the frequency in Hz of the material's flexural wave that is two spacings long.
 
     ω = k² √(D/m) with k = π over the spacing.
@@ -229,7 +223,7 @@ FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where so
 def write_sound(folder: Path, data: xr.Dataset) -> None:
     """Write the sound, as numbers and as files that play, into a folder that is there."""
     storage.write_netcdf(data, folder / "radiated.nc")
-    write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
+    text_files.write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
         samples = audible_pressure(data, number).astype(np.float32)
         wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
