@@ -21,7 +21,6 @@ from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, mode_shapes
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger.entries import from_cube
 from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
@@ -101,7 +100,7 @@ def tabulate_stated(opened: Cubes) -> str:
     """Tabulate every sentence of the thesis's conclusions, as the ledger judges it."""
     entries = [
         entry
-        for entry in from_cube(opened["claims"])
+        for entry in ledger.from_cube(opened["claims"])
         if entry.kind == "trend" and "-concluding-" in entry.id
     ]
     return render(__file__, "conclusions-stated", entries=entries)
@@ -109,7 +108,7 @@ def tabulate_stated(opened: Cubes) -> str:
 
 def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
-    entries = {e.id: e for e in from_cube(opened["claims"]) if e.kind == "trend"}
+    entries = {e.id: e for e in ledger.from_cube(opened["claims"]) if e.kind == "trend"}
     parameter = {trend.id: trend.parameter for trend in read_trends()}
     parts = {
         FACTOR_WORDS[name]: [
@@ -429,7 +428,7 @@ def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[
 
 
 def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
-    (entry,) = [e for e in from_cube(cube) if e.id == "ch3-concluding-t8"]
+    (entry,) = [e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8"]
     return entry
 
 

@@ -22,7 +22,6 @@ from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
@@ -334,7 +333,7 @@ def draw_alias() -> Figure:
 
 def draw_cases() -> Figure:
     """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own."""
-    found: dict[str, list[Setting]] = {}
+    found: dict[str, list[setups.Setting]] = {}
     for one in map(camera_study, CAMERA_STUDIES):
         if one.subject == "beam":
             for setting in one.settings():
@@ -349,7 +348,7 @@ def draw_cases() -> Figure:
     return figure
 
 
-def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
+def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
     """Draw the cameras of a case around the beam; in a growing set each where it comes in."""
     far = max(setting.distance_mm for setting in settings)
     for elevation in (0, 30, 60):
@@ -372,7 +371,7 @@ def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
 
 
-def _range_words(settings: list[Setting]) -> str:
+def _range_words(settings: list[setups.Setting]) -> str:
     """Return the first and the last setting, the unit once."""
     widths = [setting.resolution_px[0] for setting in (settings[0], settings[-1])]
     if widths[0] != widths[1]:

@@ -17,7 +17,6 @@ from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.result import model_of, size_off
 from thesis_lib.measure.radiation import radiated
-from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
 from thesis_lib.measure.recordings import manifest_parts, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.studies import storage
@@ -55,7 +54,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
     several = data if "mode" in data.dims else _one_mode(data)
-    amplitude = complex_of(several, "amplitude")
+    amplitude = radiated.complex_of(several, "amplitude")
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
@@ -109,7 +108,7 @@ def _one_mode(data: xr.Dataset) -> xr.Dataset:
     return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
 
-def tones_of(data: xr.Dataset) -> list[Tone]:
+def tones_of(data: xr.Dataset) -> list[radiated.Tone]:
     """Return the frequencies in rad/s, and of modes that decay how fast, in 1/s.
 
     Parameters
@@ -120,10 +119,10 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
-        return [Tone(float(one)) for one in omega]
+        return [radiated.Tone(float(one)) for one in omega]
     rates = omega * data["damping"].values, omega * data["damping_deviation"].values
     columns = zip(omega, *rates, data["scale_deviation"].values, strict=True)
-    return [Tone(*map(float, one)) for one in columns]
+    return [radiated.Tone(*map(float, one)) for one in columns]
 
 
 def _check(data: xr.Dataset, known: Mask, structure: manifest_parts.StructureSpec) -> None:
@@ -160,10 +159,10 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     Amplitudes
         In m, mode after mode.
     """
-    amplitude = complex_of(data, "amplitude")[:, known]
+    amplitude = radiated.complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
     if "shared_real" in data:  # else of a calibration whose errors are unknown
-        shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
+        shared = radiated.complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
     if "scale_deviation" in data:
         each = np.eye(len(amplitude))[:, :, None]
@@ -183,7 +182,7 @@ def _choose_motion(
     corners: Array,
     markers: Array,
     shapes: estimates.Amplitudes,
-) -> Between:
+) -> radiated.Between:
     """Choose the motion at (2, n) between markers: by a fitting model, else by a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
@@ -236,7 +235,7 @@ def audible_pressure(data: xr.Dataset, point: int) -> Array:
     amplitudes are of.
     """
     times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
-    pressure = complex_of(data, "pressure")[:, point]
+    pressure = radiated.complex_of(data, "pressure")[:, point]
     decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
     waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
     rise = RISE_S if np.any(decay) else FADE_S

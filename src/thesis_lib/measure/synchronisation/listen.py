@@ -34,7 +34,6 @@ from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, tones
 from thesis_lib.measure.synchronisation import delays as matching
-from thesis_lib.measure.synchronisation.delays import Match
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
 from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.web.html import render_lines
@@ -150,7 +149,7 @@ def _hold_track(
 
 def match_recordings(
     recordings: Sequence[audio.AudioSource], frequency: float | None
-) -> dict[int, Match]:
+) -> dict[int, matching.Match]:
     """Match each recording but the first to the first.
 
     Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
@@ -167,7 +166,7 @@ def match_recordings(
     """
     room = frequency is None
     low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
-    found: dict[int, Match] = {}
+    found: dict[int, matching.Match] = {}
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
         tracks = [low.reduce(file.blocks, file.rate) for file in files]
@@ -198,7 +197,7 @@ class Synchronisation:
     #: ``phase`` of a tone, ``room``: correlation of what microphones hear, or ``none``: nothing was
     #: heard, and the delays are 0
     method: str
-    match: Match | None = None  #: The most doubtful of all cameras with the first one
+    match: matching.Match | None = None  #: The most doubtful of all cameras with the first one
     frequency: float | None = None  #: Of the tone, Hz; whole periods are what may be in doubt
     #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
     snr: float = np.nan
@@ -300,7 +299,7 @@ def synchronise_cameras(
 
 
 def _find_drifts(
-    recordings: Sequence[audio.AudioSource], heard: LoadedAudio, matches: dict[int, Match]
+    recordings: Sequence[audio.AudioSource], heard: LoadedAudio, matches: dict[int, matching.Match]
 ) -> dict[int, Drift]:
     """Replace the matches of clocks that have no one delay by that in the middle."""
     known = {i: one.delay if one.certain else None for i, one in matches.items()}
