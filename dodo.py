@@ -19,10 +19,9 @@ from thesis_lib.book.build import (
     make_task,
     result_files,
 )
-from thesis_lib.book.pieces import factors, illustrations, shown, thesis_index
+from thesis_lib.book.pieces import factors, illustrations, opened, thesis_index
 from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.book.pieces import write as texts
-from thesis_lib.book.pieces.opened import write_texts
 from thesis_lib.figure_sets import record as measured_sample
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
@@ -89,7 +88,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
     others = [path for path in NOTEBOOKS if path.stem != "claims"]
     ledger = [name for name in texts.PIECES if name in texts.OF_LEDGER]
     numbers = [name for name in texts.PIECES if name not in ledger]
-    figures = shown.find_figure_names(PAGES)
+    figures = opened.find_figure_names(PAGES)
     data = ExperimentResolution().recordings.stored_path
 
     def write(names: list[str], but: str = "") -> None:
@@ -118,15 +117,15 @@ def task_piece() -> Iterator[dict[str, Any]]:
     )  # fmt: skip
     yield make_task(
         "figures of notebooks",
-        lambda: shown.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
+        lambda: opened.write_shown_figures(figures, NOTEBOOKS, EXECUTED_FOLDER),
         [*NOTEBOOKS, *PAGES, *list_code("book/pieces", *WORD_CODE)],
         [EXECUTED_FOLDER / f"{name}{kind}" for name in figures for kind in (".md", ".svg")],
     )  # fmt: skip
-    for name in shown.SETS_IN_CHAPTERS:
+    for name in opened.SETS_IN_CHAPTERS:
         notebook = result_files(name)[0]
         yield make_task(
             f"provenance of {name}",
-            partial(shown.write_provenance, notebook, EXECUTED_FOLDER),
+            partial(opened.write_provenance, notebook, EXECUTED_FOLDER),
             [notebook, *list_code("book/pieces")],
             included(f"provenance-{name}"),
         )
@@ -139,7 +138,8 @@ def task_piece() -> Iterator[dict[str, Any]]:
         ],
     )  # fmt: skip
     yield make_task(
-        "reference of own recordings", lambda: write_texts(EXECUTED_FOLDER, recordings.PIECES),
+        "reference of own recordings",
+        lambda: opened.write_texts(EXECUTED_FOLDER, recordings.PIECES),
         [*PUBLISHED, *recordings_code], included(*recordings.PIECES),
     )  # fmt: skip
     yield make_task(
@@ -147,7 +147,7 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [EXECUTED_FOLDER / name for name in recordings.SAMPLE_FILES],
     )  # fmt: skip
     yield make_task(
-        "index and assumptions", lambda: write_texts(EXECUTED_FOLDER, thesis_index.PIECES),
+        "index and assumptions", lambda: opened.write_texts(EXECUTED_FOLDER, thesis_index.PIECES),
         [*PAGES, *PUBLISHED, *library_files()], included(*thesis_index.PIECES),
     )  # fmt: skip
     yield make_task(

@@ -43,8 +43,8 @@ def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=Non
             low, high = sides.get("above", -np.inf), sides.get("below", np.inf)
             passed = (sides["value"] > low) & (sides["value"] < high)
             middle = np.where(np.isfinite(low + high) & (low != 0), (low + high) / 2, 0)
-            share = np.abs(sides["value"] - middle) / np.where(high > middle, high - middle, np.nan)
-            share = np.where(np.isfinite(high), share, np.nan)
+            scaled = np.isfinite(high) & (high > middle)
+            share = np.abs(sides["value"] - middle) / np.where(scaled, high - middle, np.nan)
         else:
             scale = np.abs(sides["expected"])
             allowed = (0 if atol is None else atol) + (0 if rtol is None else rtol) * scale
@@ -52,10 +52,9 @@ def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=Non
             passed, share = apart <= allowed, np.where(apart == 0, 0, apart / allowed)
             sides["allowed"] = np.broadcast_to(allowed, apart.shape)
     worst = np.argmax(np.where(np.isfinite(share), share, np.where(passed, 0, np.inf)))
-    fraction = float(share.flat[worst])
-    record = {"passed": bool(passed.all()), "count": passed.size}
-    record["share"] = fraction if np.isfinite(fraction) else None
-    return record | {name: f"{side.flat[worst]:.6g}" for name, side in sides.items()}
+    fraction = float(share.flat[worst]) if np.isfinite(share.flat[worst]) else None
+    shown = {name: f"{side.flat[worst]:.6g}" for name, side in sides.items()}
+    return {"passed": bool(passed.all()), "count": passed.size, "share": fraction, **shown}
 
 
 class Conforms:
@@ -68,10 +67,9 @@ class Conforms:
         __tracebackhide__ = True
         record = {"kind": kind, **compare(value, expected, **allowed)}
         line = sys._getframe(1).f_lineno
-        known = self.records.get(line, record)
+        known = self.records.get(line, {**record, "count": 0})
         worse = max(known, record, key=lambda one: (not one["passed"], one["share"] or 0))
-        count = record["count"] + (known["count"] if known is not record else 0)
-        self.records[line] = {**worse, "count": count}
+        self.records[line] = {**worse, "count": known["count"] + record["count"]}
         assert record["passed"], f"line {line}: {record}"
 
     closed_form = partialmethod(_check, "closed form")

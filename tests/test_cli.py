@@ -25,10 +25,10 @@ from command import Done, refusal, thesis
 from conftest import until_study
 from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
-from thesis_lib.outputs import echo
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.studies.request import describe_parameters
+from thesis_lib.text import echo
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")

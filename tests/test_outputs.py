@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 from command import refusal, thesis
 
-from thesis_lib.files import OWNER_RECORD, staging
-from thesis_lib.measure.recordings.media import write_png, write_video
-from thesis_lib.outputs import (
+from thesis_lib.files import (
+    OWNER_RECORD,
     RECORD_NAME,
     OutputError,
     check_cache,
     check_outputs,
     mark_cache,
     put_files,
+    staging,
 )
+from thesis_lib.measure.recordings.media import write_png, write_video
 
 MINE = b"the user's own"
 FRAMES = np.random.default_rng(0).integers(0, 256, (8, 32, 32), np.uint8)

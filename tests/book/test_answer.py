@@ -14,7 +14,7 @@ from thesis_lib.measure.feasibility.assess import (
     assess_manifest,
     format_error_share,
 )
-from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure.feasibility.prediction import draft_manifest
 from thesis_lib.measure.messages import CHECK_LIMITS
 
 

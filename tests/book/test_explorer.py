@@ -32,7 +32,7 @@ from thesis_lib.vision.pinhole import (
     project,
 )
 from thesis_lib.vision.simulation import measure_deflections, percent_errors
-from thesis_lib.web.fragment import read_asset
+from thesis_lib.web.html import read_asset
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator

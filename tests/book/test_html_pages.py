@@ -16,10 +16,9 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from thesis_lib.book import extension, html_pages
-from thesis_lib.book.html_pages import draw_intervals
-from thesis_lib.book.search_index import index_page
+from thesis_lib.book.html_pages import draw_intervals, index_page
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.web.fragment import static_html
+from thesis_lib.web.html import static_html
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" {}/>'
 

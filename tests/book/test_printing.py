@@ -12,10 +12,10 @@ import pytest
 import xarray as xr
 import yaml
 
-from thesis_lib.book import pdf as printing
+from thesis_lib.book import rendering as printing
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import STUDIES
-from thesis_lib.web import fragment as widgets
+from thesis_lib.web import html as widgets
 from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[2]

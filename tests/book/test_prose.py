@@ -8,10 +8,10 @@ import pytest
 
 from thesis_lib import files
 from thesis_lib.book import conformance
-from thesis_lib.book.pieces import findings, shown, thesis_index
+from thesis_lib.book.pieces import findings, thesis_index
 from thesis_lib.book.pieces import manifest as reference
 from thesis_lib.book.pieces import write as pieces_write
-from thesis_lib.book.pieces.opened import Opened
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, find_figure_names
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -48,8 +48,8 @@ def test_every_piece_that_a_page_includes_is_made_and_the_other_way_round():
     book = files.project_root() / "book"
     pages = "\n".join(page.read_text(encoding="utf-8") for page in book.glob("*.md"))
     included = set(re.findall(r"\{include\} executed/([\w-]+)\.md", pages))
-    included -= {*shown.find_figure_names(book.glob("*.md"))}  # of notebooks
-    included -= {f"provenance-{name}" for name in shown.SETS_IN_CHAPTERS}
+    included -= {*find_figure_names(book.glob("*.md"))}  # of notebooks
+    included -= {f"provenance-{name}" for name in SETS_IN_CHAPTERS}
     pieces = (pieces_write, reference, thesis_index, conformance)
     made = {piece for module in pieces for piece in module.PIECES}
     assert included == {*walk.TEXT_VALUES} | made

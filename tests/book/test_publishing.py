@@ -20,7 +20,7 @@ from small_book import BAD, GOOD, make
 from thesis_lib import files
 from thesis_lib.book import rendering
 from thesis_lib.book.pieces import opened
-from thesis_lib.book.pieces.shown import SETS_IN_CHAPTERS
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import sha256

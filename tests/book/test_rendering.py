@@ -17,7 +17,7 @@ PAGES = {
     "intro.md": "# Start\n\n(here)=\n## Here\n\n[There](there)\n",
     "second.md": "# Second\n\n(there)=\n## There\n\n```{include} piece.txt\n```\n\n[Here](here)\n\n"
     "![A line](line.svg)\n",
-    "third.md": "# Third\n\n```{eval-rst}\n.. automodule:: thesis_lib.outputs\n   :members:\n```\n",
+    "third.md": "# Third\n\n```{eval-rst}\n.. automodule:: thesis_lib.text\n   :members:\n```\n",
     "piece.txt": "Old words\n",
     "line.svg": '<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"/>',
     "_toc.yml": "format: jb-book\nroot: intro\nchapters: [{file: second}, {file: third}]\n",

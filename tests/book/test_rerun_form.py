@@ -18,11 +18,11 @@ from thesis_lib.book import explorer
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
-from thesis_lib.notebook.form import form_data
+from thesis_lib.notebook.show import form_data
 from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
-from thesis_lib.web.fragment import static_html
+from thesis_lib.web.html import static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 if TYPE_CHECKING:

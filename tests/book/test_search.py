@@ -15,7 +15,7 @@ from browser import open_offline
 from lxml.html import document_fromstring
 from playwright.sync_api import Browser, Page
 
-from thesis_lib.book.search_index import index_page
+from thesis_lib.book.html_pages import index_page
 
 TITLES = ".tl-found-title"
 

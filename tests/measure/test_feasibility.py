@@ -17,7 +17,7 @@ from thesis_lib.measure.feasibility.assess import (
 )
 from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
 from thesis_lib.measure.fitting.aliasing import fold_frequency
-from thesis_lib.measure.fitting.models import model_of
+from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.vision.optics import depth_of_field

@@ -8,7 +8,7 @@ import yaml
 from scenes.manifests import SIZE, change, plain
 
 from thesis_lib.facts import setups
-from thesis_lib.measure.fitting.models import model_of
+from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.recordings.manifest import (
     Manifest,
     ManifestError,

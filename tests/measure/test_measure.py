@@ -30,6 +30,7 @@ from scenes.measure import (
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import record
+from thesis_lib.files import CACHE_TAG, RECORD_NAME, put_files
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.feasibility.assess import assess_manifest
@@ -40,7 +41,6 @@ from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording, _state
-from thesis_lib.outputs import CACHE_TAG, RECORD_NAME, put_files
 from thesis_lib.studies import storage
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.lens import project_points

@@ -13,7 +13,7 @@ from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
-from thesis_lib.measure.fitting.models import candidate_modes, scale_model
+from thesis_lib.measure.fitting.result import candidate_modes, scale_model
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec

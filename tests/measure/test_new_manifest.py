@@ -12,7 +12,7 @@ from command import thesis
 from thesis_lib.files import project_root
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.feasibility.assess import assess_manifest
-from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure.feasibility.prediction import draft_manifest
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.report.animation import write_mp4

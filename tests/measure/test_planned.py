@@ -5,7 +5,11 @@ import pytest
 from command import thesis
 
 from thesis_lib.measure.feasibility.assess import assess_manifest
-from thesis_lib.measure.feasibility.draft import FIRST_AZIMUTH_DEG, PHONE_CAMERA, draft_manifest
+from thesis_lib.measure.feasibility.prediction import (
+    FIRST_AZIMUTH_DEG,
+    PHONE_CAMERA,
+    draft_manifest,
+)
 from thesis_lib.measure.recordings.manifest import read_manifest
 
 PLATE = {

@@ -33,8 +33,6 @@ from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
 from thesis_lib.measure.report.warnings import check_response
-from thesis_lib.measure.response.displacement import at_times, estimate_deflections, noise_of
-from thesis_lib.measure.response.force import dwell_time, find_sweep, read_force, settling_time
 from thesis_lib.measure.response.result import (
     REPEATED_AFTER,
     cut_of,
@@ -42,6 +40,15 @@ from thesis_lib.measure.response.result import (
     estimate_response,
     receptance_of_segments,
     segment_spectra,
+)
+from thesis_lib.measure.response.signals import (
+    at_times,
+    dwell_time,
+    estimate_deflections,
+    find_sweep,
+    noise_of,
+    read_force,
+    settling_time,
 )
 from thesis_lib.measure.tracking.tracks import Recording
 

@@ -15,7 +15,7 @@ import pytest
 import yaml
 from command import Done, hears_signals
 
-from thesis_lib.outputs import RECORD_NAME
+from thesis_lib.files import RECORD_NAME
 
 RESULTS = {
     RECORD_NAME, "calibration.nc", "cameras.toml", "cameras.yaml", "figures", "measured.mat",

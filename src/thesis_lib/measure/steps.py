@@ -12,6 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from thesis_lib.arrays import Array
+from thesis_lib.files import mark_cache
 from thesis_lib.measure.calibration.bundle_adjustment import camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras, cameras_in, single_threaded_opencv
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, shot_paths
@@ -19,14 +20,11 @@ from thesis_lib.measure.recordings.media_info import describe_reading
 from thesis_lib.measure.recordings.validation import describe_repeats, inspect_film, markers_of
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
-from thesis_lib.outputs import mark_cache
-from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.studies.storage import key_of, load_or_compute
-from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.studies import schema, storage, workers
 from thesis_lib.vision.lens import Camera
 
-CALIBRATION_VARIABLES = read_variables(__file__, "calibration")
-SOUND_VARIABLES = read_variables(__file__, "synchronisation")
+CALIBRATION_VARIABLES = schema.read_variables(__file__, "calibration")
+SOUND_VARIABLES = schema.read_variables(__file__, "synchronisation")
 
 
 _Result = TypeVar("_Result")
@@ -49,7 +47,7 @@ def _read_all(
                 raise StoppedError
             bar.update(frames)
 
-        return map_in_pairs(lambda index: read(index, tick), range(len(clocks)), stop.set)
+        return workers.map_in_pairs(lambda index: read(index, tick), range(len(clocks)), stop.set)
 
 
 def _silent(_: str) -> None:
@@ -90,10 +88,10 @@ def calibrate_rig(
         }
         names = {"camera": [c.name for c in manifest.cameras]}
         return xr.Dataset(
-            label_values(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
+            schema.label_values(values, CALIBRATION_VARIABLES), names, {"notes": "\n".join(lost)}
         )
 
-    return load_or_compute(steps / "calibration.nc", compute, key_of(what, shots))
+    return storage.load_or_compute(steps / "calibration.nc", compute, storage.key_of(what, shots))
 
 
 def inspect_videos(
@@ -124,7 +122,7 @@ def inspect_videos(
         reading = [line for video in videos for line in describe_reading(video)]
         return xr.Dataset(attrs={"reading": "\n".join(reading), "repeats": "\n".join(repeats)})
 
-    data = load_or_compute(steps / "videos.nc", compute, key_of(names, videos))
+    data = storage.load_or_compute(steps / "videos.nc", compute, storage.key_of(names, videos))
     return data.attrs["reading"].splitlines(), data.attrs["repeats"].splitlines()
 
 
@@ -161,13 +159,13 @@ def read_sound(
             "ambiguous": int(found.ambiguous),
             "signal_to_noise": found.snr,
         }
-        data = xr.Dataset(label_values(values, SOUND_VARIABLES))
+        data = xr.Dataset(schema.label_values(values, SOUND_VARIABLES))
         mark_cache(steps)  # now that nothing more is refused
         return data.assign_attrs(
             synchronisation="\n".join(found.describe([c.name for c in manifest.cameras]))
         )
 
-    return load_or_compute(steps / "sound.nc", compute, key_of(what, videos))
+    return storage.load_or_compute(steps / "sound.nc", compute, storage.key_of(what, videos))
 
 
 def track_markers(
@@ -195,7 +193,7 @@ def track_markers(
         path = steps / f"tracks-{index:02d}.npy"
         turn = round(2 * np.pi * frequency / files.frame_rate_hz, 9)  # to look near the place
         what = [files.corners_px, turn, visible, index, calibration.attrs["key"], *shares]
-        key = key_of(what, [folder / files.video])
+        key = storage.key_of(what, [folder / files.video])
         notes = record_track(
             files, folder, clocks[index], cameras[index], markers, turn, path, key, tick, shares
         )

@@ -1,4 +1,9 @@
-"""What the notebooks call: parameters in, cube out, tables and figures to show."""
+"""What the notebooks call: parameters in, cube out, tables and figures to show, and forms.
+
+A form of parameters stands on a page, of one figure set above its viewer, or of all of them. All
+that it knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, so that it asks,
+refuses and writes what the ``thesis`` command takes. Beam and plate it computes, too.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ import base64
 import html
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,17 +22,21 @@ from IPython.display import Markdown, display
 from matplotlib.figure import Figure
 
 from thesis_lib import files
-from thesis_lib.figure_sets import cube_file
+from thesis_lib.figure_sets import cube_file, registry
 from thesis_lib.figure_sets import display as figure_sets
-from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
-from thesis_lib.figure_sets.registry import FIGURE_SETS, is_known, model_of, validate_request
-from thesis_lib.notebook.form import form_of
-from thesis_lib.plotting import panels
-from thesis_lib.plotting.panels import Caption
-from thesis_lib.plotting.selection import viewer_data
+from thesis_lib.figure_sets.parametric import in_page
+from thesis_lib.plotting import panels, selection
 from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import storage, workers
-from thesis_lib.studies.request import ParameterError, Study, check_names, validate_values
+from thesis_lib.studies import effort, storage, workers
+from thesis_lib.studies.fields import describe_permitted
+from thesis_lib.studies.request import (
+    ParameterError,
+    Study,
+    check_names,
+    describe_parameters,
+    validate_values,
+    whole_numbers,
+)
 from thesis_lib.text import one_line, parse_json
 from thesis_lib.web.viewer import Viewer
 
@@ -41,8 +51,8 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     ParameterError
         If a value is refused, or papermill has injected a parameter that there is not.
     """
-    is_known(name, here=True)  # which loads it
-    model = model_of(name)
+    registry.is_known(name, here=True)  # which loads it
+    model = registry.model_of(name)
     injected = _find_injected(namespace.get("In", []))
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
@@ -97,7 +107,7 @@ def _read_scheduler(request: Study) -> str:
         scheduler = workers.from_environment()
     except ValueError as error:
         raise ParameterError(str(error)) from None
-    if scheduler and not FIGURE_SETS[request.name].in_pieces:
+    if scheduler and not registry.FIGURE_SETS[request.name].in_pieces:
         print(workers.describe_alone(request.name), file=sys.stderr)
         return ""
     return scheduler
@@ -105,7 +115,7 @@ def _read_scheduler(request: Study) -> str:
 
 def viewer(cube: xr.Dataset) -> Viewer:
     """Return the interactive viewer, in a live notebook and in the static page alike."""
-    data = viewer_data(cube)
+    data = selection.viewer_data(cube)
     first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
     return Viewer(data=data, form=_build_form(cube), **first)
 
@@ -114,8 +124,8 @@ def _build_form(cube: xr.Dataset) -> dict[str, Any]:
     """Return parameters that its page can change, if that is one of the sets that pages compute."""
     name = str(cube.attrs["figure_set"])
     return (
-        form_of(validate_request(name, json.loads(cube.attrs["parameters"])))
-        if name in COMPUTED_SETS
+        form_of(registry.validate_request(name, json.loads(cube.attrs["parameters"])))
+        if name in in_page.COMPUTED_SETS
         else {}
     )
 
@@ -165,9 +175,122 @@ def _render_figure(drawing: Figure, style: Any = None) -> str:
     return text[text.index("<svg") :]
 
 
-def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: Caption) -> dict[str, Any]:
+def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: panels.Caption) -> dict[str, Any]:
     """Return the words of a drawing, which say whether it is the thesis's only in kind."""
-    ours = cube.attrs["in_the_thesis"] or FIGURE_SETS[cube.attrs["figure_set"]].reads()
+    ours = cube.attrs["in_the_thesis"] or registry.FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or panels.describe_panels(drawing)
     return {"name": caption.name, "caption": after + caption.text, "alt": alt}
+
+
+_KNOWN_KEYS = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
+
+
+def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
+    """Return what a form of some figure sets shows and checks, as JSON values.
+
+    Returns
+    -------
+    dict
+        ``fields``, a list of parameters that differ in anything: name, meaning, unit, what is
+        allowed in words and as JSON schema, how a refusal ends, the default as it would be typed,
+        and the choices of a list of names. ``sets`` and ``chapters``, by name: title, and numbers
+        of fields in the order to show, and a sentence on what the published run takes; a set also
+        numbers in the order in which they are checked, a chapter its sets and the names of the
+        parameters in which they differ. ``here``, what the page computes by itself, as
+        :func:`thesis_lib.figure_sets.parametric.in_page.page_facts` has it.
+    """
+    fields: list[dict[str, Any]] = []
+    sets: dict[str, dict[str, Any]] = {}
+    for name in names:
+        study, numbers = registry.STUDIES[name], {}
+        schema = study.model_json_schema()["properties"]
+        for row in describe_parameters(study):
+            if row["name"] == "cube":  # where a notebook writes: not of the command
+                continue
+            field = _describe_field(study, row, schema[row["name"]])
+            if field not in fields:
+                fields.append(field)
+            numbers[row["name"]] = fields.index(field)
+        checked = [numbers[key] for key in study.model_fields if key in numbers]
+        sets[name] = {
+            "title": study.title,
+            "shown": list(numbers.values()),
+            "checked": checked,
+            "takes": _describe_cost([name]),
+        }
+    whole = {
+        name: members
+        for name, members in registry.CHAPTER_SETS.items()
+        if sets.keys() >= set(members)
+    }
+    return {
+        "fields": fields,
+        "sets": sets,
+        "chapters": {name: _describe_chapter(name, fields, sets) for name in whole},
+        "here": in_page.page_facts([name for name in in_page.COMPUTED_SETS if name in sets]),
+    }
+
+
+def form_of(request: Study) -> dict[str, Any]:
+    """Return the form of one figure set, which begins with the values of a request."""
+    data = form_data([request.name])
+    default, values = type(request)().request, request.request
+    start = {name: _format_typed(one) for name, one in values.items() if one != default[name]}
+    return data | {"start": start}
+
+
+def _describe_field(
+    study: type[Study], row: dict[str, str], schema: dict[str, Any]
+) -> dict[str, Any]:
+    """Describe a parameter; a list of names only the command knows offers its default's."""
+    default = json.loads(row["default"])
+    plain = {key: value for key, value in schema.items() if key not in _KNOWN_KEYS}
+    named = plain.get("items") == {"type": "string"}
+    return {
+        **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},
+        "schema": plain | ({"items": {"type": "string", "enum": default}} if named else {}),
+        "permitted": describe_permitted(study, row["name"]),
+        "typed": _format_typed(default),
+    }
+
+
+def _format_typed(value: Any) -> str:
+    """Return a value as one would type it.
+
+    Examples
+    --------
+    >>> [_format_typed(one) for one in (24.0, "known", [500.0, 750.5], [[10.0, 22.0]])]
+    ['24', 'known', '500, 750.5', '[[10, 22]]']
+    """
+    if isinstance(value, str):
+        return value
+    text = json.dumps(whole_numbers(value), ensure_ascii=False)
+    flat = isinstance(value, list) and not any(isinstance(one, list) for one in value)
+    return text[1:-1] if flat else text
+
+
+def _describe_chapter(
+    name: str, fields: list[dict[str, Any]], sets: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """Describe the parameters that sets of a chapter share, common ones first."""
+    members = registry.CHAPTER_SETS[name]
+    held = Counter(number for one in members for number in sets[one]["shown"])
+    numbers = sorted(held, key=lambda number: held[number] < len(members))
+    names = [fields[number]["name"] for number in numbers]
+    return {
+        "title": registry.TITLES[name],
+        "sets": members,
+        "shown": [n for n in numbers if names.count(fields[n]["name"]) == 1],
+        "differ": [one for one in dict.fromkeys(names) if names.count(one) > 1],
+        "takes": _describe_cost(members),
+    }
+
+
+def _describe_cost(names: list[str]) -> str:
+    """Return the measured cost of running figure sets one after another, or empty."""
+    known = effort.read_efforts()
+    if not set(names) <= set(known):
+        return ""
+    total = effort.total_effort(known[name] for name in names)
+    return f"With the defaults it takes {total.time} and {total.memory}, from nothing on two cores."

@@ -20,8 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import staging
-from thesis_lib.outputs import check_outputs, put_files
+from thesis_lib.files import check_outputs, put_files, staging
 from thesis_lib.planning import errors, structure_file
 from thesis_lib.planning.planner import Plan, as_cube, camera_table, plan
 from thesis_lib.planning.request import PlanRequest
@@ -30,8 +29,7 @@ from thesis_lib.plotting.style import HIGHLIGHT_COLOR, cycle_color, in_style, su
 from thesis_lib.studies import cubes, schema, storage
 from thesis_lib.studies.request import changed_parameters, join_command
 from thesis_lib.vision.pinhole import hemisphere_rotations
-from thesis_lib.web.fragment import VIEWER_CSS, join_modules, static_html
-from thesis_lib.web.html import render_html, render_lines
+from thesis_lib.web.html import VIEWER_CSS, join_modules, render_html, render_lines, static_html
 
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
 _LINE_SYMBOLS = "osD^vP*X"

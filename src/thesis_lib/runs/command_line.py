@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import logging
 import os
 import signal
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from thesis_lib.files import cache_folder, remove_temporary
+from thesis_lib.files import cache_folder, remove_temporary, workplace
 from thesis_lib.text import has_hidden, one_line, parse_json
+
+if TYPE_CHECKING:
+    from thesis_lib.studies.request import Study
 
 MIN_OPEN_FILES = 128  # a run needs some 90 at a time
 MAX_WAIT_FOR_THREADS_S = 1.0
@@ -135,9 +139,6 @@ def _end_children() -> None:
                     child.kill()  # the tracker removes semaphores, and ends by itself
 
 
-if TYPE_CHECKING:
-    from thesis_lib.studies.request import Study
-
 REFUSED_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 2, 1, 130
 LONGEST_FILE = 80  # characters of the names of files in the folders that are written
 
@@ -146,6 +147,15 @@ class Refused(click.ClickException):
     """The request was wrong: one line, exit status 2, nothing written."""
 
     exit_code = REFUSED_STATUS
+
+
+@contextlib.contextmanager
+def refusing(error_type: type[Exception], of: str = "") -> Iterator[None]:
+    """Refuse the request for errors of a type, which say in one line what is wrong with it."""
+    try:
+        yield
+    except error_type as error:
+        raise Refused(f"{of}{error}") from None
 
 
 def parse_assignments(assignments: Sequence[str]) -> dict[str, Any]:
@@ -188,7 +198,7 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
     from thesis_lib.studies.request import ParameterError, check_names, validate_values
 
     studies, notes = [], []
-    try:
+    with refusing(ParameterError):
         expanded = [one for name in names for one in sets_of(name)]
         models = [model_of(name) for name in dict.fromkeys(expanded)]
         known = {key for model in models for key in model.model_fields}
@@ -199,8 +209,6 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
             notes += [
                 f"{model.name} has no {key}: it runs without" for key in values if key not in own
             ]
-    except ParameterError as error:
-        raise Refused(str(error)) from None
     for note in notes:
         click.echo(note, err=True)
     return studies
@@ -211,10 +219,8 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
     from thesis_lib.figure_sets.registry import FIGURE_SETS
     from thesis_lib.studies import workers
 
-    try:
+    with refusing(ValueError, "--scheduler: "):
         workers.check_address(scheduler)
-    except ValueError as error:
-        raise Refused(f"--scheduler: {error}") from None
     others = [study.name for study in studies if not FIGURE_SETS[study.name].in_pieces]
     if len(others) == len(studies):
         raise Refused(
@@ -229,10 +235,6 @@ def use_scheduler(scheduler: str, studies: Sequence[Study]) -> None:
 
 def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | None) -> Path:
     """Return the folder of a run: the given one, or one named by the requests."""
-    import hashlib
-
-    from thesis_lib.files import workplace
-
     if out is None:
         words = [Path(name).resolve().name if is_folder(name) else name for name in names]
         digest = studies[0].digest

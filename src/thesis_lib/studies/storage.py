@@ -38,10 +38,10 @@ from thesis_lib.files import (
     whole_file,
     whole_text,
 )
-from thesis_lib.outputs import aside
 from thesis_lib.studies.cubes import CubeError
 from thesis_lib.studies.request import Study
 from thesis_lib.studies.schema import with_provenance
+from thesis_lib.text import aside
 
 HELD_BYTES = 64 * 2**20  # that a small file of someone else may fill of the memory
 MANTISSA_BITS = {  # of a rounded mantissa

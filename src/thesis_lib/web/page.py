@@ -23,7 +23,7 @@ from mdit_py_plugins.deflist import deflist_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 
 from thesis_lib.files import sha256, workplace
-from thesis_lib.outputs import aside
+from thesis_lib.text import aside
 from thesis_lib.web.html import render_html
 
 MATHJAX_PATH = "mathjax/tex-svg-full.js"

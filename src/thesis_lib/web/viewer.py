@@ -8,22 +8,15 @@ from typing import Any
 import anywidget
 import traitlets
 
-from thesis_lib.web.fragment import (
-    VIEWER_CSS,
-    VIEWER_KINDS,
-    copy_plain,
-    join_modules,
-    read_asset,
-    static_html,
-)
+from thesis_lib.web import html
 
-_VIEWER_SCRIPT = join_modules("viewer", *VIEWER_KINDS)
-FORM_CSS = VIEWER_CSS + read_asset("rerun.css")
+_VIEWER_SCRIPT = html.join_modules("viewer", *html.VIEWER_KINDS)
+FORM_CSS = html.VIEWER_CSS + html.read_asset("rerun.css")
 
 
 def form_esm(*kinds: str) -> str:
     """Return the front end of a form of parameters, with a viewer of structures below it."""
-    return join_modules("rerun", *kinds)
+    return html.join_modules("rerun", *kinds)
 
 
 class Viewer(anywidget.AnyWidget):
@@ -97,11 +90,11 @@ class Viewer(anywidget.AnyWidget):
         may say otherwise, ``?case=2a&mode=3&compare=all&setting=2``, and follows what is chosen.
     form : dict, optional
         Where no kernel runs, parameters to change and to compute again stand above it: those of
-        :func:`thesis_lib.notebook.form.form_of`.
+        :func:`thesis_lib.notebook.show.form_of`.
     """
 
     _esm = _VIEWER_SCRIPT
-    _css = VIEWER_CSS
+    _css = html.VIEWER_CSS
     data = traitlets.Dict().tag(sync=True)
     case = traitlets.Unicode().tag(sync=True)
     mode = traitlets.Int(1).tag(sync=True)
@@ -109,7 +102,7 @@ class Viewer(anywidget.AnyWidget):
 
     @traitlets.validate("data")
     def _plain_data(self, proposal: Mapping[str, Any]) -> Any:
-        return copy_plain(proposal["value"])
+        return html.copy_plain(proposal["value"])
 
     def __repr__(self) -> str:
         cases = ", ".join(str(one["name"]) for one in self.data.get("cases", [])) or "none"
@@ -119,9 +112,9 @@ class Viewer(anywidget.AnyWidget):
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
         kind = self.data.get("structure", {}).get("kind")
-        esm = join_modules("viewer", kind) if kind in VIEWER_KINDS else _VIEWER_SCRIPT
+        esm = html.join_modules("viewer", kind) if kind in html.VIEWER_KINDS else _VIEWER_SCRIPT
         state = {"data": self.data, "case": self.case, "mode": self.mode, "page": True}
-        page = static_html(esm, VIEWER_CSS, state)
-        if self.form and kind in VIEWER_KINDS:
-            page = static_html(form_esm(kind), FORM_CSS, {**state, "form": self.form})
+        page = html.static_html(esm, html.VIEWER_CSS, state)
+        if self.form and kind in html.VIEWER_KINDS:
+            page = html.static_html(form_esm(kind), FORM_CSS, {**state, "form": self.form})
         return {**data, "text/plain": repr(self), "text/html": page}, metadata

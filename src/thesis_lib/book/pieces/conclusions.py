@@ -12,19 +12,7 @@ import xarray as xr
 from scipy.stats import spearmanr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.factors import (
-    FACTORS,
-    MEAN_ERRORS,
-    PLANE_ERRORS,
-    SOUND_STUDIES,
-    Effect,
-    end_ratio,
-    estimate_effects,
-    fit_exponent,
-    read_curves,
-    shape_and_sound,
-    sound_trends,
-)
+from thesis_lib.book.pieces import factors
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import read_trends
@@ -33,7 +21,6 @@ from thesis_lib.figure_sets.design_law.sweeps import STRUCTURES, mode_shapes
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger.entries import from_cube
 from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
 from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
@@ -62,7 +49,7 @@ LEVEL_TRENDS = ("flat", "within", "no trend", "at most", "below")  # trends that
 def tabulate_factor(name: str, opened: Cubes) -> str:
     """Tabulate how strongly one of the five conclusions holds, group by group."""
     effects = []
-    for one in estimate_effects(opened, FACTORS[name]):
+    for one in factors.estimate_effects(opened, factors.FACTORS[name]):
         against = {
             "opposite": one.opposite,
             UNCHANGED: one.unchanged,
@@ -73,7 +60,7 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
     return render(
         __file__,
         "conclusions-factor",
-        factor=FACTORS[name],
+        factor=factors.FACTORS[name],
         effects=effects,
         optimum=_find_optimum(opened) if name == "lower" else None,
         pair=_predict_pair(opened) if name == "wider" else None,
@@ -84,9 +71,9 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
 def _predict_pair(opened: Cubes) -> list[tuple[float, float]]:
     """Predict by elevation the effect of the aperture on a pair with noise in all coordinates."""
     at: dict[float, float] = {}
-    for curve in read_curves(opened, FACTORS["wider"]):
+    for curve in factors.read_curves(opened, factors.FACTORS["wider"]):
         angles = np.radians(curve.values), np.radians(curve.elevation)
-        at[curve.elevation] = end_ratio(pair_noise_error(1, 1, *angles), 1)
+        at[curve.elevation] = factors.end_ratio(pair_noise_error(1, 1, *angles), 1)
     return sorted(at.items())
 
 
@@ -113,7 +100,7 @@ def tabulate_stated(opened: Cubes) -> str:
     """Tabulate every sentence of the thesis's conclusions, as the ledger judges it."""
     entries = [
         entry
-        for entry in from_cube(opened["claims"])
+        for entry in ledger.from_cube(opened["claims"])
         if entry.kind == "trend" and "-concluding-" in entry.id
     ]
     return render(__file__, "conclusions-stated", entries=entries)
@@ -121,7 +108,7 @@ def tabulate_stated(opened: Cubes) -> str:
 
 def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
-    entries = {e.id: e for e in from_cube(opened["claims"]) if e.kind == "trend"}
+    entries = {e.id: e for e in ledger.from_cube(opened["claims"]) if e.kind == "trend"}
     parameter = {trend.id: trend.parameter for trend in read_trends()}
     parts = {
         FACTOR_WORDS[name]: [
@@ -159,12 +146,12 @@ def count_trends(opened: Cubes) -> str:
 def correlate_sound(opened: Cubes) -> str:
     """Correlate the field's error with the deflection's, in expectation and run by run."""
     rows = []
-    for study, pairs in shape_and_sound(opened):
+    for study, pairs in factors.shape_and_sound(opened):
         orders, slopes, draws = [], [], []
         for shape, field in pairs:
             expected = [np.sqrt(np.mean(errors**2, axis=1)) for errors in (shape, field)]
             orders.append(float(spearmanr(*expected).statistic))
-            slopes.append(fit_exponent(*expected))
+            slopes.append(factors.fit_exponent(*expected))
             draws += [
                 float(spearmanr(a, b).statistic) for a, b in zip(shape.T, field.T, strict=True)
             ]
@@ -177,8 +164,8 @@ def correlate_sound(opened: Cubes) -> str:
             "exponents": slopes,
         }
         rows.append(row)
-    held, curves = sound_trends(opened)
-    aperture_held, aperture_curves = sound_trends(opened, "wider")
+    held, curves = factors.sound_trends(opened)
+    aperture_held, aperture_curves = factors.sound_trends(opened, "wider")
     return render(
         __file__,
         "conclusions-sound",
@@ -193,7 +180,7 @@ def correlate_sound(opened: Cubes) -> str:
 def tabulate_sound_errors(opened: Cubes) -> str:
     """Tabulate how large the errors of the sound are: median, and largest 95 % quantile."""
     rows = []
-    for study in SOUND_STUDIES:
+    for study in factors.SOUND_STUDIES:
         if (cube := opened.get(f"sound-{study}")) is None:
             continue
         drawn = cube["plane_error"].isel(trial=slice(1, None))
@@ -219,8 +206,10 @@ def tabulate_experiment(opened: Cubes) -> str:
         for case in dict.fromkeys(cube["case"].values.tolist()):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN_ERRORS),))
-            (effect,) = estimate_effects(opened, alone)
+            alone = replace(
+                factors.FACTORS[factor], sources=((case, name, (case,), factors.MEAN_ERRORS),)
+            )
+            (effect,) = factors.estimate_effects(opened, alone)
             part = select_settings(cube, case, 1)
             drawn = part["mean_error"].transpose("setting", "trial").values[:, 1:]
             labels = part["label"].values
@@ -238,7 +227,7 @@ def tabulate_experiment(opened: Cubes) -> str:
     return render(__file__, "conclusions-experiment", rows=rows)
 
 
-def _judge_curve(one: Effect, best: str) -> str:
+def _judge_curve(one: factors.Effect, best: str) -> str:
     """Return whether a conclusion holds in the one curve there is, least at `best`."""
     found = {
         f"not monotonic, best at {best}": one.not_monotonic,
@@ -252,8 +241,8 @@ def _judge_curve(one: Effect, best: str) -> str:
 def tabulate_costs(opened: Cubes) -> str:
     """Tabulate what half the error costs, by the exponents of the simulated beam and plate."""
     rows = []
-    for name, factor in FACTORS.items():
-        for one in estimate_effects(opened, factor):
+    for name, factor in factors.FACTORS.items():
+        for one in factors.estimate_effects(opened, factor):
             if one.group not in ("beam", "plate"):
                 continue
             halving = None
@@ -275,7 +264,7 @@ def tabulate_costs(opened: Cubes) -> str:
 def _visible_fraction(opened: Cubes, subject: str, name: str) -> float | None:
     """Return the least share of marker images on the sensor, at the best end of a factor."""
     shares = []
-    for _, figure_set, cases, _ in FACTORS[name].sources:
+    for _, figure_set, cases, _ in factors.FACTORS[name].sources:
         if figure_set.startswith(subject) and figure_set in opened:
             cube = opened[figure_set]
             for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
@@ -374,8 +363,8 @@ def tabulate_wishes(opened: Cubes) -> str:
         coarse=value_of("lab-equal-pixels", _last_settings),
         modes=value_of("lab-modes", _mode_errors),
         torsion=value_of("lab-modes", _read_torsion),
-        plate=value_of("lab-plate", partial(_change_ratios, quantities=MEAN_ERRORS)),
-        plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=PLANE_ERRORS)),
+        plate=value_of("lab-plate", partial(_change_ratios, quantities=factors.MEAN_ERRORS)),
+        plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=factors.PLANE_ERRORS)),
         ledger=value_of("claims", _symmetry_entry),
         shape=value_of("shape-l", partial(_case_errors, case="4e")),
     )
@@ -439,12 +428,12 @@ def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[
 
 
 def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
-    (entry,) = [e for e in from_cube(cube) if e.id == "ch3-concluding-t8"]
+    (entry,) = [e for e in ledger.from_cube(cube) if e.id == "ch3-concluding-t8"]
     return entry
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
-    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in FACTORS},
+    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in factors.FACTORS},
     "conclusions-stated": tabulate_stated,
     "conclusions-counted": count_trends,
     "conclusions-sound": correlate_sound,

@@ -32,7 +32,6 @@ from thesis_lib.figure_sets import cube_file
 from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import UNCHANGED, Series
 from thesis_lib.plotting import selection
-from thesis_lib.plotting.selection import select_settings
 from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, subplots
 from thesis_lib.studies import cubes
 
@@ -147,7 +146,7 @@ def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
         for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
             for mode in cube["mode"].values.tolist():
-                part = select_settings(cube, case, mode)
+                part = selection.select_settings(cube, case, mode)
                 for quantity in quantities:
                     of = selection.claimed_errors(cube, case, mode, quantity)
                     claimed = np.array([_read_claimed_value(claim) for claim in of])

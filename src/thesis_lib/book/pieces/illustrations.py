@@ -22,7 +22,6 @@ from thesis_lib import files
 from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
-from thesis_lib.facts.setups import Setting
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
@@ -41,12 +40,7 @@ from thesis_lib.plotting.style import (
     subplots,
 )
 from thesis_lib.vibration import deflection_shape
-from thesis_lib.vibration.structure import (
-    Structure,
-    modal_coordinates,
-    peak_deflection,
-    resonance_frequency,
-)
+from thesis_lib.vibration import structure as structures
 
 DRAWN_MODE = 3  # of the curves over what is varied
 TICKS_OF_SETS = {
@@ -233,7 +227,7 @@ def draw_response() -> Figure:
     drawing, (left, right) = subplots(1, 2, figsize=(7.2, 2.6), layout="constrained")
     hertz = np.geomspace(3, 200, 900)
     points = np.array([[0.45, 1.0], [0.5, 0.5]]) * [[beam.length], [beam.width]]
-    moved = modal_coordinates(beam, 2 * np.pi * hertz, 20)
+    moved = structures.modal_coordinates(beam, 2 * np.pi * hertz, 20)
     response = np.abs(moved.T @ beam.mode_shapes(range(1, 21), points))
     for i, word in enumerate(("45 % of the length", "the tip")):
         left.plot(hertz, 1000 * response[:, i], color=cycle_color(i), label=word)
@@ -254,11 +248,14 @@ def draw_response() -> Figure:
 def draw_deflections() -> Figure:
     """Draw how far 1 N moves beam and plate at their resonances, and what a pixel spans."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
-    bodies: dict[str, Structure] = {"beam": setups.thesis_beam(), "plate": setups.thesis_plate()}
+    bodies: dict[str, structures.Structure] = {
+        "beam": setups.thesis_beam(),
+        "plate": setups.thesis_plate(),
+    }
     for i, (word, body) in enumerate(bodies.items()):
         modes = range(1, 6)
-        hertz = [resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
-        peak = [1000 * peak_deflection(body, mode) for mode in modes]
+        hertz = [structures.resonance_frequency(body, mode) / (2 * np.pi) for mode in modes]
+        peak = [1000 * structures.peak_deflection(body, mode) for mode in modes]
         axes.plot(hertz, peak, "o-", color=cycle_color(i), label=f"{word}, force of 1 N")
     for n, width in enumerate((320, 1920)):
         span = 500 * 36 / 24 / width  # mm, of the lens and sensor that the book takes
@@ -318,7 +315,7 @@ def draw_plate_modes() -> Figure:
 def draw_alias() -> Figure:
     """Draw a vibration, and what a camera with fewer frames than it needs makes of it."""
     drawing, axes = subplots(figsize=(6.4, 2.2), layout="constrained")
-    hertz, rate = resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
+    hertz, rate = structures.resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
     slow = hertz - rate * np.round(hertz / rate)
     for one, style in ((hertz, "-"), (slow, "--")):
@@ -336,7 +333,7 @@ def draw_alias() -> Figure:
 
 def draw_cases() -> Figure:
     """Draw every case of Tables 3.3 and 3.4 from above, each setting in a colour of its own."""
-    found: dict[str, list[Setting]] = {}
+    found: dict[str, list[setups.Setting]] = {}
     for one in map(camera_study, CAMERA_STUDIES):
         if one.subject == "beam":
             for setting in one.settings():
@@ -351,7 +348,7 @@ def draw_cases() -> Figure:
     return figure
 
 
-def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
+def _draw_from_above(axes: Axes, settings: list[setups.Setting]) -> None:
     """Draw the cameras of a case around the beam; in a growing set each where it comes in."""
     far = max(setting.distance_mm for setting in settings)
     for elevation in (0, 30, 60):
@@ -374,7 +371,7 @@ def _draw_from_above(axes: Axes, settings: list[Setting]) -> None:
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
 
 
-def _range_words(settings: list[Setting]) -> str:
+def _range_words(settings: list[setups.Setting]) -> str:
     """Return the first and the last setting, the unit once."""
     widths = [setting.resolution_px[0] for setting in (settings[0], settings[-1])]
     if widths[0] != widths[1]:

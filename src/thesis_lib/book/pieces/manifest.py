@@ -18,40 +18,15 @@ from pydantic import BaseModel
 from thesis_lib.figure_sets import record
 from thesis_lib.files import whole_text
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
-from thesis_lib.measure.feasibility.assess import (
-    CENTRE_NOISE_PX,
-    COMPRESSED_ERROR_PX,
-    LOSSLESS_ERROR_PX,
-    Assessment,
-    assess_manifest,
-    describe_assessment,
-    describe_verdict,
-    format_error_share,
-)
-from thesis_lib.measure.feasibility.draft import draft_manifest
+from thesis_lib.measure import messages
+from thesis_lib.measure.feasibility import assess
+from thesis_lib.measure.feasibility.prediction import draft_manifest
 from thesis_lib.measure.fitting.aliasing import fold_frequency
-from thesis_lib.measure.fitting.models import known_rms
-from thesis_lib.measure.messages import (
-    CHECK_GROUPS,
-    CHECK_LIMITS,
-    NEW_MESSAGES,
-    NOTE_GROUPS,
-    UNCHECKED_MESSAGES,
-)
+from thesis_lib.measure.fitting.result import known_rms
+from thesis_lib.measure.recordings import manifest_parts
 from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
-from thesis_lib.measure.recordings.manifest_parts import (
-    Excitation,
-    Force,
-    Radiation,
-    Reuse,
-    Sought,
-    StructureSpec,
-    Sweep,
-)
-from thesis_lib.measure.report.build import build_shape, summarise_shape
-from thesis_lib.measure.report.figures import draw_shape
-from thesis_lib.measure.report.warnings import check_shape
+from thesis_lib.measure.report import build, figures, warnings
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render
@@ -67,38 +42,38 @@ def write_sample(folder: Path) -> None:
     """Write the report on the shipped example into a folder, and a figure of it for the guide."""
     data = record.read_sample()
     manifest = record.manifest_of(data)
-    frames, assessed = record.first_frames(), assess_manifest(manifest)
-    whole_text(folder / SAMPLE_PAGE, build_shape(data, data, manifest, assessed, frames).page)
-    whole_text(folder / SHAPE_FIGURE, figure_svg(draw_shape(data, manifest)))
+    frames, assessed = record.first_frames(), assess.assess_manifest(manifest)
+    whole_text(folder / SAMPLE_PAGE, build.build_shape(data, data, manifest, assessed, frames).page)
+    whole_text(folder / SHAPE_FIGURE, figure_svg(figures.draw_shape(data, manifest)))
 
 
 def format_sample_summary() -> str:
     """Format the last lines that the measurement of the example prints, as a block of text."""
     data = record.read_sample()
-    notes = [f"note: {note.text} [{note.code}]" for note in check_shape(data)]
-    return "\n".join(["```text", *summarise_shape(data), *notes, "```", ""])
+    notes = [f"note: {note.text} [{note.code}]" for note in warnings.check_shape(data)]
+    return "\n".join(["```text", *build.summarise_shape(data), *notes, "```", ""])
 
 
 def compare_smallest_deflection() -> str:
     """Compare the predicted smallest deflection of the example with the measured one."""
     data = record.read_sample()
-    predicted_mm = assess_manifest(record.manifest_of(data)).rig.smallest_mm
+    predicted_mm = assess.assess_manifest(record.manifest_of(data)).rig.smallest_mm
     measured_mm = 3 * known_rms(1000 * data["standard_error"].values)
     return render(__file__, "guide-counted", predicted_mm=predicted_mm, measured_mm=measured_mm)
 
 
 MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "manifest": Manifest,
-    "structure": StructureSpec,
+    "structure": manifest_parts.StructureSpec,
     "markers": MarkersSpec,
     "cameras": CameraFiles,
     "board": BoardSpec,
-    "excitation": Excitation,
-    "calibration": Reuse,
-    "radiation": Radiation,
-    "modes": Sought,
-    "force": Force,
-    "sweep": Sweep,
+    "excitation": manifest_parts.Excitation,
+    "calibration": manifest_parts.Reuse,
+    "radiation": manifest_parts.Radiation,
+    "modes": manifest_parts.Sought,
+    "force": manifest_parts.Force,
+    "sweep": manifest_parts.Sweep,
 }
 
 GROUP_OF_PIECE = {
@@ -169,7 +144,7 @@ F_NUMBERS = (2.8, 5.6, 11)
 WIDTHS_PX = (1280, 1920)
 STEADY_S = (1, 10, 60)
 ALIASED_HZ, FRAME_RATE_HZ = 110.0, 60.0
-MOTIONS_PX = (2.0, 1.0, CHECK_LIMITS["small-motion"], 0.1)
+MOTIONS_PX = (2.0, 1.0, messages.CHECK_LIMITS["small-motion"], 0.1)
 EXAMPLE_PLATE: dict[str, Any] = {
     "cameras": 4,
     "structure.kind": "plate",
@@ -197,12 +172,12 @@ def state_rule() -> str:
     """State how many pixels of motion are enough, by the errors of films."""
     whole = float(cone_law.cone_deflection_error(1, 1, EXAMPLE_PLATE["cameras"], np.pi / 2))
     errors_px = {
-        "as a phone compresses it": COMPRESSED_ERROR_PX,
-        "without loss": LOSSLESS_ERROR_PX,
+        "as a phone compresses it": assess.COMPRESSED_ERROR_PX,
+        "without loss": assess.LOSSLESS_ERROR_PX,
         "rounded to whole pixels, as in the thesis": whole,
     }
     films = [
-        (name, [format_error_share(error / moved) for moved in MOTIONS_PX])
+        (name, [assess.format_error_share(error / moved) for moved in MOTIONS_PX])
         for name, error in errors_px.items()
     ]
     return render(__file__, "film-rule", motions_px=MOTIONS_PX, films=films)
@@ -211,7 +186,7 @@ def state_rule() -> str:
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
     assessed = {
-        name: assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
+        name: assess.assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
         for name, phone in PHONE_CAMERAS.items()
     }
     steady_interval_s = assessed["full HD"].rig.steady_interval_s
@@ -220,15 +195,15 @@ def answer_for_plate() -> str:
         "film-answer",
         rows=[_phone_values(name, one) for name, one in assessed.items()],
         frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
-        known_hz=CHECK_LIMITS["alias"] / steady_interval_s,
+        known_hz=messages.CHECK_LIMITS["alias"] / steady_interval_s,
         command=format_command(EXAMPLE_PLATE),
         for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
         check=_describe_check(assessed["full HD"]),
-        verdict=describe_verdict(assessed["full HD"]),
+        verdict=assess.describe_verdict(assessed["full HD"]),
     )
 
 
-def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
+def _phone_values(name: str, one: assess.Assessment) -> dict[str, Any]:
     """Return the motion in one kind of phone, and errors over the largest deflection."""
     verdict = one.verdict
     return {
@@ -236,18 +211,18 @@ def _phone_values(name: str, one: Assessment) -> dict[str, Any]:
         "pixel_mm": one.table[0].ground_sample_mm,
         "motion_px": min(row.motion_px for row in one.table),
         "enough": verdict.outcome == "compressed",
-        "compressed": format_error_share(verdict.compressed),
-        "lossless": format_error_share(verdict.lossless),
-        "whole": format_error_share(verdict.whole_pixels),
+        "compressed": assess.format_error_share(verdict.compressed),
+        "lossless": assess.format_error_share(verdict.lossless),
+        "whole": assess.format_error_share(verdict.whole_pixels),
     }
 
 
-def _describe_check(assessed: Assessment) -> list[str]:
+def _describe_check(assessed: assess.Assessment) -> list[str]:
     """Return the lines that ``thesis measure --check`` prints."""
-    return [*describe_assessment(assessed), "", *describe_verdict(assessed)]
+    return [*assess.describe_assessment(assessed), "", *assess.describe_verdict(assessed)]
 
 
-def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assessment:
+def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess.Assessment:
     """Assess the example's structure and camera, filmed from other places."""
     example = example_manifest(example_rig())
     cameras = tuple(
@@ -256,10 +231,10 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> Assess
         )
         for i, azimuth in enumerate(azimuths_deg)
     )
-    return assess_manifest(example.model_copy(update={"cameras": cameras}))
+    return assess.assess_manifest(example.model_copy(update={"cameras": cameras}))
 
 
-def _std_um(of: Assessment) -> tuple[float, float]:
+def _std_um(of: assess.Assessment) -> tuple[float, float]:
     """Return standard errors of one frame and of the fit, rms over the markers, in µm."""
     return 1000 * of.rig.one_frame[0], 1000 * of.rig.fit[0]
 
@@ -276,7 +251,7 @@ def tabulate_layouts() -> str:
         rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in PHONE_LAYOUTS.items()],
         fit_s=assess_layout((0, 180), 25.0).rig.steady_interval_s,
         camera=_example_camera(),
-        centre_noise_px=CENTRE_NOISE_PX,
+        centre_noise_px=assess.CENTRE_NOISE_PX,
     )
 
 
@@ -303,7 +278,7 @@ def _amplitude_loss(turns: float) -> float | None:
 
 def tabulate_exposure() -> str:
     """Tabulate what shutters take from the amplitude."""
-    limit = CHECK_LIMITS["long-exposure"]
+    limit = messages.CHECK_LIMITS["long-exposure"]
     return render(
         __file__,
         "film-exposure",
@@ -324,19 +299,23 @@ def tabulate_alias() -> str:
         rate_hz=FRAME_RATE_HZ,
         frequency_hz=ALIASED_HZ,
         alias_hz=float(fold_frequency(ALIASED_HZ, FRAME_RATE_HZ)),
-        turns=CHECK_LIMITS["alias"],
-        turns_loss=_amplitude_loss(CHECK_LIMITS["alias"]),
+        turns=messages.CHECK_LIMITS["alias"],
+        turns_loss=_amplitude_loss(messages.CHECK_LIMITS["alias"]),
         steady_interval_s=STEADY_S,
-        edge_turns=CHECK_LIMITS["alias-edge"],
+        edge_turns=messages.CHECK_LIMITS["alias-edge"],
     )
 
 
 def tabulate_focus() -> str:
     """Tabulate the depths that apertures keep sharp."""
-    camera, outlook = _example_camera(), assess_manifest(example_manifest(example_rig())).table
+    camera, outlook = (
+        _example_camera(),
+        assess.assess_manifest(example_manifest(example_rig())).table,
+    )
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
     circles_mm = [
-        CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w for w in WIDTHS_PX
+        messages.CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w
+        for w in WIDTHS_PX
     ]
     rows = [
         (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
@@ -348,7 +327,7 @@ def tabulate_focus() -> str:
         widths_px=WIDTHS_PX,
         rows=rows,
         camera=camera,
-        sharp_px=CHECK_LIMITS["depth-of-field"],
+        sharp_px=messages.CHECK_LIMITS["depth-of-field"],
         nearest_mm=min(one.nearest_mm for one in outlook),
         farthest_mm=max(one.farthest_mm for one in outlook),
     )
@@ -356,7 +335,7 @@ def tabulate_focus() -> str:
 
 def describe_markers() -> str:
     """Describe what markers must look like."""
-    return render(__file__, "film-markers", limit=CHECK_LIMITS)
+    return render(__file__, "film-markers", limit=messages.CHECK_LIMITS)
 
 
 def show_check() -> str:
@@ -364,17 +343,21 @@ def show_check() -> str:
     return render(
         __file__,
         "film-check",
-        lines=_describe_check(assess_manifest(example_manifest(example_rig()))),
+        lines=_describe_check(assess.assess_manifest(example_manifest(example_rig()))),
     )
 
 
 PIECES: dict[str, Callable[[], str]] = {
     **{f"record-{part}": partial(list_fields, part) for part in MANIFEST_PARTS},
-    "record-warnings": partial(render, __file__, "record-warnings", groups=CHECK_GROUPS),
-    "record-unchecked": partial(render, __file__, "record-lines", lines=UNCHECKED_MESSAGES),
-    "record-new": partial(render, __file__, "record-lines", lines=NEW_MESSAGES),
+    "record-warnings": partial(render, __file__, "record-warnings", groups=messages.CHECK_GROUPS),
+    "record-unchecked": partial(
+        render, __file__, "record-lines", lines=messages.UNCHECKED_MESSAGES
+    ),
+    "record-new": partial(render, __file__, "record-lines", lines=messages.NEW_MESSAGES),
     **{
-        f"record-{name}": partial(render, __file__, "record-notes", notes=NOTE_GROUPS[group])
+        f"record-{name}": partial(
+            render, __file__, "record-notes", notes=messages.NOTE_GROUPS[group]
+        )
         for name, group in GROUP_OF_PIECE.items()
     },
     "film-rule": state_rule,

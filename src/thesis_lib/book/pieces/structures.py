@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.acoustics import planes, radiation
-from thesis_lib.acoustics.planes import full_factor
 from thesis_lib.book.pieces.opened import Cubes, of_subject
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import assumed_values
@@ -23,15 +22,7 @@ from thesis_lib.planning.report import plan_command, write_plan
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
 from thesis_lib.templates import render
-from thesis_lib.vibration.structure import (
-    Structure,
-    deflection_shape,
-    modal_overlap,
-    peak_deflection,
-    resonance_frequency,
-    single_mode_distance,
-    world_points,
-)
+from thesis_lib.vibration import structure as structures
 from thesis_lib.vision import cone_law
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
@@ -75,15 +66,17 @@ def _small_motion_error(cameras: pd.DataFrame) -> float:
     return float(errors.objective_error(point, "mean").max())
 
 
-def tabulate_modes(structure: Structure, unit: str, scale: float) -> str:
+def tabulate_modes(structure: structures.Structure, unit: str, scale: float) -> str:
     """Tabulate what sections 3.1 and 4.1 assume of a structure, mode by mode."""
     modes = [
         {
             "number": mode,
             "hertz": structure.angular_frequencies(mode)[-1] / (2 * np.pi),
-            "peak": peak_deflection(structure, mode),
-            "overlap": modal_overlap(structure, resonance_frequency(structure, mode)),
-            "distance": single_mode_distance(structure, mode),
+            "peak": structures.peak_deflection(structure, mode),
+            "overlap": structures.modal_overlap(
+                structure, structures.resonance_frequency(structure, mode)
+            ),
+            "distance": structures.single_mode_distance(structure, mode),
         }
         for mode in EXAMPLE_MODES
     ]
@@ -111,10 +104,10 @@ def tabulate_marker_grids(_: Cubes) -> str:
     rows = []
     for grid in MARKER_GRIDS:
         plate = setups.thesis_plate(grid)
-        operator = planes.plane_operator(plate, plane, resonance_frequency(plate, 1))
+        operator = planes.plane_operator(plate, plane, structures.resonance_frequency(plate, 1))
         shape = plate.mode_shapes([1], plate.markers)[0]
         largest = np.max(np.abs(operator.field(shape)))
-        ratio = float(np.linalg.norm(full_factor(operator)) * plate.shape_peak(1) / largest)
+        ratio = float(np.linalg.norm(planes.full_factor(operator)) * plate.shape_peak(1) / largest)
         rows.append({"grid": grid, "count": plate.markers.shape[1], "ratio": ratio})
     counts, ratios = np.array([[row["count"], row["ratio"]] for row in rows]).T
     exponent = np.polyfit(np.log(counts), np.log(ratios), 1)[0]
@@ -127,7 +120,10 @@ def tabulate_levels(_: Cubes) -> str:
     parts = planes.plate_pistons(plate)
     modes = []
     for mode in EXAMPLE_MODES:
-        omega, peak = resonance_frequency(plate, mode), peak_deflection(plate, mode)
+        omega, peak = (
+            structures.resonance_frequency(plate, mode),
+            structures.peak_deflection(plate, mode),
+        )
         velocity = omega * peak * plate.mode_shapes([mode], plate.markers)[0]
         velocity = velocity / plate.shape_peak(mode)
         largest = max(
@@ -162,8 +158,8 @@ def describe_example(opened: Cubes) -> str:
     cube, study = opened[ROUNDING_SET].isel(setting=0, mode=0, point=-1), camera_study(ROUNDING_SET)
     setting, structure = study.settings()[0], study.structure
     cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-    shape = deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
-    rest, deflected = (world_points(structure, w)[:, -1] for w in (0 * shape, shape))
+    shape = structures.deflection_shape(structure, 1, structure.markers, study.peaks_m[0])
+    rest, deflected = (structures.world_points(structure, w)[:, -1] for w in (0 * shape, shape))
     moved = project(cameras.P, deflected) - project(cameras.P, rest)
     variance, g = difference_variance(moved), 1e3 * triangulation_gain(cameras.P, deflected)[2]
     rows = [

@@ -30,7 +30,7 @@ from thesis_lib.ledger.verdicts import (
 )
 from thesis_lib.plotting.style import BLACK_COLOR, CYCLE_COLORS, REFERENCE_COLOR, subplots
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.web.fragment import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
+from thesis_lib.web.html import COLOURS_CSS, copy_plain, join_modules, read_asset, static_html
 
 VERDICT_MARKS = {  # verdict: colour and shape, so that neither says it alone
     "agrees": (CYCLE_COLORS[0], "o"),

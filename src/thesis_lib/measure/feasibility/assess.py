@@ -18,7 +18,7 @@ from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.feasibility import prediction
 from thesis_lib.measure.feasibility.prediction import CameraPrediction, PredictedView, RigPrediction
 from thesis_lib.measure.fitting.aliasing import fold_frequency
-from thesis_lib.measure.fitting.models import model_of
+from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import (
     ALL_MESSAGES,
     CHECK_LIMITS,

@@ -21,7 +21,6 @@ from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera, distort_pixels
 
 
 @dataclass(frozen=True)
@@ -180,7 +179,7 @@ def mean_of(values: Array) -> Array:
 class Fitted:
     """Harmonics of all cameras, and the frame of the markers at rest."""
 
-    cameras: list[Camera]  #: Calibrated
+    cameras: list[lens.Camera]  #: Calibrated
     #: Of the tracks (2, markers) of each camera without lens distortion, px
     harmonics: list[Harmonics]
     rest: Array  #: Marker centres at rest without distortion, px, shape (cameras, 2, markers)
@@ -203,7 +202,7 @@ class Fitted:
 
 
 def combine_fit(
-    cameras: list[Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
+    cameras: list[lens.Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
 ) -> Fitted:
     """Put harmonics and markers at rest together, in the frame of the markers' grid."""
     points, _ = reconstruction.triangulate_seen(lens.projection_matrices(cameras), rest)
@@ -306,7 +305,7 @@ def _fit_camera_track(
 
 def row_delays(own: Recording, uv: Array) -> Array:
     """Compute when a rolling shutter sees places (2, markers) after its frames' times, s."""
-    rows = distort_pixels(own.camera, uv)[1] / own.camera.size[1]
+    rows = lens.distort_pixels(own.camera, uv)[1] / own.camera.size[1]
     return np.asarray(own.readout * (rows - 0.5), float)
 
 

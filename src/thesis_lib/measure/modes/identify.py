@@ -15,9 +15,8 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
-from thesis_lib.measure.fitting.models import candidate_modes, compare_modes
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import size_off
+from thesis_lib.measure.fitting.result import candidate_modes, compare_modes, size_off
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.modes import shapes as motions
 from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock

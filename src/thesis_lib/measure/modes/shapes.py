@@ -32,18 +32,15 @@ from thesis_lib.measure.fitting.harmonics import (
 )
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.modes import poles as fits
-from thesis_lib.measure.modes.poles import Poles, TrackBlock
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision.lens import Camera, projection_matrices, undistort_tracks
-from thesis_lib.vision.pinhole import project
-from thesis_lib.vision.triangulation import image_jacobian
+from thesis_lib.vision import lens, pinhole, triangulation
 
 
 @dataclass(frozen=True)
 class Track:
     """What one camera saw of the markers."""
 
-    camera: Camera  #: Calibrated
+    camera: lens.Camera  #: Calibrated
     times: Array  #: Of the frames' middle rows, on the first camera's clock, s, shape (frames,)
     uv: Array  #: Centres without lens distortion, px, NaN where missing, (frames, 2, markers)
     exposure: float = 0.0  #: Exposure time in s
@@ -77,7 +74,7 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
     for own in recordings:
         first, last = own.between(begin, end)
         centres = np.array(own.centres[first:last], float)
-        uv = undistort_tracks(own.camera, centres)
+        uv = lens.undistort_tracks(own.camera, centres)
         found.append(
             Track(own.camera, own.times[first:last], uv, own.exposure, own.readout, centres[:, 1])
         )
@@ -98,7 +95,7 @@ def without_strays(track: Track, places: Array) -> Track:
     return _without(track, find_strays(moved, places))
 
 
-def without_outliers(track: Track, block: TrackBlock, rates: Array, places: Array) -> Track:
+def without_outliers(track: Track, block: fits.TrackBlock, rates: Array, places: Array) -> Track:
     """Return the track without centres whose residuals differ from their neighbours'."""
     B, known = fits.pole_columns(block.times, rates), block.known
     with warnings.catch_warnings():  # of markers that are never seen
@@ -184,7 +181,7 @@ def blur_factor(rate: Array, exposure: float) -> complex:
     return complex(np.sinh(half) / half) if half else 1.0 + 0j
 
 
-def mode_images(track: Track, block: TrackBlock, poles: Poles) -> list[Harmonics]:
+def mode_images(track: Track, block: fits.TrackBlock, poles: fits.Poles) -> list[Harmonics]:
     """Return each mode in one camera's images, as if rows and exposures took no time."""
     markers = track.uv.shape[2]
     B = fits.pole_columns(block.times, poles.rates)
@@ -209,7 +206,7 @@ def mode_images(track: Track, block: TrackBlock, poles: Poles) -> list[Harmonics
 
 
 def estimate_shapes(
-    tracks: Sequence[Track], blocks: Sequence[TrackBlock], poles: Poles, rest: Rest
+    tracks: Sequence[Track], blocks: Sequence[fits.TrackBlock], poles: fits.Poles, rest: Rest
 ) -> list[Shape]:
     """Estimate the shape of every mode."""
     cameras = [track.camera for track in tracks]
@@ -234,7 +231,7 @@ def estimate_shapes(
 
 
 def remove_nonlinearity(
-    track: Track, found: Sequence[Shape], poles: Poles, rest: Rest, zero: float
+    track: Track, found: Sequence[Shape], poles: fits.Poles, rest: Rest, zero: float
 ) -> Track:
     """Return the track without its non-linear part; `zero` is when e^{λt} is one, s.
 
@@ -242,7 +239,7 @@ def remove_nonlinearity(
     shutter is seen at times that depend on it. Both add sums and differences of frequencies, which
     are as large as weak modes. With the modes that are found they are computed, and taken away.
     """
-    P, normal = projection_matrices([track.camera]), rest.frame.R[2]
+    P, normal = lens.projection_matrices([track.camera]), rest.frame.R[2]
 
     def predict_heights(late: Array) -> Array:
         at = (track.times - zero)[:, None] + late
@@ -252,12 +249,12 @@ def remove_nonlinearity(
             total += np.real(own * np.exp(complex(-rate[0], rate[1]) * at))
         return total
 
-    slope = np.einsum("ikn,k->in", image_jacobian(P, rest.points)[0], normal)
+    slope = np.einsum("ikn,k->in", triangulation.image_jacobian(P, rest.points)[0], normal)
     linear = slope * predict_heights(track.usual[None])[:, None]
     lifted = rest.points[:, None] + normal[:, None, None] * predict_heights(
         np.nan_to_num(track.row_delays)
     )
-    true = np.moveaxis(project(P, lifted)[0], 0, 1) - project(P, rest.points)[0]
+    true = np.moveaxis(pinhole.project(P, lifted)[0], 0, 1) - pinhole.project(P, rest.points)[0]
     return replace(track, uv=track.uv - (true - linear), rows=track.seen_rows)
 
 
@@ -267,7 +264,7 @@ MAX_PHASE_CHI2 = 100.0
 PHASE_FLOOR_RAD = 0.003  # rad by which phases are off beside what noise does
 
 
-def camera_lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
+def camera_lags(found: Sequence[Shape], poles: fits.Poles) -> tuple[Array, Array]:
     """Estimate how much later cameras start than was assumed, where certain, and errors, s."""
     omega = poles.rates[:, 1]
     turn = np.array([shape.turn for shape in found])
@@ -294,7 +291,7 @@ def camera_lags(found: Sequence[Shape], poles: Poles) -> tuple[Array, Array]:
     return np.where(certain, best, 0.0), errors
 
 
-def clock_rates(poles: Poles, span: float) -> Array:
+def clock_rates(poles: fits.Poles, span: float) -> Array:
     """Return the clocks' rates relative to the first camera's, where they are certain.
 
     All modes are higher by the same share to a camera whose clock runs slow.

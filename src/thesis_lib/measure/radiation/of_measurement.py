@@ -15,18 +15,10 @@ from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.planes import Plane
 from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.measure.fitting.models import model_of
-from thesis_lib.measure.fitting.result import size_off
+from thesis_lib.measure.fitting.result import model_of, size_off
 from thesis_lib.measure.radiation import radiated
-from thesis_lib.measure.radiation.radiated import Between, Tone, complex_of
+from thesis_lib.measure.recordings import manifest_parts, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.recordings.manifest_parts import (
-    MIN_SURFACE_MARKERS,
-    Radiation,
-    StructureSpec,
-)
-from thesis_lib.measure.recordings.text_files import write_csv
-from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.studies import storage
 from thesis_lib.studies.cubes import iterate_slices
 
@@ -62,7 +54,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     asked, structure = manifest.radiation, manifest.structure
     assert asked is not None
     several = data if "mode" in data.dims else _one_mode(data)
-    amplitude = complex_of(several, "amplitude")
+    amplitude = radiated.complex_of(several, "amplitude")
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
@@ -116,7 +108,7 @@ def _one_mode(data: xr.Dataset) -> xr.Dataset:
     return data.assign(error_of_scatter=wide * data["error_of_scatter"]).expand_dims("mode")
 
 
-def tones_of(data: xr.Dataset) -> list[Tone]:
+def tones_of(data: xr.Dataset) -> list[radiated.Tone]:
     """Return the frequencies in rad/s, and of modes that decay how fast, in 1/s.
 
     Parameters
@@ -127,23 +119,23 @@ def tones_of(data: xr.Dataset) -> list[Tone]:
     """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
-        return [Tone(float(one)) for one in omega]
+        return [radiated.Tone(float(one)) for one in omega]
     rates = omega * data["damping"].values, omega * data["damping_deviation"].values
     columns = zip(omega, *rates, data["scale_deviation"].values, strict=True)
-    return [Tone(*map(float, one)) for one in columns]
+    return [radiated.Tone(*map(float, one)) for one in columns]
 
 
-def _check(data: xr.Dataset, known: Mask, structure: StructureSpec) -> None:
-    if known.sum() < MIN_SURFACE_MARKERS:
-        raise ChainError(
-            f"radiation: {known.sum()} markers were measured, allowed: {MIN_SURFACE_MARKERS} or "
-            "more; fewer do "
-            "not tell how the surface between them moves"
+def _check(data: xr.Dataset, known: Mask, structure: manifest_parts.StructureSpec) -> None:
+    if known.sum() < manifest_parts.MIN_SURFACE_MARKERS:
+        raise validation.ChainError(
+            f"radiation: {known.sum()} markers were measured, allowed: "
+            f"{manifest_parts.MIN_SURFACE_MARKERS} or more; fewer do not tell how the surface "
+            "between them moves"
         )
     off = 1000 * float(np.max(np.abs(data["rest_position"].sel(axis="z").values[known])))
     most = MAX_FLATNESS_RATIO * max(structure.length_mm, structure.width_mm)
     if off > most:
-        raise ChainError(
+        raise validation.ChainError(
             f"radiation: a marker is {off:.1f} mm off the plane of the others at rest, allowed: "
             f"{most:.2g} mm; Rayleigh's integral is for flat structures, leave radiation out"
         )
@@ -167,10 +159,10 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     Amplitudes
         In m, mode after mode.
     """
-    amplitude = complex_of(data, "amplitude")[:, known]
+    amplitude = radiated.complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]
     if "shared_real" in data:  # else of a calibration whose errors are unknown
-        shared = complex_of(data.transpose("row", "mode", "marker", ...), "shared")
+        shared = radiated.complex_of(data.transpose("row", "mode", "marker", ...), "shared")
         rows.append(shared[:, :, known])
     if "scale_deviation" in data:
         each = np.eye(len(amplitude))[:, :, None]
@@ -184,13 +176,13 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
 
 
 def _choose_motion(
-    asked: Radiation,
-    structure: StructureSpec,
+    asked: manifest_parts.Radiation,
+    structure: manifest_parts.StructureSpec,
     places: Array,
     corners: Array,
     markers: Array,
     shapes: estimates.Amplitudes,
-) -> Between:
+) -> radiated.Between:
     """Choose the motion at (2, n) between markers: by a fitting model, else by a spline."""
     model = model_of(structure) if asked.outline_mm == "structure" else None
     if model is not None and asked.between != "spline":
@@ -205,14 +197,14 @@ def _choose_motion(
     return radiated.by_spline(markers, held, places)
 
 
-def _planes(asked: Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
+def _planes(asked: manifest_parts.Radiation, size: tuple[float, float]) -> tuple[Plane, Plane]:
     half = (asked.plane_half_width_mm or 1000 * max(size)) / 1000
     low = asked.plane_bottom_mm / 1000
     high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
     return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
 
 
-def _highest(structure: StructureSpec, step: float) -> float:
+def _highest(structure: manifest_parts.StructureSpec, step: float) -> float:
     """Return the frequency in Hz of the material's flexural wave that is two spacings long.
 
     ω = k² √(D/m) with k = π over the spacing.
@@ -230,7 +222,7 @@ FADE_S, RISE_S = 0.05, 0.005  # s by which it fades in and out; and in, where so
 def write_sound(folder: Path, data: xr.Dataset) -> None:
     """Write the sound, as numbers and as files that play, into a folder that is there."""
     storage.write_netcdf(data, folder / "radiated.nc")
-    write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
+    text_files.write_csv(sound_table(data), folder / "radiated.csv", "%.6g")
     for number in range(data.sizes["point"]):
         samples = audible_pressure(data, number).astype(np.float32)
         wavfile.write(folder / f"heard-{number + 1}.wav", SOUND_RATE_HZ, samples)
@@ -243,7 +235,7 @@ def audible_pressure(data: xr.Dataset, point: int) -> Array:
     amplitudes are of.
     """
     times = np.arange(int(SOUND_RATE_HZ * SOUND_LENGTH_S)) / SOUND_RATE_HZ
-    pressure = complex_of(data, "pressure")[:, point]
+    pressure = radiated.complex_of(data, "pressure")[:, point]
     decay = np.maximum(data.get("decay", 0 * data["frequency"]).values, 0)
     waves = np.exp((2j * np.pi * data["frequency"].values - decay)[:, None] * times)
     rise = RISE_S if np.any(decay) else FADE_S

@@ -26,16 +26,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RBFInterpolator
 
-from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.estimates import Amplitudes
+from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
-from thesis_lib.acoustics.radiation import (
-    REFERENCE_POWER,
-    REFERENCE_PRESSURE,
-    Medium,
-    radiation_modes,
-)
-from thesis_lib.acoustics.surfaces import Screen, Surface
 from thesis_lib.arrays import Array, ComplexArray, IntArray
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.panel import Panel
@@ -64,7 +56,7 @@ class Between:
         """Return the residual of amplitudes (markers,), or of a marker against the others."""
         return np.asarray(amplitudes - self.fitted @ amplitudes, complex)
 
-    def left(self, of: Amplitudes) -> tuple[float, float]:
+    def left(self, of: estimates.Amplitudes) -> tuple[float, float]:
         """Return the norm of the residuals, and what errors alone would make of it (rms), in m."""
         D = np.kron(np.eye(2), np.eye(len(self.fitted)) - self.fitted)
         noise = np.sqrt(np.sum((D @ of.covariance) * D))
@@ -196,13 +188,13 @@ class Tone:
 
 
 def radiate_sound(
-    surface: Surface,
+    surface: surfaces.Surface,
     between: Between,
     tones: Sequence[Tone],
-    shapes: Amplitudes,
+    shapes: estimates.Amplitudes,
     points: Array,
     planes: Sequence[Plane],
-    medium: Medium,
+    medium: radiation.Medium,
 ) -> xr.Dataset:
     """Compute the sound that a surface radiates at some frequencies.
 
@@ -261,19 +253,19 @@ def radiate_sound(
 def _ways(form: Array) -> Array:
     """Return rows whose |r·w|² add up to the power, the loudest first: radiation modes."""
     values, ways = np.linalg.eigh(form)
-    return radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)
+    return radiation.radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)
 
 
 def _of_tone(
-    surface: Surface,
+    surface: surfaces.Surface,
     between: Between,
     tone: Tone,
-    shape: Amplitudes,
+    shape: estimates.Amplitudes,
     form: Array,
     ways: Array,
     at: ComplexArray,
     planes: Sequence[Plane],
-    medium: Medium,
+    medium: radiation.Medium,
 ) -> dict[str, Array]:
     B, omega = between.moving, tone.omega
     plain = surface.plane_wave_form(B, omega, medium)
@@ -297,13 +289,13 @@ def _of_tone(
     return {
         "frequency": np.array(omega / (2 * np.pi)),
         **_with_error("power", power),
-        **_levels("power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
+        **_levels("power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
         **_with_error("efficiency", efficiency),
         **_with_error("mode_power", each),
         "pressure_real": here.real,
         "pressure_imag": here.imag,
         "pressure_error": size.error,
-        **_levels("level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * REFERENCE_PRESSURE, size),
+        **_levels("level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * radiation.REFERENCE_PRESSURE, size),
         "field_real": field.real,
         "field_imag": field.imag,
         "field_error": spread.reshape(shown),
@@ -330,7 +322,7 @@ def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, A
 
 def _of_bands(
     bands: Sequence[IntArray],
-    shapes: Sequence[Amplitudes],
+    shapes: Sequence[estimates.Amplitudes],
     ways: Sequence[Array],
     at: Sequence[ComplexArray],
 ) -> dict[str, Array]:
@@ -349,8 +341,8 @@ def _of_bands(
     )
     return {
         **_with_error("band_power", power),
-        **_levels("band_power_level", DECIBELS_PER_NEPER, REFERENCE_POWER, power),
-        **_levels("band_level", DECIBELS_PER_NEPER, REFERENCE_PRESSURE**2, square),
+        **_levels("band_power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
+        **_levels("band_level", DECIBELS_PER_NEPER, radiation.REFERENCE_PRESSURE**2, square),
     }
 
 
@@ -372,7 +364,7 @@ def _levels(
     return {name: scale * np.log(value / reference), f"{name}_error": scale * known.error / value}
 
 
-def count_nodes(extent: tuple[float, float], omega: float, medium: Medium) -> int:
+def count_nodes(extent: tuple[float, float], omega: float, medium: radiation.Medium) -> int:
     """Return how many nodes a surface of an extent in m needs."""
     wave = 2 * np.pi * medium.speed_of_sound / omega
     return max(SURFACE_NODES, int(np.ceil(np.prod([PER_WAVE * side / wave for side in extent]))))
@@ -389,12 +381,12 @@ NO_WALL_VARIABLES = read_variables(__file__, "without_wall")
 
 
 def estimate_change(
-    surface: Surface,
+    surface: surfaces.Surface,
     moving: Array,
-    screens: Sequence[tuple[Screen, Array]],
+    screens: Sequence[tuple[surfaces.Screen, Array]],
     omegas: Sequence[float],
-    shapes: Amplitudes,
-    medium: Medium,
+    shapes: estimates.Amplitudes,
+    medium: radiation.Medium,
     narrow: float,
     thickness: float,
 ) -> xr.Dataset:

@@ -32,7 +32,6 @@ from thesis_lib.measure.recordings.text_files import (
     parse_yaml,
     read_text,
 )
-from thesis_lib.outputs import aside
 from thesis_lib.studies.fields import (
     Azimuth,
     Elevation,
@@ -45,6 +44,7 @@ from thesis_lib.studies.fields import (
     format_given,
     refuse_value,
 )
+from thesis_lib.text import aside
 
 INSIDE_TEXT = "a path inside the manifest's folder"
 #: Endings of images that are sought in folders

@@ -17,7 +17,7 @@ import cv2
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from thesis_lib.files import staging
+from thesis_lib.files import put_files, staging
 from thesis_lib.measure.recordings.manifest import (
     IMAGE_SUFFIXES,
     Manifest,
@@ -38,11 +38,9 @@ from thesis_lib.measure.recordings.media_info import (
     source_of_packed,
 )
 from thesis_lib.measure.recordings.validation import is_slowed
-from thesis_lib.outputs import put_files
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
-from thesis_lib.web.fragment import join_modules, read_asset, static_html
-from thesis_lib.web.html import render_html
+from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
 MIN_BOARD_IMAGES, WANTED_BOARD_IMAGES = 3, 12  # by each camera
 #: What is printed and filmed by the guide, where nothing else is given: a board that fits on A4,

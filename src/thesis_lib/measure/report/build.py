@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
 from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
-from thesis_lib.measure.fitting.models import known_rms
+from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
 from thesis_lib.measure.radiation.radiated import ALL_TONES, complex_of
@@ -26,8 +26,7 @@ from thesis_lib.measure.report import warnings
 from thesis_lib.plotting.selection import encode_field
 from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.studies.cubes import iterate_slices
-from thesis_lib.web.fragment import VIEWER_CSS, join_modules, read_asset, static_html
-from thesis_lib.web.html import Picture, format_number, render_html, render_lines, write_pictures
+from thesis_lib.web import html
 
 _NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
 _NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
@@ -59,8 +58,8 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
         "colormap": list(DIVERGING_COLORS),
         "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
     }
-    css = VIEWER_CSS + read_asset("measured.css")
-    return static_html(join_modules("measured"), css, {"data": state}, _NO_SHAPE)
+    css = html.VIEWER_CSS + html.read_asset("measured.css")
+    return html.static_html(html.join_modules("measured"), css, {"data": state}, _NO_SHAPE)
 
 
 def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
@@ -85,7 +84,9 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
         "rigid wall, in two planes through its centre. Its standard error is "
         f"{100 * share:.2g} % of the largest pressure (rms).",
     }
-    return static_html(join_modules("radiated"), VIEWER_CSS, {"data": state}, _NO_SOUND)
+    return html.static_html(
+        html.join_modules("radiated"), html.VIEWER_CSS, {"data": state}, _NO_SOUND
+    )
 
 
 _TEMPLATE_FOLDER = "measure/report/templates/"
@@ -107,7 +108,7 @@ class Report:
     page: str
     summary: list[str]  #: What was found, in a few lines
     notes: list[Note]  #: What a reader should know before trusting it
-    pictures: Mapping[str, Picture]
+    pictures: Mapping[str, html.Picture]
 
     @property
     def note_lines(self) -> list[str]:
@@ -121,7 +122,7 @@ class Report:
 
     def write(self, folder: Path) -> None:
         """Write ``report.html`` and the folder ``figures`` into a folder."""
-        write_pictures(folder, self.pictures.items())
+        html.write_pictures(folder, self.pictures.items())
         (folder / "report.html").write_text(self.page, encoding="utf-8")
 
 
@@ -131,14 +132,14 @@ def _assemble(
     manifest: Manifest,
     summary: list[str],
     notes: list[Note],
-    pictures: dict[str, Picture],
+    pictures: dict[str, html.Picture],
     sound: Report | None = None,
     response: Report | None = None,
     **values: object,
 ) -> Report:
     """Fill in a template with what every report has, and with its parts on sound and response."""
     pictures = pictures | dict(response.pictures if response else {})
-    page = render_html(
+    page = html.render_html(
         _TEMPLATE_FOLDER + template,
         title=data.attrs.get("title", ""),
         data=data,
@@ -154,7 +155,7 @@ def _assemble(
     return Report(page, summary + (sound.summary if sound else []), notes, pictures)
 
 
-def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, Picture]:
+def _save_svgs(figures: Mapping[str, Figure], style: Any = None) -> dict[str, html.Picture]:
     """Return figures as SVG, by name."""
     return {name: ("svg", save_figure(figure, "svg", style)) for name, figure in figures.items()}
 
@@ -243,7 +244,7 @@ def summarise_shape(data: xr.Dataset) -> list[str]:
     """Return what was found, in a few lines."""
     w, error = data["deflection"].values, data["standard_error"].values
     most = int(np.nanargmax(np.abs(np.where(np.isfinite(error), w, np.nan))))
-    return render_lines(
+    return html.render_lines(
         _TEMPLATE_FOLDER + "shape.txt.j2",
         data=data,
         largest=data.isel(marker=most),
@@ -302,7 +303,7 @@ def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
 
 
 def _texts(values: Array, form: str) -> list[str]:
-    return [format_number(value, form) for value in values]
+    return [html.format_number(value, form) for value in values]
 
 
 def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
@@ -319,7 +320,7 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
 def summarise_modes(data: xr.Dataset) -> list[str]:
     """Return what was found, in a few lines."""
     rows = tabulate_modes(data).to_dict("records")
-    return render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data)
+    return html.render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data)
 
 
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
@@ -369,7 +370,7 @@ def summarise_response(data: xr.Dataset) -> list[str]:
     drive = int(data["drive"]) - 1
     size = np.abs(complex_of(data, "receptance")[0, drive])
     top = int(np.nanargmax(size))
-    return render_lines(
+    return html.render_lines(
         _TEMPLATE_FOLDER + "response.txt.j2",
         data=data,
         peak=size[top],
@@ -406,7 +407,7 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
 
 def summarise_sound(data: xr.Dataset) -> list[str]:
     """Return what was found, in a few lines."""
-    return render_lines(
+    return html.render_lines(
         _TEMPLATE_FOLDER + "sound.txt.j2",
         data=data,
         tones=list(iterate_slices(data, "tone")),

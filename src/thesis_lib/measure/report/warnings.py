@@ -10,13 +10,12 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
 from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES
-from thesis_lib.measure.fitting.models import known_rms
-from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR
+from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Sweep
-from thesis_lib.measure.response.force import dwell_time, settling_time
+from thesis_lib.measure.response.signals import dwell_time, settling_time
 from thesis_lib.studies.cubes import iterate_slices
 
 MAX_LOST_FRACTION = 0.05  # of the marker images of a camera

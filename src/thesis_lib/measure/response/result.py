@@ -35,15 +35,7 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.modes.identify import rest_of
 from thesis_lib.measure.recordings.force_table import ForceError
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.measure.response.displacement import (
-    MAX_REPORTED_RATIO,
-    at_times,
-    estimate_deflections,
-    in_step,
-    noise_of,
-    span_of,
-)
-from thesis_lib.measure.response.force import RecordedForce, find_sweep, read_force
+from thesis_lib.measure.response import signals
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
 
@@ -214,33 +206,37 @@ def estimate_response(
     rest, _ = rest_of(manifest, recordings)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = manifest.excitation.modes
-    most = min(sought.to_hz or np.inf, MAX_REPORTED_RATIO * slowest)
-    recordings, steps = in_step(recordings, rest, span_of(recordings), (sought.from_hz, most))
+    most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)
+    recordings, steps = signals.in_step(
+        recordings, rest, signals.span_of(recordings), (sought.from_hz, most)
+    )
     delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of images
-    force = read_force(manifest, folder, delays, [own.pace for own in recordings])
-    filmed = span_of(recordings)
+    force = signals.read_force(manifest, folder, delays, [own.pace for own in recordings])
+    filmed = signals.span_of(recordings)
     low, high = _band(manifest, force, slowest)
     begin, end = _common(manifest, force, filmed, low)
     times = begin + np.arange(int((end - begin) * rate + 1e-6)) / rate
     finer = min(MAX_FORCE_RATE_RATIO, int(np.ceil(force.rate / rate)))
     fine = begin + np.arange(finer * len(times)) / (finer * rate)
     mean = float(force.newtons.mean())
-    newtons = at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
+    newtons = signals.at_times(force.times, force.newtons[:, None] - mean, force.rate, fine)[:, 0]
     pushed = np.nan_to_num(newtons)
     sweep = None
     if excitation.behaviour.sweeps:
-        sweep = find_sweep(pushed, finer * rate, excitation.sweep)
+        sweep = signals.find_sweep(pushed, finer * rate, excitation.sweep)
         ends = sorted([float(sweep.from_hz or low), float(sweep.to_hz or high)])
         low, high = max(low, ends[0]), min(high, ends[1])
-    moved = estimate_deflections(recordings, rest, times)
+    moved = signals.estimate_deflections(recordings, rest, times)
     still = np.arange(filmed[0], filmed[0] + excitation.rest_duration_s, 1 / rate)
-    still_noise = noise_of(estimate_deflections(recordings, rest, still), rate, (low, high))
+    still_noise = signals.noise_of(
+        signals.estimate_deflections(recordings, rest, still), rate, (low, high)
+    )
     noise = still_noise
     cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
     spectra = segment_spectra(pushed[:, None], cut, finer)[:, :, 0]
     checked = moved
     if cut.count == 1 and any(np.isnan(own.centres).any() for own in recordings):
-        again = estimate_deflections(recordings, rest, times, REPEATED_AFTER)
+        again = signals.estimate_deflections(recordings, rest, times, REPEATED_AFTER)
         checked = np.where(np.isnan(again), np.nan, moved)
         noise = noise + _gap_noise(again - moved, cut)
     unknown = np.isnan(checked).mean(axis=0)
@@ -303,32 +299,33 @@ def _gap_noise(off: Array, cut: Cut) -> Array:
     return np.asarray(uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest"), float)
 
 
-def _band(manifest: Manifest, force: RecordedForce, slowest: float) -> tuple[float, float]:
+def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> tuple[float, float]:
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
-    most = MAX_REPORTED_RATIO * slowest
+    most = signals.MAX_REPORTED_RATIO * slowest
     if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
         raise ForceError(
             f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz, allowed: below "
-            f"{most:.4g} Hz, {MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
+            f"{most:.4g} Hz, {signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     if sought.from_hz >= most:
         raise ForceError(
             f"excitation.modes.from_hz: given {sought.from_hz:g}, allowed: below {most:.4g} Hz, "
-            f"{MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
+            f"{signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
         )
     high = min(sought.to_hz or most, most)
-    if MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):
+    if signals.MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):
         raise ForceError(
             f"force.file: {path}: {force.rate:.4g} samples a second, allowed: at least "
-            f"{high / MAX_REPORTED_RATIO:.4g} for {high:.4g} Hz; or a lower excitation.modes.to_hz"
+            f"{high / signals.MAX_REPORTED_RATIO:.4g} for {high:.4g} Hz; or a lower "
+            "excitation.modes.to_hz"
         )
     return sought.from_hz, high
 
 
 def _common(
-    manifest: Manifest, force: RecordedForce, filmed: tuple[float, float], low: float
+    manifest: Manifest, force: signals.RecordedForce, filmed: tuple[float, float], low: float
 ) -> tuple[float, float]:
     """Return from when to when all cameras and the force were recorded, s."""
     first, last = manifest.excitation.steady_interval_s or filmed

@@ -10,14 +10,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import staging
+from thesis_lib.files import check_outputs, put_files, staging
 from thesis_lib.measure.recordings.audio import open_audio
 from thesis_lib.measure.recordings.media_info import probe_media, start_of_film
 from thesis_lib.measure.recordings.text_files import write_csv
 from thesis_lib.measure.synchronisation.audio import AudioSource
 from thesis_lib.measure.synchronisation.drift import Drift, beside_first
 from thesis_lib.measure.synchronisation.listen import load_audio
-from thesis_lib.outputs import check_outputs, put_files
 from thesis_lib.plotting.style import cycle_color, drawable_names, in_style, save_figure, subplots
 
 ENVELOPE_POINTS = 1500  # points of an envelope

@@ -34,13 +34,6 @@ from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import check_excitation, clock_of
 from thesis_lib.measure.synchronisation import audio, tones
 from thesis_lib.measure.synchronisation import delays as matching
-from thesis_lib.measure.synchronisation.audio import (
-    AudioSource,
-    LowRate,
-    SynchronisationError,
-    Track,
-)
-from thesis_lib.measure.synchronisation.delays import Match
 from thesis_lib.measure.synchronisation.drift import MAX_DRIFT, Drift, beside_first, unmatched_error
 from thesis_lib.measure.synchronisation.tones import MAX_SLIP_TURNS, Interval
 from thesis_lib.web.html import render_lines
@@ -56,19 +49,19 @@ MAX_MIDDLE_OFFSET_S = 1e-3  # s that the delay in the middle may be from that of
 class LoadedAudio:
     """What was read of all recordings."""
 
-    low: LowRate  #: At which the force is measured
+    low: audio.LowRate  #: At which the force is measured
     #: Of the sound of each after its first frame, s, shape (recordings,)
     starts: Array
     ends: Array
     #: Of each as much as is held, at some tens of samples per period; empty without a tone, shape
     #: (samples,)
-    tones: list[Track]
+    tones: list[audio.Track]
     tone_rate: float  #: Sample rate of the tones in Hz
     tone_start: float  #: When the tones' first samples come after the first samples of the files, s
     sources: tuple[str, ...]  #: Which track and channels each one's sound is, empty if all
 
 
-def _lowest_rate(recordings: Sequence[AudioSource], wanted: float) -> LowRate:
+def _lowest_rate(recordings: Sequence[audio.AudioSource], wanted: float) -> audio.LowRate:
     """Return the lowest rate above one in Hz to which all recordings can be reduced."""
     rates = []
     for recording in recordings:
@@ -78,7 +71,7 @@ def _lowest_rate(recordings: Sequence[AudioSource], wanted: float) -> LowRate:
 
 
 def load_audio(
-    recordings: Sequence[AudioSource], frequency: float | None, skip: float
+    recordings: Sequence[audio.AudioSource], frequency: float | None, skip: float
 ) -> LoadedAudio:
     """Read and check all tracks, and hold a tone of theirs.
 
@@ -137,7 +130,9 @@ def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array
         yield block
 
 
-def _hold_track(recording: AudioSource, least: float, skip: float) -> tuple[Track, float, float]:
+def _hold_track(
+    recording: audio.AudioSource, least: float, skip: float
+) -> tuple[audio.Track, float, float]:
     """Return a checked track for looking for a tone, its rate in Hz, and when it begins, s.
 
     It keeps a rate of at least `least` in Hz, and is held from `skip` s on if it cannot be held
@@ -153,8 +148,8 @@ def _hold_track(recording: AudioSource, least: float, skip: float) -> tuple[Trac
 
 
 def match_recordings(
-    recordings: Sequence[AudioSource], frequency: float | None
-) -> dict[int, Match]:
+    recordings: Sequence[audio.AudioSource], frequency: float | None
+) -> dict[int, matching.Match]:
     """Match each recording but the first to the first.
 
     Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
@@ -171,7 +166,7 @@ def match_recordings(
     """
     room = frequency is None
     low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
-    found: dict[int, Match] = {}
+    found: dict[int, matching.Match] = {}
     with ExitStack() as opened:
         files = [opened.enter_context(recording.opened()) for recording in recordings]
         tracks = [low.reduce(file.blocks, file.rate) for file in files]
@@ -202,7 +197,7 @@ class Synchronisation:
     #: ``phase`` of a tone, ``room``: correlation of what microphones hear, or ``none``: nothing was
     #: heard, and the delays are 0
     method: str
-    match: Match | None = None  #: The most doubtful of all cameras with the first one
+    match: matching.Match | None = None  #: The most doubtful of all cameras with the first one
     frequency: float | None = None  #: Of the tone, Hz; whole periods are what may be in doubt
     #: Signal-to-noise power ratio up to half of the correlation's rate, the smallest of all
     snr: float = np.nan
@@ -247,7 +242,7 @@ def whole_frames(delays: ArrayLike, frame_rate: float) -> IntArray:
 
 
 def synchronise_cameras(
-    recordings: Sequence[AudioSource],
+    recordings: Sequence[audio.AudioSource],
     heard: LoadedAudio,
     frame_rate: float,
     frequency: float | None,
@@ -281,7 +276,7 @@ def synchronise_cameras(
         if frequency is None and not one.certain:
             raise unmatched_error(names[i], names[0])
         if frequency is not None and one.peak < matching.MIN_CORRELATION:
-            raise SynchronisationError(
+            raise audio.SynchronisationError(
                 f"{names[i]}: correlation of {one.peak:.2f} with {names[0]}, allowed: "
                 f"at least {matching.MIN_CORRELATION}; do both hold the same sound?"
             )
@@ -304,7 +299,7 @@ def synchronise_cameras(
 
 
 def _find_drifts(
-    recordings: Sequence[AudioSource], heard: LoadedAudio, matches: dict[int, Match]
+    recordings: Sequence[audio.AudioSource], heard: LoadedAudio, matches: dict[int, matching.Match]
 ) -> dict[int, Drift]:
     """Replace the matches of clocks that have no one delay by that in the middle."""
     known = {i: one.delay if one.certain else None for i, one in matches.items()}
@@ -360,7 +355,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
         found = Synchronisation(zeros, rate, "none")
         begin, end = 0.0, min(float(clock_of(one, folder)[-1]) for one in manifest.cameras)
     else:
-        recordings = [AudioSource(one.name, folder / one.video) for one in manifest.cameras]
+        recordings = [audio.AudioSource(one.name, folder / one.video) for one in manifest.cameras]
         if excitation.sound == "force" and excitation.behaviour.has_one_frequency:
             return _of_the_force(manifest, recordings)
         heard = load_audio(recordings, None, 0.0)
@@ -377,7 +372,7 @@ def estimate_delays(manifest: Manifest, folder: Path) -> Sound:
     return Sound(found, excitation.frequency_hz, None, steady)
 
 
-def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
+def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> Sound:
     """Return starts and steady interval from the force's signal."""
     excitation, rate = manifest.excitation, manifest.cameras[0].frame_rate_hz
     steady = excitation.steady_interval_s
@@ -406,7 +401,7 @@ def _of_the_force(manifest: Manifest, recordings: list[AudioSource]) -> Sound:
     return Sound(found, used, force, steady or (begin, end), measured, deviation)
 
 
-def _tone_of_all(manifest: Manifest, recordings: list[AudioSource], skip: float) -> float:
+def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: float) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
     excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
     found = []
@@ -419,7 +414,7 @@ def _tone_of_all(manifest: Manifest, recordings: list[AudioSource], skip: float)
         found.append(tones.find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = found[0], found[-1]
         if abs(tone - first) * seconds > max(MAX_SLIP_TURNS, MAX_DRIFT * first * seconds):
-            raise SynchronisationError(
+            raise audio.SynchronisationError(
                 f"{recording.name}: its tone has {tone:.7g} Hz, that of {recordings[0].name} "
                 f"{first:.7g} Hz, allowed: the same, to within {MAX_SLIP_TURNS / seconds:.1g} Hz"
             )

@@ -1,6 +1,6 @@
 // The rerun form: a figure set or chapter, its parameters, the command that runs it with them, and
 // for beam and plate the results, computed in the page. With one set alone it stands, made compact,
-// above that set's viewer. Front end of thesis_lib.notebook.form in the form that static_html runs.
+// above that set's viewer. Front end of thesis_lib.notebook.show in the form that static_html runs.
 import { asked, button, copyButton, html, keep, linkButton, options } from "./parts.js";
 import { createRecompute } from "./recompute.js";
 import {
