@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from thesis_lib.book import build, conformance, explorer, rendering
+from thesis_lib.book import build, explorer, rendering
 from thesis_lib.book.build import (
     EXECUTED_FOLDER,
     HTML_FOLDER,
@@ -19,7 +19,7 @@ from thesis_lib.book.build import (
     make_task,
     result_files,
 )
-from thesis_lib.book.pieces import factors, illustrations, opened, thesis_index
+from thesis_lib.book.pieces import benchmarks, factors, illustrations, opened, thesis_index
 from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.book.pieces import write as texts
 from thesis_lib.figure_sets import record as measured_sample
@@ -151,9 +151,9 @@ def task_piece() -> Iterator[dict[str, Any]]:
         [*PAGES, *PUBLISHED, *library_files()], included(*thesis_index.PIECES),
     )  # fmt: skip
     yield make_task(
-        "conformance", lambda: conformance.write_conformance(EXECUTED_FOLDER),
-        [*folder_files([conformance.locate_report()]), *list_code("book", *WORD_CODE)],
-        included(*conformance.PIECES),
+        "conformance", lambda: benchmarks.write_conformance(EXECUTED_FOLDER),
+        [*folder_files([benchmarks.locate_report()]), *list_code("book", *WORD_CODE)],
+        included(*benchmarks.CONFORMANCE_PIECES),
     )  # fmt: skip
     yield make_task(
         "explorer, form and demonstrations", lambda: explorer.write_demos(EXECUTED_FOLDER),

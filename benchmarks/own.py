@@ -38,7 +38,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.tracking.homography import find_view
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.vibration.structure import resonance_frequency
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.interval import interval_estimate
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
@@ -197,7 +197,7 @@ def time_laboratory(frames: int = 30) -> Iterator[Line]:
     poses = list(zip(setup.rotations, setup.translations, strict=True))
     seen = np.array(
         [
-            [lens.project_points(c, R @ corners + t[:, None]) for R, t in poses]
+            [pinhole.project_points(c, R @ corners + t[:, None]) for R, t in poses]
             for c in setup.cameras
         ]
     )

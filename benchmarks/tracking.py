@@ -31,7 +31,7 @@ from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import View, find_view
 from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 SIZE, RATE, REST, RAMP = (1280, 720), 60.0, 2, 15  # px, Hz, frames
 HAND = slice(500, 640)  # columns of pixels
@@ -74,7 +74,7 @@ def filmed(
     setup = default_rig(setups.thesis_beam(), list(ExperimentResolution().directions_deg.values()))
     station, markers = setup.stations[0], setup.markers
     motion = Motion(setups.thesis_beam(), (Component(amplitude=tip),), 0.0, RAMP / RATE)
-    camera = lens.resize_camera(station.camera, SIZE)
+    camera = pinhole.resize_camera(station.camera, SIZE)
     light = BeamView(camera, markers, motion, station.sensor)
     times = np.arange(-REST, RAMP + steady) / RATE
     rng = np.random.default_rng(0) if noise else None
@@ -89,7 +89,7 @@ def filmed(
             frames = list(media.read_frames(path))
     points = markers.centres
     world = on_surface(markers.extent, points[:, None], motion.deflection(points, times))
-    truth = lens.project_points(camera, world).swapaxes(0, 1)
+    truth = pinhole.project_points(camera, world).swapaxes(0, 1)
     return Filmed(
         frames, sharpen_view(frames[0], find_view(frames[0], camera, markers)), times, truth
     )
@@ -109,7 +109,7 @@ def follower(f: Filmed) -> Callable[[], Array]:
 def _pyramid(f: Filmed) -> Callable[[], Array]:
     """OpenCV's pyramidal Lucas–Kanade, from the first frame to each, begun where it was before."""
     first = f.first
-    start = (first.T - lens.HALF_PIXEL).astype(np.float32)[:, None]
+    start = (first.T - pinhole.HALF_PIXEL).astype(np.float32)[:, None]
 
     def follow() -> Array:
         found: list[Array] = []
@@ -119,7 +119,7 @@ def _pyramid(f: Filmed) -> Callable[[], Array]:
                 f.frames[0], frame, start, places.copy(), winSize=(21, 21),
                 flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             )  # fmt: skip
-            found.append(np.where(seen.ravel() > 0, places[:, 0].T, np.nan) + lens.HALF_PIXEL)
+            found.append(np.where(seen.ravel() > 0, places[:, 0].T, np.nan) + pinhole.HALF_PIXEL)
         return np.array(found, float)
 
     return follow
@@ -133,7 +133,7 @@ def _pyidi(window: tuple[int, int]) -> Prepare:
         numba.set_num_threads(1)
         first = f.first
         method = LucasKanade(VideoReader(np.array(f.frames), root=tempfile.mkdtemp()))
-        method.set_points((first - lens.HALF_PIXEL)[::-1].T)
+        method.set_points((first - pinhole.HALF_PIXEL)[::-1].T)
         method.configure(roi_size=window, verbose=0, show_pbar=False)
 
         def follow() -> Array:

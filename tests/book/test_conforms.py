@@ -12,7 +12,7 @@ import pytest
 from conforms import compare
 
 from conftest import PROJECT
-from thesis_lib.book import conformance
+from thesis_lib.book.pieces import benchmarks
 
 TESTS = """
 import pytest
@@ -96,17 +96,17 @@ def test_a_check_without_tolerance_or_with_other_shapes_is_refused(allowed, erro
 @pytest.mark.parametrize("workers", [0, 2])
 def test_the_page_shows_one_row_for_each_check_and_names_what_failed(tmp_path, workers):
     report = tmp_path / "report.xml"
-    conformance.write_conformance(tmp_path, report)
+    benchmarks.write_conformance(tmp_path, report)
     assert "have not run here yet" in (tmp_path / "conformance-totals.md").read_text()
     done = run_tests(tmp_path, TESTS, "-n", workers)
     assert done.returncode == 0, done.stdout
-    checks = conformance.read_checks(report)["checks"]
+    checks = benchmarks.read_checks(report)["checks"]
     counted, worst, order = checks
     assert [check["kind"] for check in checks] == ["invariance", "closed form", "order"]
     assert (worst["share"], worst["count"], worst["value"]) == (0.875, 6, "0.875")
     assert order["share"] == pytest.approx(0.875)
     assert counted["count"] >= 4
-    conformance.write_conformance(tmp_path, report)
+    benchmarks.write_conformance(tmp_path, report)
     tables = (tmp_path / "conformance-tables.md").read_text()
     assert "Of three the worst is kept <small>6 values</small><td>closed form<td>0.875" in tables
     totals = (tmp_path / "conformance-totals.md").read_text()
@@ -115,7 +115,7 @@ def test_the_page_shows_one_row_for_each_check_and_names_what_failed(tmp_path, w
     if workers:
         return
     run_tests(tmp_path, TESTS.replace("below=1)", "below=0.8)"))
-    conformance.write_conformance(tmp_path, report)
+    benchmarks.write_conformance(tmp_path, report)
     totals = (tmp_path / "conformance-totals.md").read_text()
     assert re.search(r"\*\*These tests failed\*\* .*worst_is_kept`\.", totals)
 

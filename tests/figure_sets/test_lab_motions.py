@@ -19,14 +19,13 @@ from thesis_lib.figure_sets.lab_plate.figure_set import stands_of
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
-from thesis_lib.measure.fitting import aliasing
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import selection
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.vibration import structure
+from thesis_lib.vibration import motion, structure
 from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 
@@ -80,23 +79,23 @@ def of(cube, case, label=None):
 
 @given(st.floats(1, 900), st.floats(10, 500), st.integers(8, 40))
 def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate, frames):
-    shown = float(aliasing.fold_frequency(frequency, rate))
+    shown = float(motion.fold_frequency(frequency, rate))
     assert 0 <= shown <= rate / 2 * (1 + 1e-12)
     turns = 2 * np.pi * np.arange(frames) / rate
     conforms.invariance(np.cos(frequency * turns), np.cos(shown * turns), atol=1e-6)
-    every = aliasing.list_aliases(shown, rate, 1000.0)
+    every = motion.list_aliases(shown, rate, 1000.0)
     conforms.closed_form(np.abs(every - frequency).min(), below=1e-9 * rate + 1e-9)
-    conforms.invariance(aliasing.fold_frequency(every, rate), shown, atol=1e-8)
+    conforms.invariance(motion.fold_frequency(every, rate), shown, atol=1e-8)
     assert np.all(np.diff(every) > 0)
 
 
 def test_detuning_costs_what_the_sinc_says(conforms):
     cycles = np.array([0.0, 0.2, 0.5, 1.0])
-    conforms.closed_form(aliasing.detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
+    conforms.closed_form(motion.detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
     n = 12
-    conforms.closed_form(aliasing.detuning_loss([1.0], n)[0], 1, rtol=1e-6)
+    conforms.closed_form(motion.detuning_loss([1.0], n)[0], 1, rtol=1e-6)
     conforms.closed_form(
-        aliasing.detuning_loss([0.3], n)[0],
+        motion.detuning_loss([0.3], n)[0],
         1 - np.sin(np.pi * 0.3) / (n * np.sin(np.pi * 0.3 / n)),
         rtol=1e-6,
     )

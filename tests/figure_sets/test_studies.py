@@ -520,7 +520,7 @@ def test_rounded_mantissas_are_the_nearest(kind, dtype):
 def test_physics_needs_neither_labels_nor_figures():
     forbidden = ["xarray", "matplotlib", "ipywidgets", "pandas", "pydantic", "h5py"]
     code = (
-        "import sys; from thesis_lib.vision import pinhole, triangulation, rounding, optics, lens, "
+        "import sys; from thesis_lib.vision import pinhole, triangulation, rounding, optics, "
         "analytic_centre, interval, dither, cone_law, simulation; "
         "from thesis_lib.vibration import structure, panel, finite_elements, motion, polygons; "
         "from thesis_lib.acoustics import radiation, planes, surfaces, estimates; "

@@ -34,7 +34,7 @@ from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.steps import calibrate_rig
 from thesis_lib.measure.tracking.homography import TrackingError
 from thesis_lib.vibration.motion import Component, Motion, steady_amplitudes
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 pytestmark = pytest.mark.slow  # films first
 
@@ -122,7 +122,7 @@ def test_the_rig_s_cameras_are_alike_look_at_the_beam_and_are_not_the_same(confo
     assert [camera.name for camera in cameras] == list("ABCD")
     conforms.closed_form([np.linalg.norm(c.centre) for c in cameras], 0.57, rtol=1e-7)
     for camera in cameras:
-        middle = lens.undistort_pixels(camera, lens.project_points(camera, np.zeros(3)))
+        middle = pinhole.undistort_pixels(camera, pinhole.project_points(camera, np.zeros(3)))
         conforms.closed_form(middle, camera.K[:2, 2], atol=1e-6)
         assert np.abs(camera.K[:2, 2] - [960, 540]).max() < 8
         conforms.closed_form(camera.K[0, 0], 1280, rtol=0.0051)
@@ -249,11 +249,11 @@ def tracked(measured, rig):
     """Undistorted tracks, their times, projection matrices and the beam's frame."""
     cameras = chain.read_cameras(measured, "full")
     uv = np.stack(
-        [lens.undistort_pixels(c, own.swapaxes(0, 1)).swapaxes(0, 1)
+        [pinhole.undistort_pixels(c, own.swapaxes(0, 1)).swapaxes(0, 1)
          for c, own in zip(cameras, measured["tracks"].values[:, 0], strict=True)]
     )  # fmt: skip
     own = np.arange(uv.shape[1]) / 60
-    P = lens.projection_matrices(cameras)
+    P = pinhole.projection_matrices(cameras)
     still = uv[:, own < REST_S]
     rest = still.mean(axis=1)
     points, seen = rc.triangulate_seen(P, rest)

@@ -23,7 +23,7 @@ from thesis_lib.laboratory.render import (
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board, on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 BEAM = setups.thesis_beam()
 SHARP = Sensor(spread=0.0, samples=1)
@@ -240,7 +240,7 @@ def test_a_disc_s_centroid_is_not_its_centre_s_image(conforms):
     # What the test above would miss if it took centres instead.
     at = camera()
     exact = disc_centroids(at, ROW, lambda points: 0 * points[0])
-    centre = lens.project_points(at, on_surface(ROW.extent, ROW.positions))
+    centre = pinhole.project_points(at, on_surface(ROW.extent, ROW.positions))
     conforms.closed_form(np.abs(exact - centre).max(), above=0.007, below=0.02)
 
 

@@ -21,7 +21,7 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
 )
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 SIGMA = 0.01
 POINTS = BOARD.corners
@@ -30,7 +30,7 @@ POINTS = BOARD.corners
 def rough():
     """The rig's cameras as they might be guessed: one lens for all, nowhere in particular."""
     K = np.array([[1250.0, 0, 960], [0, 1250, 540], [0, 0, 1]])
-    return [lens.Camera(c.name, K, np.zeros(5), np.eye(3), np.zeros(3), SIZE) for c in rig()]
+    return [pinhole.Camera(c.name, K, np.zeros(5), np.eye(3), np.zeros(3), SIZE) for c in rig()]
 
 
 def lens_errors(cameras):
@@ -101,7 +101,9 @@ def test_the_world_is_the_first_shots_board(conforms):
     world = result.rotations[5] @ POINTS + result.translations[5][:, None]
     there = other.rotations[5] @ POINTS + other.translations[5][:, None]
     for a, b in zip(result.cameras, other.cameras, strict=True):
-        conforms.invariance(lens.project_points(a, world), lens.project_points(b, there), atol=1e-8)
+        conforms.invariance(
+            pinhole.project_points(a, world), pinhole.project_points(b, there), atol=1e-8
+        )
 
 
 def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
@@ -129,7 +131,7 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
 
     back = np.array([[0.0], [0.0], [-thick.thickness]])
     for c, s in np.argwhere(seen_from_behind(uv)):
-        uv[c, s] = lens.project_points(rig()[c], R[s] @ (POINTS + back) + t[s][:, None])
+        uv[c, s] = pinhole.project_points(rig()[c], R[s] @ (POINTS + back) + t[s][:, None])
     assert 0 < np.mean(seen_from_behind(uv)) < 1
     shots = as_found(uv, seed=2)
     single = [
@@ -258,7 +260,7 @@ def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
     uv = observations(SIGMA, 2)
     ours = adjust_bundle(uv, POINTS, rig())
     objects = [POINTS.T.astype(np.float32)] * 12
-    images = [[(v - lens.HALF_PIXEL).T.astype(np.float32) for v in views] for views in uv]
+    images = [[(v - pinhole.HALF_PIXEL).T.astype(np.float32) for v in views] for views in uv]
     rms, Ks, _, Rs, ts = cv2.calibrateMultiview(
         objects, images, [SIZE] * 4, np.ones((4, 12), np.uint8), np.zeros(4, np.uint8),
         None, None, None, None, np.full(4, cv2.CALIB_FIX_K3, np.int32),

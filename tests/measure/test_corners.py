@@ -11,7 +11,7 @@ from scenes.calibration import BOARD, exact_images, nearest_order, photograph, p
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import resize_camera
+from thesis_lib.vision.pinhole import resize_camera
 
 HALF_SIZE = (960, 540)
 MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)

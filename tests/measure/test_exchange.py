@@ -19,7 +19,7 @@ from sdypy_sep005 import Sep005Data
 from thesis_lib.facts import setups
 from thesis_lib.laboratory.recording_files import manifest_of
 from thesis_lib.laboratory.rig import default_rig
-from thesis_lib.measure.exchange import files, sep005
+from thesis_lib.measure.exchange import files
 from thesis_lib.measure.exchange.history import time_histories
 from thesis_lib.measure.fitting.result import shape_result
 from thesis_lib.measure.recordings import media
@@ -28,7 +28,7 @@ from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.build import view_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.pinhole import project_points
 from thesis_lib.web.html import render_html
 
 BEAM, FREQUENCY = setups.thesis_beam(), 4.25
@@ -223,7 +223,7 @@ def test_uneven_times_are_written_one_by_one(conforms, measured, tmp_path):
     files.write_motion(tmp_path / "motion.uff", data, uneven)
     response = pyuff.UFF(str(tmp_path / "motion.uff")).read_sets()[-1]
     conforms.closed_form(response["x"], times, atol=1e-4)
-    channel = sep005.channels(uneven)[0]
+    channel = files.sep005_channels(uneven)[0]
     assert "fs" not in channel
     np.testing.assert_array_equal(channel["time"], times)
 
@@ -257,7 +257,7 @@ def test_matlab(conforms, measured):
 
 def test_sep_5(conforms, measured):
     folder, _, moved = measured
-    channels = sep005.channels(folder / "motion.nc")
+    channels = files.sep005_channels(folder / "motion.nc")
     assert len(channels) == moved.sizes["marker"]
     for channel in channels[:3]:
         checked = Sep005Data.model_validate(channel)

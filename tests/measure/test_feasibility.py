@@ -16,10 +16,10 @@ from thesis_lib.measure.feasibility.assess import (
     describe_verdict,
 )
 from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
-from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
+from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate

@@ -40,7 +40,7 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.synchronisation.delays import delay_deviation
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 

@@ -43,7 +43,7 @@ from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording, _state
 from thesis_lib.studies import storage
 from thesis_lib.vibration.structure import deflection_shape
-from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.pinhole import project_points
 from thesis_lib.vision.simulation import assurance_criterion
 
 pytestmark = pytest.mark.slow  # for the report of conformance

@@ -19,7 +19,7 @@ from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.tracking import tracks as recording_module
 from thesis_lib.measure.tracking.tracks import Recording, record_track
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 from thesis_lib.vision.simulation import assurance_criterion
 
 IDEAL = Camera("A", np.diag([800.0, 800.0, 1.0]), np.zeros(5), np.eye(3), np.zeros(3), (640, 360))

@@ -12,7 +12,7 @@ from scenes.foreign import povray
 from thesis_lib.measure.calibration.bundle_adjustment import align_cameras, camera_deviations
 from thesis_lib.measure.calibration.rig import adjust_cameras
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 
 pytestmark = [
     pytest.mark.slow,

@@ -19,7 +19,7 @@ from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.report.warnings import check_shape
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.pinhole import project_points
 
 BEAM = setups.thesis_beam()
 PART = Component(amplitude=0.004, frequency=4.25)

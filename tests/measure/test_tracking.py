@@ -26,7 +26,7 @@ from thesis_lib.measure.tracking.homography import (
 from thesis_lib.measure.tracking.tracker import Tracker, assign_places, sharpen_view
 from thesis_lib.measure.tracking.tracks import record_track
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
@@ -342,7 +342,9 @@ def test_what_is_no_beam_gives_no_markers(rest, kind):
 
 def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
     at, image, view, exact = rest
-    hole = lens.project_points(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    hole = pinhole.project_points(
+        at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0])
+    )
     found = Tracker(view).centres(image)
     assert found.shape == (2, 75)
     assert off(found, hole[:, None]).min() > 5
@@ -360,12 +362,12 @@ def seen_corners(at):
     """Images of the beam's corners, in the order of its frame."""
     length, width = BEAM.extent
     world = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) / 2
-    return lens.project_points(at, world * np.array([[length], [width], [1]]))
+    return pinhole.project_points(at, world * np.array([[length], [width], [1]]))
 
 
 def corners(at):
     """The same without distortion."""
-    return lens.undistort_pixels(at, seen_corners(at))
+    return pinhole.undistort_pixels(at, seen_corners(at))
 
 
 def corner_error(view, at):
@@ -403,7 +405,7 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
         at = camera(one, elevation, k1=k1)
         assert np.isfinite(corners(at)).all()
         (image,) = filmed(at, [-1.0])
-        small = lens.resize_camera(at, (width, width * 9 // 16))
+        small = pinhole.resize_camera(at, (width, width * 9 // 16))
         view = find_view(following.reduce_frame(image, width), small, MARKERS)
         conforms.closed_form(corner_error(view, small), below=2)
 
@@ -411,7 +413,7 @@ def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
 def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
     at = camera(-5.0, 15.0, k1=0.0)
     (image,) = filmed(at, [-1.0])
-    small = lens.resize_camera(at, (640, 360))
+    small = pinhole.resize_camera(at, (640, 360))
     view = find_view(following.reduce_frame(image, 640), small, MARKERS)
     conforms.closed_form(corner_error(view, small), below=2)
 
@@ -467,7 +469,9 @@ def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
 
 def test_a_hidden_hole_is_said(rest):
     at, image, _, _ = rest
-    hole = lens.project_points(at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0]))
+    hole = pinhole.project_points(
+        at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0])
+    )
     message = one_line(find_view, painted(image, hole, 5, 200), at, MARKERS)
     assert "the hole is not seen" in message
     assert "corners_px" in message
@@ -602,7 +606,7 @@ def test_reduced_frames_show_the_same_places(conforms, rest, width):
     small = following.reduce_frame(image, width)
     assert following.reduce_frame(image, 1920 + width) is image  # never larger
     assert small.shape == (width * 9 // 16, width)
-    own = lens.resize_camera(at, (width, width * 9 // 16))
+    own = pinhole.resize_camera(at, (width, width * 9 // 16))
     view = sharpen_view(small, find_view(small, own, MARKERS))
     error = Tracker(view).centres(small) - exact * width / 1920
     assert np.mean(np.isnan(error)) < 0.25
@@ -709,7 +713,7 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
     view = view_of(at, MARKERS, corners(at))
     plane = np.random.default_rng(0).uniform([[0], [0]], [[0.6], [0.03]], (2, 30))
     world = np.stack([*(plane - np.array(BEAM.extent)[:, None] / 2), np.zeros(30)])
-    conforms.independent(view.to_image(plane), lens.project_points(at, world), atol=1e-3)
+    conforms.independent(view.to_image(plane), pinhole.project_points(at, world), atol=1e-3)
     conforms.invariance(view.to_plane(view.to_image(plane)), plane, atol=1e-10)
 
 

@@ -6,7 +6,7 @@ from scipy.special import ndtr
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 
 SIZE = (1920, 1080)
@@ -20,7 +20,7 @@ def rig():
     R = hemisphere_rotations(azimuth, elevation)
     centres = 0.57 * hemisphere_directions(azimuth, elevation)
     return [
-        lens.Camera(
+        pinhole.Camera(
             "ABCD"[i],
             np.array([[1275.0 + 6 * i, 0, 955 + 4 * i], [0, 1278 + 5 * i, 546 - 4 * i], [0, 0, 1]]),
             np.array([-0.05 - 0.015 * i, 0.02 * i - 0.02, 5e-4 * (i - 1), -4e-4 * (i - 2), 0]),
@@ -35,7 +35,7 @@ def rig():
 def exact_images(cameras, rotations, translations, points=BOARD.corners):
     """Images (cameras, shots, 2, points) of the board's points."""
     world = rotations @ points + translations[:, :, None]
-    return np.array([[lens.project_points(c, X) for X in world] for c in cameras])
+    return np.array([[pinhole.project_points(c, X) for X in world] for c in cameras])
 
 
 def observations(sigma=0.0, seed=0, cameras=None):
@@ -69,7 +69,9 @@ def picture(camera, rotation, translation, board=BOARD, samples=128, blur=0.6, l
     """
     width, height = camera.size
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    xy = lens.undistort_coordinates(lens.from_pixels(camera.K, np.stack([u, v])), camera.distortion)
+    xy = pinhole.undistort_coordinates(
+        pinhole.from_pixels(camera.K, np.stack([u, v])), camera.distortion
+    )
     rays = np.tensordot((camera.R_camera_world @ rotation).T, np.stack([*xy, np.ones_like(u)]), 1)
     origin = rotation.T @ (camera.centre - translation)
     depth = -origin[2] / rays[2]

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from thesis_lib.measure.recordings.board import on_surface
-from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
-from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import (
+    Camera,
+    hemisphere_directions,
+    hemisphere_rotations,
+    intrinsics,
+)
 
 
 def camera(azimuth=-10.0, elevation=22.0, size=(1920, 1080), k1=-0.1):
@@ -22,7 +26,7 @@ def disc_centroids(at, markers, deflection, which=slice(None), n=2000):
     turn = 2 * np.pi * np.arange(n) / n
     circle = markers.diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])
     ring = markers.positions[:, which, None] + circle[:, None]
-    x, y = lens.project_points(at, on_surface(markers.extent, ring, deflection(ring)))
+    x, y = pinhole.project_points(at, on_surface(markers.extent, ring, deflection(ring)))
     cross = x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)
     return np.array(
         [np.sum((c + np.roll(c, -1, 1)) * cross, axis=1) / (3 * cross.sum(1)) for c in (x, y)]

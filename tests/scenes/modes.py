@@ -22,7 +22,7 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Sought
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.motion import Component
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 BEAM = setups.thesis_beam()
 DIRECTIONS = [(-60.0, 25.0), (-20.0, 35.0), (25.0, 30.0), (65.0, 40.0)]
@@ -98,11 +98,11 @@ def tracks(
     parts = ((np.arange(4) + 0.5) / 4 - 0.5) * exposure / np.sqrt(1 - 1 / 16)
     for camera, rate, wrong in zip(own.cameras, rates, off, strict=False):
         times = rng.uniform(0, 1 / rate) + np.arange(int(seconds * rate)) / rate
-        row = lens.project_points(camera, on_surface(own.markers.extent, points))[1]
+        row = pinhole.project_points(camera, on_surface(own.markers.extent, points))[1]
         for _ in range(3):  # the row tells when it is seen, and that where it is
             at = times[:, None] + readout * (row / camera.size[1] - 0.5)
             shown = [
-                lens.project_points(
+                pinhole.project_points(
                     camera, on_surface(own.markers.extent, points[:, None], truth.at(at + part))
                 )
                 for part in parts
@@ -111,7 +111,7 @@ def tracks(
         uv = np.mean(shown, axis=0).swapaxes(0, 1)
         uv = uv + noise * rng.standard_normal(uv.shape)
         uv[np.broadcast_to(rng.random((len(uv), 1, uv.shape[2])) < lost, uv.shape)] = np.nan
-        plain = lens.undistort_tracks(camera, uv)
+        plain = pinhole.undistort_tracks(camera, uv)
         found.append(Track(camera, times + wrong, plain, exposure, readout, uv[:, 1]))
     return found
 
@@ -120,9 +120,9 @@ def rest(own: Rig) -> Rest:
     """The markers at rest."""
     world = on_surface(own.markers.extent, own.markers.centres)
     images = np.array(
-        [lens.undistort_pixels(c, lens.project_points(c, world)) for c in own.cameras]
+        [pinhole.undistort_pixels(c, pinhole.project_points(c, world)) for c in own.cameras]
     )
-    points, _ = triangulate_seen(lens.projection_matrices(own.cameras), images)
+    points, _ = triangulate_seen(pinhole.projection_matrices(own.cameras), images)
     frame = check_frame(own.cameras, images, own.markers)
     return Rest(images, frame, points, own.markers.centres, BEAM.thickness)
 
@@ -145,9 +145,9 @@ def recorded(
         start = float(track.times[0])
         before = np.arange(-round(0.5 * rate), 0) / rate + start
         world = on_surface(own.markers.extent, own.markers.centres)
-        still = lens.project_points(station.camera, world)
+        still = pinhole.project_points(station.camera, world)
         own_noise = noise * np.random.default_rng(k).standard_normal((len(before), *still.shape))
-        seen = lens.distort_pixels(station.camera, track.uv.swapaxes(0, 1)).swapaxes(0, 1)
+        seen = pinhole.distort_pixels(station.camera, track.uv.swapaxes(0, 1)).swapaxes(0, 1)
         centres = np.concatenate([still + own_noise, seen])
         np.save(folder / f"{k}.npy", centres)
         found.append(

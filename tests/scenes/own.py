@@ -17,7 +17,7 @@ from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import read_manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.vibration.motion import Motion
-from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.pinhole import project_points
 
 REST = 0.25  # s at rest on the clock of the camera that starts last
 STARTS = (0.02, 0.0, 0.05, 0.013)

@@ -11,8 +11,8 @@ from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
 from thesis_lib.laboratory.rig import Rig
 from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.vibration.motion import Motion
-from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import Camera
 
 
 class RollingView(BeamView):
@@ -23,7 +23,7 @@ class RollingView(BeamView):
     ) -> None:
         super().__init__(camera, markers, motion, sensor)
         self.readout = readout
-        rest = lens.project_points(camera, on_surface(markers.extent, self.points))
+        rest = pinhole.project_points(camera, on_surface(markers.extent, self.points))
         self.late = readout * (rest[1] / camera.size[1] - 0.5)
 
     def collect_light(self, time: float) -> Light:
@@ -33,7 +33,7 @@ class RollingView(BeamView):
         for _ in range(2):  # a moving point is seen at the time of the row where it is then
             at = time + within[:, None] + late
             deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
-            uv = lens.project_points(
+            uv = pinhole.project_points(
                 self.camera, on_surface(self.markers.extent, self.points[:, None], deflection)
             )
             late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)

@@ -7,9 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
-from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations, intrinsics
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import (
+    Camera,
+    hemisphere_directions,
+    hemisphere_rotations,
+    intrinsics,
+)
 from thesis_lib.vision.pinhole import project as ideal_project
 
 SIZE = (1920, 1080)
@@ -45,7 +49,7 @@ def lenses(draw):
 def test_undistortion_undoes_distortion(conforms, distortion):
     xy = field()
     conforms.invariance(
-        lens.undistort_coordinates(lens.distort_coordinates(xy, distortion), distortion),
+        pinhole.undistort_coordinates(pinhole.distort_coordinates(xy, distortion), distortion),
         xy,
         atol=1e-12,
     )
@@ -54,7 +58,7 @@ def test_undistortion_undoes_distortion(conforms, distortion):
 @given(lenses())
 def test_distortion_undoes_undistortion(conforms, distortion):
     xy = field(seed=1)
-    back = lens.distort_coordinates(lens.undistort_coordinates(xy, distortion), distortion)
+    back = pinhole.distort_coordinates(pinhole.undistort_coordinates(xy, distortion), distortion)
     inside = np.isfinite(back[0])
     assert inside[np.hypot(*xy) < 0.5].all()
     conforms.invariance(back[:, inside], xy[:, inside], atol=1e-9)
@@ -65,11 +69,11 @@ def test_what_is_beyond_the_fold_has_no_undistorted_counterpart(k1):
     # x (1 + k₁x²) is largest at x² = −1 / 3k₁, where it is 2x / 3.
     fold = np.sqrt(-1 / (3 * k1))
     turn = np.array([[np.cos(0.7)], [np.sin(0.7)]])
-    found = lens.undistort_coordinates(
+    found = pinhole.undistort_coordinates(
         turn * np.linspace(0, 0.99, 50) * 2 * fold / 3, [k1, 0, 0, 0, 0]
     )
     assert np.all(np.hypot(*found) < fold)
-    assert np.isnan(lens.undistort_coordinates(turn * np.linspace(1.001, 9, 3000) * 2 * fold / 3,
+    assert np.isnan(pinhole.undistort_coordinates(turn * np.linspace(1.001, 9, 3000) * 2 * fold / 3,
                                    [k1, 0, 0, 0, 0])).all()  # fmt: skip
 
 
@@ -78,11 +82,11 @@ def test_the_jacobian_is_the_derivative_of_distortion(conforms, distortion, seed
     xy, h = field(20, seed), 1e-5
     for j in range(2):
         step = h * np.eye(2)[j][:, None]
-        numerical = lens.distort_coordinates(xy + step, distortion) - lens.distort_coordinates(
-            xy - step, distortion
-        )
+        numerical = pinhole.distort_coordinates(
+            xy + step, distortion
+        ) - pinhole.distort_coordinates(xy - step, distortion)
         conforms.independent(
-            lens.distortion_jacobian(xy, distortion)[:, j], numerical / (2 * h), atol=1e-8
+            pinhole.distortion_jacobian(xy, distortion)[:, j], numerical / (2 * h), atol=1e-8
         )
 
 
@@ -94,43 +98,45 @@ def test_opencv_projects_alike_half_a_pixel_off(conforms, distortion):
     theirs_K = K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
     turn, _ = cv2.Rodrigues(own.R_camera_world)
     theirs, _ = cv2.projectPoints(box().T.copy(), turn, own.t, theirs_K, distortion)
-    conforms.independent(lens.project_points(own, box()), theirs[:, 0].T + 0.5, atol=1e-9)
+    conforms.independent(pinhole.project_points(own, box()), theirs[:, 0].T + 0.5, atol=1e-9)
 
 
 def test_without_distortion_a_camera_is_that_of_the_other_chapters(conforms):
     own = camera(np.zeros(5))
     conforms.independent(
-        lens.project_points(own, box()), ideal_project(own.P[None], box())[0], atol=1e-10
+        pinhole.project_points(own, box()), ideal_project(own.P[None], box())[0], atol=1e-10
     )
-    np.testing.assert_array_equal(lens.projection_matrices([own, own])[1], own.P)
+    np.testing.assert_array_equal(pinhole.projection_matrices([own, own])[1], own.P)
 
 
 def test_undistorted_pixels_are_those_of_the_projection_matrix(conforms):
     own = camera()
-    seen = lens.project_points(own, box())
+    seen = pinhole.project_points(own, box())
     ideal = ideal_project(own.P[None], box())[0]
     assert np.abs(seen - ideal).max() > 10
-    conforms.independent(lens.undistort_pixels(own, seen), ideal, atol=1e-8)
+    conforms.independent(pinhole.undistort_pixels(own, seen), ideal, atol=1e-8)
 
 
 def test_pixels_and_normalised_coordinates_are_each_other_s_inverse(conforms):
     K = camera().K
     xy = field()
-    conforms.closed_form(lens.to_pixels(K, xy), (K @ np.vstack([xy, np.ones(200)]))[:2], atol=1e-9)
-    conforms.invariance(lens.from_pixels(K, lens.to_pixels(K, xy)), xy, atol=1e-14)
+    conforms.closed_form(
+        pinhole.to_pixels(K, xy), (K @ np.vstack([xy, np.ones(200)]))[:2], atol=1e-9
+    )
+    conforms.invariance(pinhole.from_pixels(K, pinhole.to_pixels(K, xy)), xy, atol=1e-14)
 
 
 @pytest.mark.parametrize("size", [(960, 540), (1280, 720), (640, 360), (480, 1080)])
 def test_resized_images_scale_about_their_corner(conforms, size):
-    own, small = camera(), lens.resize_camera(camera(), size)
+    own, small = camera(), pinhole.resize_camera(camera(), size)
     scale = np.array(size) / SIZE
     conforms.invariance(
-        lens.project_points(small, box()),
-        scale[:, None] * lens.project_points(own, box()),
+        pinhole.project_points(small, box()),
+        scale[:, None] * pinhole.project_points(own, box()),
         rtol=1e-12,
     )
     assert small.size == size
-    conforms.invariance(lens.resize_camera(small, SIZE).K, own.K, rtol=1e-15)
+    conforms.invariance(pinhole.resize_camera(small, SIZE).K, own.K, rtol=1e-15)
 
 
 def test_points_behind_the_camera_have_no_image():
@@ -138,18 +144,20 @@ def test_points_behind_the_camera_have_no_image():
     ahead = -own.centre
     points = np.stack([own.centre - 0.3 * ahead, own.centre + 0.3 * ahead, own.centre], axis=1)
     np.testing.assert_array_equal(
-        np.isnan(lens.project_points(own, points)), [[True, False, True]] * 2
+        np.isnan(pinhole.project_points(own, points)), [[True, False, True]] * 2
     )
 
 
 def test_any_shape_of_points_is_kept(conforms):
     own, points = camera(), box(24)
-    flat = lens.project_points(own, points)
+    flat = pinhole.project_points(own, points)
     conforms.invariance(
-        lens.project_points(own, points.reshape(3, 2, 3, 4)), flat.reshape(2, 2, 3, 4), rtol=1e-14
+        pinhole.project_points(own, points.reshape(3, 2, 3, 4)),
+        flat.reshape(2, 2, 3, 4),
+        rtol=1e-14,
     )
-    again = lens.undistort_pixels(own, flat.reshape(2, 2, 12))
-    conforms.invariance(again.reshape(2, 24), lens.undistort_pixels(own, flat), rtol=1e-14)
+    again = pinhole.undistort_pixels(own, flat.reshape(2, 2, 12))
+    conforms.invariance(again.reshape(2, 24), pinhole.undistort_pixels(own, flat), rtol=1e-14)
 
 
 # The board.

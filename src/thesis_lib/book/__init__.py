@@ -1,1 +1,49 @@
-"""What is made of many cubes, or of the whole book."""
+"""The book: how it is built, and whether a finished one is what its sources make.
+
+The latter is told by contents, before much is imported.
+The tasks of ``dodo.py`` know better what is stale, but to ask them takes some seconds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thesis_lib.files import digest_of, folder_files, project_root, whole_text
+
+SOURCE_FOLDERS = (
+    "src/thesis_lib", "notebooks", "book", "data", "requirements", "dodo.py", "_config.yml",
+    "package.json", "package-lock.json", "build/conformance.xml",
+)  # fmt: skip
+OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
+
+
+def source_digest() -> str:
+    """Return the digest of all that people write."""
+    return digest_of(path for path in _list_files(SOURCE_FOLDERS) if not _is_made(path))
+
+
+def remember_state(sources: str) -> None:
+    """Keep the state of a book that has just been finished, made from sources of this digest."""
+    whole_text(_state_path(), f"{sources} {digest_of(_list_files(OUTPUT_FOLDERS))}\n")
+
+
+def is_up_to_date() -> bool:
+    """Return whether sources and book are as they were when the book was finished."""
+    record = _state_path()
+    if not record.is_file():
+        return False
+    state = f"{source_digest()} {digest_of(_list_files(OUTPUT_FOLDERS))}\n"
+    return record.read_text(encoding="utf-8") == state
+
+
+def _state_path() -> Path:
+    return project_root() / "build" / ".book"
+
+
+def _list_files(places: tuple[str, ...]) -> list[Path]:
+    return folder_files(project_root() / place for place in places)
+
+
+def _is_made(path: Path) -> bool:
+    root = project_root()
+    return any(root / place in path.parents for place in OUTPUT_FOLDERS)

@@ -19,9 +19,9 @@ from pydantic import Field, model_validator
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import Direction, Setting, assumed_values
 from thesis_lib.files import shipped
-from thesis_lib.measure.fitting.aliasing import alias_clearance
 from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study, distance_limit
+from thesis_lib.vibration.motion import alias_clearance
 from thesis_lib.vibration.structure import Structure, peak_deflection, resonance_frequency
 from thesis_lib.vision.pinhole import hemisphere_directions, hemisphere_rotations
 

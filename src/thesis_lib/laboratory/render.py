@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.vibration.motion import Motion
-from thesis_lib.vision import lens
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import Camera
 
 # The spread acts on pixels this much finer: light is spread before pixels collect it
 SUBPIXELS_PER_PIXEL = 2
@@ -154,7 +154,7 @@ class BeamView:
         if np.ptp(deflection, axis=0).max() < 1e-9:  # at rest
             deflection = deflection[:1]
         world = on_surface(self.markers.extent, self.points[:, None], deflection)
-        uv = lens.project_points(self.camera, world)
+        uv = pinhole.project_points(self.camera, world)
         return collect_light(uv, self.polygons, self.camera.size, self.sensor)
 
 
@@ -189,7 +189,7 @@ def render_board(
     contrast = np.full(len(shapes), sensor.dark - sensor.white)
     contrast[0] = sensor.white - sensor.background
     polygons = Polygons(np.cumsum([0, *sizes[:-1]]), contrast)
-    uv = lens.project_points(camera, world)
+    uv = pinhole.project_points(camera, world)
     return collect_light(uv, polygons, camera.size, sensor).recorded(sensor, rng)
 
 

@@ -32,7 +32,7 @@ from thesis_lib.laboratory.render import Sensor
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface, rows_on
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.structure import Beam, Plate
-from thesis_lib.vision import lens, pinhole
+from thesis_lib.vision import pinhole
 
 # Columns of the upright board's rotation: its x is −X, its y is Z, its normal Y.
 _UPRIGHT_ROTATION = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
@@ -97,7 +97,7 @@ MAX_FORCE_SHARE = 0.5  # largest force on the audio track over full scale
 class Station:
     """A camera, what its sensor does, how fast it takes frames, and when it starts."""
 
-    camera: lens.Camera  #: Optics and pose
+    camera: pinhole.Camera  #: Optics and pose
     sensor: Sensor  #: Exposure, spread, noise, grey levels
     frame_rate: float  #: Frames per second
     start: float  #: World time of its first frame, s
@@ -120,7 +120,7 @@ class Rig:
     translations: Array = field(default_factory=lambda: default_poses()[1])
 
     @property
-    def cameras(self) -> list[lens.Camera]:
+    def cameras(self) -> list[pinhole.Camera]:
         """The cameras alone."""
         return [station.camera for station in self.stations]
 
@@ -196,7 +196,7 @@ def default_rig(
         K = pinhole.intrinsics(focal * (1 + 0.005 * differs[0]), size)
         K[:2, 2] += 0.004 * size[0] * differs[1:3]
         distortion = lens_k1 * (1 + 0.2 * differs[3]) * np.array([1, -0.15, 0.005, -0.004, 0])
-        camera = lens.Camera(chr(ord("A") + i), K, distortion, R, centre, size)
+        camera = pinhole.Camera(chr(ord("A") + i), K, distortion, R, centre, size)
         stations.append(Station(camera, sensor or Sensor(), frame_rate, float(start)))
     period = 1 / min(part.frequency for part in components)
     motion = Motion(structure, components, REST_S + MAX_START_S, 2 * period)
@@ -297,7 +297,7 @@ TURN_STD_RAD = np.radians(0.1)  # of its direction about each of its axes
 WINDOW_MARGIN_PX = 24  # px of the sensor that are read around the structure
 
 
-def replace_cameras(rig: Rig, cameras: Sequence[lens.Camera]) -> Rig:
+def replace_cameras(rig: Rig, cameras: Sequence[pinhole.Camera]) -> Rig:
     """Replace the cameras of a rig, in the same order."""
     pairs = zip(rig.stations, cameras, strict=True)
     return replace(rig, stations=tuple(replace(one, camera=camera) for one, camera in pairs))
@@ -323,7 +323,7 @@ def _rotate_about(vector: Array) -> Array:
     return rotation + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * K @ K
 
 
-def crop_camera(camera: lens.Camera, low: Array, high: Array) -> lens.Camera:
+def crop_camera(camera: pinhole.Camera, low: Array, high: Array) -> pinhole.Camera:
     """Let a camera read its sensor from one corner to another."""
     K = camera.K.copy()
     K[:2, 2] -= low
@@ -342,7 +342,9 @@ def window_camera(rig: Rig, station: Station, whole: int = 1) -> tuple[Station, 
         abs(part.amplitude * part.shape(rig.motion.structure, points))
         for part in rig.motion.components
     )
-    uv = lens.project_points(camera, on_surface(extent, points[:, None], np.stack([-lift, lift])))
+    uv = pinhole.project_points(
+        camera, on_surface(extent, points[:, None], np.stack([-lift, lift]))
+    )
     flat = uv.reshape(2, -1) / whole
     spare, most = WINDOW_MARGIN_PX / whole, np.array(camera.size) // whole
     low = whole * np.clip(np.floor(flat.min(axis=1) - spare).astype(int), 0, most)

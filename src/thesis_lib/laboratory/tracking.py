@@ -54,7 +54,7 @@ from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vibration.structure import Structure
-from thesis_lib.vision import lens, pinhole
+from thesis_lib.vision import pinhole
 
 MAX_CENTRE_ERROR_PX = 1.0  # px from the truth beyond which a marker counts as taken for another
 TRACK_VARIABLES = read_variables(__file__, "tracks")
@@ -107,13 +107,13 @@ def true_centres(rig: Rig, station: Station, times: Array) -> Array:
     """Project the markers at some times, shape (times, 2, markers), px."""
     points = rig.markers.centres
     world = on_surface(rig.markers.extent, points[:, None], rig.motion.deflection(points, times))
-    return np.asarray(lens.project_points(station.camera, world).swapaxes(0, 1))
+    return np.asarray(pinhole.project_points(station.camera, world).swapaxes(0, 1))
 
 
-def true_view(camera: lens.Camera, markers: Markers) -> View:
+def true_view(camera: pinhole.Camera, markers: Markers) -> View:
     """Return a camera's true view of the structure at rest."""
-    corners = lens.project_points(camera, on_surface(markers.extent, markers.corners))
-    return view_of(camera, markers, lens.undistort_pixels(camera, corners))
+    corners = pinhole.project_points(camera, on_surface(markers.extent, markers.corners))
+    return view_of(camera, markers, pinhole.undistort_pixels(camera, corners))
 
 
 def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None) -> TrackedCentres:
@@ -195,7 +195,7 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
     harmonics: list[Harmonics] = []
     rest = []
     for camera, own in zip(rig.cameras, found, strict=True):
-        uv = lens.undistort_tracks(camera, own.centres)
+        uv = pinhole.undistort_tracks(camera, own.centres)
         steady = own.times >= rig.motion.steady
         harmonics.append(fit_harmonics(omega, own.times[steady], uv[steady], order))
         rest.append(mean_of(uv[own.times < rig.motion.start]))
@@ -270,7 +270,7 @@ def calibrate_rig(rig: Rig) -> Adjustment:
     return adjust_bundle(observed, rig.board.corners, [one.camera() for one in single])
 
 
-def crop_sensors(rig: Rig, cameras: Sequence[lens.Camera]) -> tuple[Rig, list[lens.Camera]]:
+def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list[pinhole.Camera]]:
     """Let cameras read the part of their sensors which the structure reaches.
 
     Parameters
@@ -291,7 +291,7 @@ def crop_sensors(rig: Rig, cameras: Sequence[lens.Camera]) -> tuple[Rig, list[le
     ).reshape(3, -1)
     parts, others = [], []
     for camera, other in zip(rig.cameras, cameras, strict=True):
-        uv, most = lens.project_points(camera, box), np.array(camera.size)
+        uv, most = pinhole.project_points(camera, box), np.array(camera.size)
         low = np.clip(np.floor(uv.min(axis=1)).astype(int) - WINDOW_MARGIN_PX, 0, most - 1)
         high = np.clip(np.ceil(uv.max(axis=1)).astype(int) + WINDOW_MARGIN_PX, low + 1, most)
         parts.append(crop_camera(camera, low, high))
@@ -312,7 +312,9 @@ class PlanarView(BeamView):
         self.shapes = rig.motion.shapes(self.points)
 
 
-def mark_outline(rig: Rig, cameras: Sequence[lens.Camera], corners: Sequence[Point]) -> list[View]:
+def mark_outline(
+    rig: Rig, cameras: Sequence[pinhole.Camera], corners: Sequence[Point]
+) -> list[View]:
     """Return the views of the plane of a structure whose corners (n, 2) in m are marked.
 
     Marked to a pixel in every image, corners are triangulated, and the outline is put there as a
@@ -321,11 +323,11 @@ def mark_outline(rig: Rig, cameras: Sequence[lens.Camera], corners: Sequence[Poi
     outline = on_surface(rig.markers.extent, np.array(corners).T)
     images = np.array(
         [
-            lens.undistort_pixels(camera, np.rint(lens.project_points(true, outline)))
+            pinhole.undistort_pixels(camera, np.rint(pinhole.project_points(true, outline)))
             for true, camera in zip(rig.cameras, cameras, strict=True)
         ]
     )
-    P = lens.projection_matrices(cameras)
+    P = pinhole.projection_matrices(cameras)
     frame = fit_grid(triangulate_seen(P, images)[0], outline)
     box = frame.R.T @ on_surface(rig.markers.extent, rig.markers.corners) + frame.origin[:, None]
     pairs = zip(cameras, pinhole.project(P, box), strict=True)
@@ -440,13 +442,16 @@ def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track
     """Select tracks of the free vibration after the tap, and the markers at rest before it."""
     tracks, still = [], []
     for station, own in zip(rig.stations, found, strict=True):
-        uv, exposure = lens.undistort_tracks(station.camera, own.centres), station.sensor.exposure
+        uv, exposure = (
+            pinhole.undistort_tracks(station.camera, own.centres),
+            station.sensor.exposure,
+        )
         still.append(mean_of(uv[own.times < rig.motion.start]))
         ring = own.times > rig.motion.steady + exposure
         own_v = own.centres[ring, 1]
         tracks.append(Track(station.camera, own.times[ring], uv[ring], exposure, 0.0, own_v))
     images = np.array(still)
     frame = check_frame(rig.cameras, images, rig.markers)
-    points, _ = triangulate_seen(lens.projection_matrices(rig.cameras), images)
+    points, _ = triangulate_seen(pinhole.projection_matrices(rig.cameras), images)
     thick = float(getattr(rig.motion.structure, "thickness", 0.0))
     return tracks, Rest(images, frame, points, rig.markers.centres, thick)

@@ -21,7 +21,7 @@ from thesis_lib.measure.recordings.validation import describe_repeats, inspect_f
 from thesis_lib.measure.synchronisation.listen import estimate_delays
 from thesis_lib.measure.tracking.tracks import Recording, record_track
 from thesis_lib.studies import schema, storage, workers
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 
 CALIBRATION_VARIABLES = schema.read_variables(__file__, "calibration")
 SOUND_VARIABLES = schema.read_variables(__file__, "synchronisation")

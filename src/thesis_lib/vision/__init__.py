@@ -8,8 +8,8 @@ To start from: cameras (:func:`.hemisphere_cameras`, or real ones: :class:`.Came
 """
 
 from thesis_lib.vision.interval import estimate_noise, interval_estimate
-from thesis_lib.vision.lens import Camera, project_points, undistort_pixels
 from thesis_lib.vision.pinhole import (
+    Camera,
     CameraArray,
     ground_sample_distance,
     hemisphere_cameras,
@@ -17,6 +17,8 @@ from thesis_lib.vision.pinhole import (
     on_sensor,
     pixelate,
     project,
+    project_points,
+    undistort_pixels,
 )
 from thesis_lib.vision.rounding import deflection_covariance, deflection_variance, grid_shifts
 from thesis_lib.vision.simulation import measure_deflections, percent_errors

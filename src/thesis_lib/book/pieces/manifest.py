@@ -21,7 +21,6 @@ from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure import messages
 from thesis_lib.measure.feasibility import assess
 from thesis_lib.measure.feasibility.prediction import draft_manifest
-from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.recordings import manifest_parts
 from thesis_lib.measure.recordings.board import BoardSpec, MarkersSpec
@@ -30,6 +29,7 @@ from thesis_lib.measure.report import build, figures, warnings
 from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies.fields import describe_allowed, unit_of_field
 from thesis_lib.templates import render
+from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import cone_law
 from thesis_lib.vision.optics import depth_of_field
 

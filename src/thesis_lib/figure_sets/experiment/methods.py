@@ -35,7 +35,7 @@ from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.listen import whole_frames
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATION_METHODS = ("literal", "full")
@@ -130,7 +130,7 @@ def check_grid(data: xr.Dataset, markers: Markers) -> None:
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         raw = [np.nanmean(own[mask], axis=0) for own, mask in zip(tracks, still, strict=True)]
     cameras = read_cameras(data, "full", int(data["width"].max()))
-    rest = np.array([lens.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
+    rest = np.array([pinhole.undistort_pixels(c, own) for c, own in zip(cameras, raw, strict=True)])
     rc.check_frame(cameras, rest, markers)
 
 
@@ -194,12 +194,16 @@ def join_steps(
     )
 
 
-def read_cameras(data: xr.Dataset, calibration: str, width: int | None = None) -> list[lens.Camera]:
+def read_cameras(
+    data: xr.Dataset, calibration: str, width: int | None = None
+) -> list[pinhole.Camera]:
     """Return the cameras of a dataset, at full size or reduced to a width."""
     cameras = rig.cameras_in(data.sel(calibration=calibration))
     if width is None:
         return cameras
-    return [lens.resize_camera(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras]
+    return [
+        pinhole.resize_camera(c, (width, round(width * c.size[1] / c.size[0]))) for c in cameras
+    ]
 
 
 MAX_HARMONIC_ORDER = 2  # harmonics that are fitted
@@ -269,10 +273,10 @@ def select_tracks(
     return Tracks(cameras, harmonics, rest, fit.frame, uv, times, whole, rest_frames)
 
 
-def _undistort_tracks(cameras: list[lens.Camera], raw: Array) -> Array:
+def _undistort_tracks(cameras: list[pinhole.Camera], raw: Array) -> Array:
     """Return tracks (cameras, frames, 2, markers) without lens distortion, px."""
     return np.stack(
-        [lens.undistort_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
+        [pinhole.undistort_tracks(camera, own) for camera, own in zip(cameras, raw, strict=True)]
     )
 
 

@@ -10,11 +10,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from thesis_lib.measure.fitting.aliasing import detuning_loss
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting import style
 from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
 from thesis_lib.studies.cubes import iterate_slices
+from thesis_lib.vibration.motion import detuning_loss
 
 STYLE = style.MATH_STYLE  # of figures
 MIN_DISAGREEMENT = 3.0  # over what noise makes of it, beyond which cameras disagree

@@ -37,7 +37,7 @@ from thesis_lib.vibration.motion import Component
 from thesis_lib.vibration.panel import Panel
 from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Beam, Plate, modal_coordinates, resonance_frequency
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 MOVING_MODES = 40  # that move
 PLATE_THICKNESS_M = 0.003  # m, of the plates
@@ -358,7 +358,7 @@ def _project_centres(rig: Rig, index: int, times: Array) -> Array:
     shapes = rig.motion.shapes(markers.centres)
     deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
     points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
-    return np.moveaxis(lens.project_points(station.camera, points).mean(axis=2), 0, 1)
+    return np.moveaxis(pinhole.project_points(station.camera, points).mean(axis=2), 0, 1)
 
 
 def _as_measured(found: Modes) -> xr.Dataset:

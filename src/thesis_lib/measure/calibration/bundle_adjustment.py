@@ -28,7 +28,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, IntArray, Mask
-from thesis_lib.vision.lens import (
+from thesis_lib.vision.pinhole import (
     Camera,
     distort_coordinates,
     distortion_jacobian,

@@ -26,7 +26,7 @@ from scipy.special import erf
 
 from thesis_lib.arrays import Array, Image, IntArray, Mask
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.lens import HALF_PIXEL
+from thesis_lib.vision.pinhole import HALF_PIXEL
 
 _MIN_BORDER_PX = 4.0  # least distance of a corner from the image's border, px
 # Corners of a board with marks that must be seen, or half of a small one's

@@ -35,7 +35,7 @@ from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.recordings.manifest import Manifest, shot_paths
 from thesis_lib.measure.recordings.media import read_png
 from thesis_lib.studies.workers import map_in_pairs
-from thesis_lib.vision.lens import HALF_PIXEL, Camera
+from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 _LEAST_SHOTS = 3  # two homographies already determine K without skew, but leave nothing to check
 _LEAST_TILT = np.radians(4.0)  # between the two boards that differ most

@@ -50,7 +50,7 @@ from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION, cameras_in, co
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.studies.schema import label_values, read_variables, with_origin
 from thesis_lib.studies.storage import key_of, load_or_compute
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 
 # Shots that the jackknife needs: with fewer, a direction often has too little by chance
 MIN_JACKKNIFE_IMAGES = 5

@@ -39,7 +39,7 @@ from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.schema import label_values
 from thesis_lib.studies.storage import key_of
 from thesis_lib.text import one_line
-from thesis_lib.vision.lens import HALF_PIXEL, Camera
+from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
 OWN_FILE = "calibration.nc"
 FILE_SUFFIXES = (".yaml", ".yml", ".toml", ".xml", ".json", ".nc")

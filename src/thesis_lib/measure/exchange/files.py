@@ -1,7 +1,8 @@
 """All files of a measurement that other programs open: one list of formats.
 
 A format is a function that takes a path and a :class:`Measured`, and a line in :data:`FORMATS`.
-Below it stand MATLAB's, ParaView's grids of the markers, and modal software's universal files.
+Below it stand MATLAB's, ParaView's grids of the markers, and modal software's universal files; at
+last, for Python, the motion as SDyPy's dictionaries.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from thesis_lib.measure.exchange import history
 from thesis_lib.measure.exchange.cameras import in_structure_axes, write_aniposelib, write_opencv
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies import storage
-from thesis_lib.vision.lens import Camera
+from thesis_lib.vision.pinhole import Camera
 
 MAX_ROW_OFFSET_M = 1e-6  # m; markers closer than this along an axis stand in one row or column
 MAX_EDGE_RATIO = 2.5  # times the middle edge's length, beyond which an edge spans a gap
@@ -445,3 +446,47 @@ def _function_set(
         abscissa_min=float(x[0]), abscissa_inc=step if even else 0.0, z_axis_spec_data_type=0,
         data=row, x=x, **kind)  # fmt: skip
     return made
+
+
+def sep005_channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
+    """Return the deflections of the markers as SEP 5 dictionaries, one for each.
+
+    Python's vibration packages hand them to each other; `SDyPy's proposal 5
+    <https://github.com/sdypy/sdypy/blob/main/docs/seps/sep-0005.rst>`_ says which keys they have.
+
+    Parameters
+    ----------
+    motion : Path or xarray.Dataset
+        ``motion.nc`` of a measurement, or what is in it.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``data`` (times,) in ``unit_str``, which is m, ``quantity`` "d" (displacement),
+        ``fs`` in Hz or, if the frames were not taken at even times, ``time`` in s;
+        ``start_timestamp`` is not known. Markers that are never seen are left out.
+
+    Examples
+    --------
+    >>> moved = xr.Dataset(
+    ...     {"displacement": (("axis", "time", "marker"), [[[1.0], [3.0], [2.0]]])},
+    ...     {"axis": ["z"], "time": [0.0, 0.5, 1.0], "marker": [1]},
+    ... )
+    >>> (channel,) = sep005_channels(moved)
+    >>> channel["fs"], channel["data"].tolist()
+    (2.0, [0.001, 0.003, 0.002])
+    """
+    if isinstance(motion, Path):
+        motion = xr.load_dataset(motion, engine="h5netcdf")
+    times = motion["time"].values
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    even = np.all(np.abs(np.diff(times) - step) < MAX_UNEVENNESS * step)
+    clock: dict[str, Any] = {"fs": float(1 / step)} if even else {"time": times}
+    deflection = motion["displacement"].sel(axis="z")
+    return [
+        {"name": f"marker {number} z", "data": row / 1e3, "unit_str": "m", "quantity": "d", **clock}
+        for number, row in zip(
+            motion["marker"].values, deflection.values.T.astype(float), strict=True
+        )
+        if np.isfinite(row).any()
+    ]

@@ -21,8 +21,7 @@ from thesis_lib.measure.fitting.reconstruction import triangulate_seen
 from thesis_lib.measure.recordings.validation import ChainError
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision.lens import distort_pixels, projection_matrices
-from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.pinhole import distort_pixels, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
 
 ALWAYS_S = 1e6  # s, before and after all recordings

@@ -17,7 +17,6 @@ import numpy as np
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.feasibility import prediction
 from thesis_lib.measure.feasibility.prediction import CameraPrediction, PredictedView, RigPrediction
-from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import (
     ALL_MESSAGES,
@@ -28,6 +27,7 @@ from thesis_lib.measure.messages import (
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
 from thesis_lib.measure.tracking.follow import DETECTORS
 from thesis_lib.text import format_share, one_line
+from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.web.html import render_lines
 
 CENTRE_NOISE_PX = 0.03  # rendered recordings scatter 0.016 px lossless to 0.03 px in H.264

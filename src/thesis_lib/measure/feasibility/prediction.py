@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.files import whole_text
-from thesis_lib.measure.fitting.aliasing import fold_frequency
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
+from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import pinhole
 from thesis_lib.vision.optics import blur_circle, depth_of_field
 from thesis_lib.vision.rounding import deflection_variance

@@ -29,7 +29,7 @@ from thesis_lib.measure.fitting.harmonics import Fitted, Harmonics
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 MAX_FROZEN_RATIO = 0.2  # of the median scatter, below which a marker stands still in the video
 MIN_AWAKE_RATIO = 0.5  # of it, from which on one certainly does not
@@ -354,12 +354,12 @@ def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     return harmonics.combine_fit(list(cameras), seen, np.array(rest), markers)
 
 
-def _undistort_anew(old: lens.Camera, new: lens.Camera, uv: Array) -> Array:
+def _undistort_anew(old: pinhole.Camera, new: pinhole.Camera, uv: Array) -> Array:
     """Return places without distortion by one camera, as another one has them, (2, ...)."""
-    return lens.undistort_pixels(new, lens.distort_pixels(old, uv))
+    return pinhole.undistort_pixels(new, pinhole.distort_pixels(old, uv))
 
 
-def _undistort_again(old: lens.Camera, new: lens.Camera, own: Harmonics) -> Harmonics:
+def _undistort_again(old: pinhole.Camera, new: pinhole.Camera, own: Harmonics) -> Harmonics:
     """Undistort harmonics by another camera, to first order about their mean."""
     mean = own.coefficients[0]
     moved = _undistort_anew(old, new, mean)

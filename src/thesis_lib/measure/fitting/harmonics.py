@@ -20,7 +20,7 @@ from thesis_lib.measure.fitting import reconstruction
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision import lens
+from thesis_lib.vision import pinhole
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def mean_of(values: Array) -> Array:
 class Fitted:
     """Harmonics of all cameras, and the frame of the markers at rest."""
 
-    cameras: list[lens.Camera]  #: Calibrated
+    cameras: list[pinhole.Camera]  #: Calibrated
     #: Of the tracks (2, markers) of each camera without lens distortion, px
     harmonics: list[Harmonics]
     rest: Array  #: Marker centres at rest without distortion, px, shape (cameras, 2, markers)
@@ -188,7 +188,7 @@ class Fitted:
     @property
     def P(self) -> Array:
         """Return the projection matrices, shape (cameras, 3, 4)."""
-        return lens.projection_matrices(self.cameras)
+        return pinhole.projection_matrices(self.cameras)
 
     @property
     def sigma(self) -> Array:
@@ -202,10 +202,10 @@ class Fitted:
 
 
 def combine_fit(
-    cameras: list[lens.Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
+    cameras: list[pinhole.Camera], harmonics: list[Harmonics], rest: Array, markers: Markers
 ) -> Fitted:
     """Put harmonics and markers at rest together, in the frame of the markers' grid."""
-    points, _ = reconstruction.triangulate_seen(lens.projection_matrices(cameras), rest)
+    points, _ = reconstruction.triangulate_seen(pinhole.projection_matrices(cameras), rest)
     frame = reconstruction.fit_grid(points, markers.world[:, : markers.count])
     return Fitted(cameras, harmonics, rest, frame)
 
@@ -305,7 +305,7 @@ def _fit_camera_track(
 
 def row_delays(own: Recording, uv: Array) -> Array:
     """Compute when a rolling shutter sees places (2, markers) after its frames' times, s."""
-    rows = lens.distort_pixels(own.camera, uv)[1] / own.camera.size[1]
+    rows = pinhole.distort_pixels(own.camera, uv)[1] / own.camera.size[1]
     return np.asarray(own.readout * (rows - 0.5), float)
 
 

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from thesis_lib.arrays import Array, ComplexArray, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.validation import ChainError
-from thesis_lib.vision.lens import Camera, projection_matrices
-from thesis_lib.vision.pinhole import project
+from thesis_lib.vision.pinhole import Camera, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulate, triangulation_gain
 
 GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of size, at rest

@@ -16,7 +16,6 @@ import xarray as xr
 from thesis_lib.arrays import Array
 from thesis_lib.measure.fitting import errors, harmonics
 from thesis_lib.measure.fitting import frequency as clocks
-from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.harmonics import Fitted
 from thesis_lib.measure.fitting.reconstruction import check_frame, check_sides, misfit_at_rest
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -24,7 +23,7 @@ from thesis_lib.measure.recordings.manifest_parts import StructureSpec
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vibration.motion import Component
+from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
 from thesis_lib.vision.simulation import assurance_criterion
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
-from thesis_lib.measure.fitting.aliasing import fold_frequency, list_aliases
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
@@ -25,7 +24,8 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision.lens import projection_matrices
+from thesis_lib.vibration.motion import fold_frequency, list_aliases
+from thesis_lib.vision.pinhole import projection_matrices
 
 MAX_MODES = 8  # modes that are sought if their number is not given
 FURTHER_MODES = 2  # further modes that are tried, to see which hold

@@ -33,14 +33,14 @@ from thesis_lib.measure.fitting.harmonics import (
 from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision import lens, pinhole, triangulation
+from thesis_lib.vision import pinhole, triangulation
 
 
 @dataclass(frozen=True)
 class Track:
     """What one camera saw of the markers."""
 
-    camera: lens.Camera  #: Calibrated
+    camera: pinhole.Camera  #: Calibrated
     times: Array  #: Of the frames' middle rows, on the first camera's clock, s, shape (frames,)
     uv: Array  #: Centres without lens distortion, px, NaN where missing, (frames, 2, markers)
     exposure: float = 0.0  #: Exposure time in s
@@ -74,7 +74,7 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
     for own in recordings:
         first, last = own.between(begin, end)
         centres = np.array(own.centres[first:last], float)
-        uv = lens.undistort_tracks(own.camera, centres)
+        uv = pinhole.undistort_tracks(own.camera, centres)
         found.append(
             Track(own.camera, own.times[first:last], uv, own.exposure, own.readout, centres[:, 1])
         )
@@ -239,7 +239,7 @@ def remove_nonlinearity(
     shutter is seen at times that depend on it. Both add sums and differences of frequencies, which
     are as large as weak modes. With the modes that are found they are computed, and taken away.
     """
-    P, normal = lens.projection_matrices([track.camera]), rest.frame.R[2]
+    P, normal = pinhole.projection_matrices([track.camera]), rest.frame.R[2]
 
     def predict_heights(late: Array) -> Array:
         at = (track.times - zero)[:, None] + late

@@ -33,7 +33,7 @@ from thesis_lib.plotting.style import (
 )
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vision.lens import project_points
+from thesis_lib.vision.pinhole import project_points
 
 MAX_FRAMES = 2000  # of a camera, the last ones, that show the motion
 VARIABLES = read_variables(__file__, "first_frames")

@@ -41,7 +41,7 @@ from thesis_lib.measure.synchronisation import audio
 from thesis_lib.measure.synchronisation.audio import AudioSource, SynchronisationError
 from thesis_lib.measure.synchronisation.drift import COMPARED_RATE_HZ, beside_first
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.vision import lens, pinhole, triangulation
+from thesis_lib.vision import pinhole, triangulation
 
 # Times the resonance's time constant in which it settles: to e⁻⁴, 2 %
 SETTLING_TIME_CONSTANTS = 4.0
@@ -303,7 +303,7 @@ def estimate_deflections(
     NaN where fewer than two cameras see a marker, and where it seems to move along the surface: a
     camera has then taken it for its neighbour. `repeated` is that of :func:`undistorted_images`.
     """
-    P = lens.projection_matrices([own.camera for own in recordings])
+    P = pinhole.projection_matrices([own.camera for own in recordings])
     off = rest.images - pinhole.project(P, rest.points)  # what the cameras disagree by at rest
     still = rest.frame.to_beam(rest.points)
     aside = MAX_SURFACE_SHIFT_RATIO * KDTree(rest.places.T).query(rest.places.T, k=2)[0][:, 1]
@@ -329,13 +329,13 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     pad = (NEAR_SAMPLES + 1) / own.rate + abs(own.readout)
     first, last = own.between(at[0] - pad, at[-1] + pad)
     seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
-    uv, times = lens.undistort_tracks(own.camera, seen) - still, own.times[first:last]
+    uv, times = pinhole.undistort_tracks(own.camera, seen) - still, own.times[first:last]
     full = without_gaps(times, uv, own.rate)
     if repeated:
         lost = np.zeros(uv.shape, bool)
         lost[repeated:] = np.isnan(uv)[:-repeated]
         uv = np.where(lost, np.nan, full)
-    rows = lens.distort_pixels(own.camera, still)[1]
+    rows = pinhole.distort_pixels(own.camera, still)[1]
     late = np.nan_to_num(own.readout * (rows / height - 0.5))
     later = own.readout * full[:, 1] / height  # since the marker has moved across rows
     uv = uv - np.nan_to_num(np.gradient(full, times, axis=0) * later[:, None])
@@ -424,7 +424,7 @@ def in_step(
 
 def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
     """Return the deflections along the normal by each camera alone, m, (times, markers)."""
-    P = lens.projection_matrices([own.camera for own in recordings])
+    P = pinhole.projection_matrices([own.camera for own in recordings])
     slopes = np.einsum("cikn,k->cin", triangulation.image_jacobian(P, rest.points), rest.frame.R[2])
     found = []
     for own, still, slope in zip(recordings, rest.images, slopes, strict=True):

@@ -41,7 +41,7 @@ from thesis_lib.measure.tracking.tracker import (
     fill_missing,
     sharpen_view,
 )
-from thesis_lib.vision.lens import HALF_PIXEL, Camera, resize_camera, undistort_pixels
+from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, resize_camera, undistort_pixels
 
 CELLS_PER_PIXEL = 8  # of a pixel, each way: with 16 centres differ by 0.0005 px
 MAX_FIT_ROUNDS = 6  # of the fit, at most

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.vision.lens import HALF_PIXEL, Camera, distort_pixels, undistort_pixels
+from thesis_lib.vision.pinhole import HALF_PIXEL, Camera, distort_pixels, undistort_pixels
 
 
 def as_dark(image: Image, markers: Markers) -> Image:

@@ -22,7 +22,7 @@ from scipy.special import ndtr
 from thesis_lib.arrays import Array, Image, IntArray, Mask
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.homography import TrackingError, View, fit_homography
-from thesis_lib.vision.lens import HALF_PIXEL, undistort_pixels
+from thesis_lib.vision.pinhole import HALF_PIXEL, undistort_pixels
 
 PIXELS_PER_MARKER = 10  # of the resampled beam in a marker's diameter
 # Diameters that it is searched beyond the beam: more than a row moves on its plane

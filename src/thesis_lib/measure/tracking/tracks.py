@@ -27,7 +27,7 @@ from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.tracking.follow import pictures_of, trackers_of
 from thesis_lib.measure.tracking.homography import TrackingError, as_dark
 from thesis_lib.measure.tracking.tracker import Tracker
-from thesis_lib.vision.lens import Camera, undistort_tracks
+from thesis_lib.vision.pinhole import Camera, undistort_tracks
 
 FRAMES_PER_STATE = 100  # frames after which the state is written
 CHUNK_FRAMES = 512  # frames that are read back at once
