@@ -6,8 +6,6 @@ refuses to replace it. One that is in it and has been edited since is kept besid
 name.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import hashlib

@@ -4,8 +4,6 @@ A template stands in the folder ``templates`` next to the module that fills it. 
 values; the template holds the words, the headings and how each number is rounded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path

@@ -4,8 +4,6 @@ Nothing in a text is hidden, and messages are one short line. Lines and JSON go 
 status messages to standard error; none of it changes a result.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

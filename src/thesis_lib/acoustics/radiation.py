@@ -24,8 +24,6 @@ move alike. So errors that markers have in common radiate, and those that each h
 do.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The latter is told by contents, before much is imported.
 The tasks of ``dodo.py`` know better what is stale, but to ask them takes some seconds.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from thesis_lib.files import digest_of, folder_files, project_root, whole_text

@@ -6,8 +6,6 @@ so do the experiments of the page on the law of rounding. Everything else comes 
 structures' constants, the thesis's setups, their published errors, and what the thesis states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path

@@ -3,8 +3,6 @@
 ``_config.yml`` names this module among the extensions.
 """
 
-from __future__ import annotations
-
 import ast
 import gc
 import inspect

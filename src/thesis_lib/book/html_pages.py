@@ -8,8 +8,6 @@ equations, names of the library, terms, warnings, sources and claims. All of the
 script, since a page opened from a folder may fetch no other page.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -9,8 +9,6 @@ are printed as they first stand. A line that says where they are replaces the vi
 the figures below them show the same, case by case.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

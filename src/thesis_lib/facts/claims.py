@@ -9,8 +9,6 @@ Each is held against what the library or a line of arithmetic gives. A printed d
 all that would be rounded to it; a fraction or a product, such as 1/60, for itself.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import re

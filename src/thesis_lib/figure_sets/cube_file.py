@@ -8,8 +8,6 @@ whole. What a product does not share with all others, it names in its
 A file is read only if it is what its own request asks for, no more and no less.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import time

@@ -1,7 +1,5 @@
 """The figures and texts of any cube: one for each case and mode, or by name."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

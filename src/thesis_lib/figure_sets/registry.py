@@ -5,8 +5,6 @@ A reader's own set is a folder anywhere with the same modules
 Kernels find it by the environment variable :data:`SETS_VARIABLE`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

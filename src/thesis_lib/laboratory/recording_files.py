@@ -1,7 +1,5 @@
 """The files of a recording: videos, sound, calibration images, manifest; and an example of them."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -17,8 +17,6 @@ Rigs of other experiments are made here, too, and the replicates of all: cameras
 again, on other clocks, with other noise.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

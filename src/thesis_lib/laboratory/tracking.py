@@ -13,8 +13,6 @@ Tracks of many rigs are recorded as one dataset, and read from it. In an impact 
 tapped and rings, and its free decay is cut out of the tracks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

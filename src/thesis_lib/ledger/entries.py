@@ -9,8 +9,6 @@ numbers that exclude each other, or another interpretation of the thesis that me
 no explanation was found.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -34,8 +34,6 @@ alike
     The means (geometric, over the settings) are at most ``MAX_ALIKE_RATIO`` times each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations

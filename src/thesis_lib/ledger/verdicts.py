@@ -20,8 +20,6 @@ is meant.
 Trends are judged by :mod:`thesis_lib.ledger.trends`, on the series.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache

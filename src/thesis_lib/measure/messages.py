@@ -1,7 +1,5 @@
 """Messages for users: notes on a result and checks of a manifest, from ``messages.toml``."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

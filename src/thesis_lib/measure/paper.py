@@ -1,7 +1,5 @@
 """Pages of a PDF in true scale: the board, markers, and places of cameras, with a ruler."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial

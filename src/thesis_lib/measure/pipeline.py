@@ -1,7 +1,5 @@
 """The whole chain on a folder of recordings: check, calibrate, synchronise, track, fit, report."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The steps from recordings to tracks, each cached in a folder: calibrate, listen, track."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path

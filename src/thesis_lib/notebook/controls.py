@@ -5,8 +5,6 @@ and refused comes from the models of :mod:`thesis_lib.figure_sets.registry`, as 
 a file that nobody runs, the controls are nothing: their output holds a widget's view alone.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import time

@@ -1,7 +1,5 @@
 """New figure sets from the template next to this file, and the parameter cells of notebooks."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -5,8 +5,6 @@ that it knows comes from the models of :mod:`thesis_lib.figure_sets.registry`, s
 refuses and writes what the ``thesis`` command takes. Beam and plate it computes, too.
 """
 
-from __future__ import annotations
-
 import ast
 import base64
 import html

@@ -10,8 +10,6 @@ variance along the marker's normal, σ² nᵀ M⁻¹ n. With JᵀJ of every cand
 a sum. M grows with the square of the pixels across, so the best layout does not depend on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -13,8 +13,6 @@ of layouts nor what is seen are computed to the last digit, and that digit is no
 machines. Among places so far apart the choice does not depend on it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

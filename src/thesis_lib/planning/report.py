@@ -1,7 +1,5 @@
 """A plan as figures, as a view that can be turned, and as the files of ``thesis plan``."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

@@ -5,8 +5,6 @@ than noise, so they are the same on every machine. Layouts that are equally good
 images, are told apart by rule.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from typing import Any

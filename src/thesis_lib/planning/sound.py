@@ -7,8 +7,6 @@ errs by along its own sound. The best layout for the shape is begun with, and it
 by some degrees while that helps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal

@@ -15,8 +15,6 @@ variable                      dimensions          meaning
 Anything else in the file is left alone. The peak of a mode is its largest deflection in the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -6,8 +6,6 @@ by the law of rounding, and what the thesis states. Settings are ordered, and so
 blue and vermilion are the best and the worst.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

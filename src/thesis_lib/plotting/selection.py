@@ -3,8 +3,6 @@
 Tables are tidy, one number to a row. The interactive viewer takes its data as plain JSON values.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

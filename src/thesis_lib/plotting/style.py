@@ -5,8 +5,6 @@ pyplot; code that draws or saves does it inside :func:`in_style`, alone among al
 our style over Matplotlib's own defaults; no ``matplotlibrc`` has a say.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import threading

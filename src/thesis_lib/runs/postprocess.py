@@ -5,8 +5,6 @@ stay as they are. In the book the files stand in its folder ``data``; on a page 
 stands next to it, and small tables are in the page itself.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Result cubes: what they say in a table, what of them is published, and how two of them differ."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path

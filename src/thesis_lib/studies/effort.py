@@ -1,7 +1,5 @@
 """Time and memory of figure sets, as the published run took them."""
 
-from __future__ import annotations
-
 import csv
 import json
 import sys

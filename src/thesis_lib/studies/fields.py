@@ -7,8 +7,6 @@ type whose bounds do not tell all has a ``title``. What depends on other fields 
 model, which refuses in words of its own.
 """
 
-from __future__ import annotations
-
 import difflib
 import json
 from collections.abc import Iterable, Mapping, Sequence

@@ -3,8 +3,6 @@
 Each folder whose modules write results declares their variables in ``variables.toml``.
 """
 
-from __future__ import annotations
-
 import datetime
 import importlib.metadata
 import json

@@ -7,8 +7,6 @@ without it, or that has another, was cut, edited or copied there by hand: it is 
 again. What other packages computed has other keys.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -8,8 +8,6 @@ a notebook. An existing cluster needs ``distributed`` (``pip install thesis-lib[
 configuration has the keys for TLS.
 """
 
-from __future__ import annotations
-
 import asyncio
 import concurrent.futures as pools
 import logging

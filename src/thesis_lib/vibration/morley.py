@@ -10,8 +10,6 @@ corners and has a slope across the middle of side k (opposite to corner k) alone
 … instead, which loses the more digits the smaller a triangle is, and the farther from the origin.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

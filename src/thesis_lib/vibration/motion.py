@@ -4,8 +4,6 @@ Frames at a rate r cannot tell a frequency f from |f − kr|, k = 1, 2 …, and 
 above half of the rate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

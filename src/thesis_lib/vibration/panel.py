@@ -5,8 +5,6 @@ Beam and rectangle have closed forms; a panel's frequencies and shapes come from
 around it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ between the clamp and the free end, has the shapes sin((2n − 1)πx / 2L) and t
 ωₙ = (2n − 1)π / (2L) √(GJ / ρI_p).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

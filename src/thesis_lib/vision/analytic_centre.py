@@ -18,8 +18,6 @@ one z: the Hessian is an arrow, solved by eliminating every z first.
 Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ result from disk. It runs on one thread and releases the interpreter's lock, so 
 part of the points each run side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -24,8 +24,6 @@ are in rad, and `motion` is the largest motion of the centre in m, if it is to b
 of the distance it is a ValueError. Arrays broadcast.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -14,8 +14,6 @@ camera's shake, independent from frame to frame. A negative one, or one that is 
 ValueError. Variances are over random pixel grids; arrays broadcast.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

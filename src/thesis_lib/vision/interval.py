@@ -45,8 +45,6 @@ and no estimator follows it: faces of pixels are then sharp, but few of them are
 Images are ``(cameras, 2, ...)`` in px, points ``(3, ...)`` in m.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -5,8 +5,6 @@ image coordinates in px. Everything broadcasts. Images are ``(rows, columns)`` o
 ``(rows, columns, colours)``, the first row on top.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

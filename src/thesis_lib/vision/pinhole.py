@@ -20,8 +20,6 @@ Distortion acts on normalised coordinates (x, y) = (X/Z, Y/Z) with r² = x² + y
 (Brown 1966, in OpenCV's order k₁, k₂, p₁, p₂, k₃).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -11,8 +11,6 @@ the deviation √2 σ of a motion: of its Fourier series 1/6 − Σ cos(2πkδ) 
 exp(−4π²k²σ²).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -19,8 +19,6 @@ the distances differ.
 over the hemisphere, and markers near the origin that move along Z.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -15,8 +15,6 @@ through ``thesis_lib.vision.compiled`` where numba is installed; the results are
 rounding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

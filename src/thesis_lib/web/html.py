@@ -4,8 +4,6 @@ A page loads nothing, which its own policy enforces. A fragment carries its Java
 in a page without a kernel, a server or a network.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html

@@ -3,8 +3,6 @@
 It is for a single run; the book is rendered by :mod:`thesis_lib.book.rendering`.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -1,7 +1,5 @@
 """The viewer of results as a widget."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ Of the former one published run of ``python -m benchmarks --publish``; of the la
 compared, with tolerances, as pytest last recorded it here.
 """
 
-from __future__ import annotations
-
 import json
 import statistics
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Chapter 7: the values of its tables, the conclusions at equal pixels, and what came of wishes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -10,8 +10,6 @@ cube carries (for simulations the first-order law of rounding). An :class:`Effec
 curves of one group, and one figure shows all of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

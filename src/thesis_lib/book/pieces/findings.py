@@ -1,7 +1,5 @@
 """Results of chapters, with numbers from the cubes: what each chapter, and the book, comes to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any

@@ -3,8 +3,6 @@
 Figures that need neither stand in ``book/figures``.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial

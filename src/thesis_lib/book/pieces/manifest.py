@@ -3,8 +3,6 @@
 The report is no page of Sphinx: it loads nothing, and is the file that a user would get.
 """
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence

@@ -9,8 +9,6 @@ those who cannot see it, and a link to where its numbers are. A chapter in the p
 page includes ``executed/provenance-SET.md``, too.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Values of structures, of the law of rounding, of what radiates, and of a planned layout."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of what of the thesis is where, and the book's account of its gaps."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """All pieces of pages that are made of cubes, and writing them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path

@@ -17,8 +17,6 @@ larger or smaller by some factor, how many of the thesis's values would be met? 
 that makes little difference tests little.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence

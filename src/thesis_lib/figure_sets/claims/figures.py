@@ -1,7 +1,5 @@
 """Figures and tables of the ledger: claimed against computed values, chapter by chapter."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product

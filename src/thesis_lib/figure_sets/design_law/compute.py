@@ -3,8 +3,6 @@
 It holds the law, simulations, findings, equal pixels, estimators and dither.
 """
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from typing import Any

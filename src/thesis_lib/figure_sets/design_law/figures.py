@@ -1,7 +1,5 @@
 """Figures of ``design-law``, drawn from its cube."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ second is the same for all. One frame is judged by the error of the beam's marke
 together by the error of an amplitude that is fitted to a film of the centre.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Part (c) of ``design-law``: the thesis's findings in expectation, one parameter at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ Figures of the notebooks are those of all beams (:func:`thesis_lib.plotting.pane
 what their tables need is at the end.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Beside the full calibration stands the thesis's own, and markers are followed at
 What comes out is one dataset that the methods work on; nothing here knows the truth.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ the measured dataset. Pixels are counted from the corner of the sensor, as every
 reaches from 0 to 1.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

@@ -6,8 +6,6 @@ themselves, (c) scatter and bias of the centres, (d) markers that are lost, or w
 the error is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures of the rendered plate, and what its tables need besides the cube."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

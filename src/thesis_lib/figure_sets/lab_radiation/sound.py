@@ -11,8 +11,6 @@ in the tracks, and their sound is computed as that of a measurement. The truth i
 true motion at the same moment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any

@@ -6,8 +6,6 @@ these only the strip that holds the beam is drawn. They are ``(rows, columns)`` 
 ``(rows, columns, 3)`` with values from 0 to 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -6,8 +6,6 @@ grid by s is ``rint(uv + s) − s`` with unchanged cameras, so all trials, all s
 image of a setting are one batch of points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any

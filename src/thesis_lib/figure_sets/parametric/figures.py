@@ -5,8 +5,6 @@ images, whole pixels included, and measured deflections of the same size: the no
 half as many errors as there are markers. Random shifts of the pixel grids undo that.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

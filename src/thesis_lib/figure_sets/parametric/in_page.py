@@ -4,8 +4,6 @@ The model stands in ``web/assets/physics.js``; structures, camera setups, and th
 errors that a new run is held against come from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -9,8 +9,6 @@ pixels, and round them alike; turned about the plate's normal by a few degrees, 
 where they are a reader's own layouts.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The cube of ``planner``: plans for standard questions, and the thesis's layouts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of ``planner``, drawn from its cube, and what its tables need besides the cube."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -17,8 +17,6 @@ S-transformation takes the covariances from one to the other; the rigid motion o
 :func:`fit_alignment` does the same for the errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

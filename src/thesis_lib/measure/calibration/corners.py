@@ -15,8 +15,6 @@ All that is as symmetric about the corner as the model, and moves no corner. Wha
 the part of the residual that is not symmetric about it, so that part decides whether it is one.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -10,8 +10,6 @@ which they stand still. Where the operator of Appendix D, step 3, clicks the sam
 image, this is what stands in for the operator. A board with marks has no symmetry.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 from collections import Counter

@@ -19,8 +19,6 @@ effect differs from pose to pose: deviations grow in proportion to the bend, but
 times smaller than the errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -6,8 +6,6 @@ a pixel less than we do. What is written puts the world where the structure is a
 its centre, X along its length, Z along its normal, in m.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence

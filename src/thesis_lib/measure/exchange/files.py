@@ -5,8 +5,6 @@ Below it stand MATLAB's, ParaView's grids of the markers, and modal software's u
 last, for Python, the motion as SDyPy's dictionaries.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime

@@ -7,8 +7,6 @@ frequency near or above half of the frame rate nor an exposure's blur takes anyt
 amplitude.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ What the manifest does not say is NaN; no warning follows from it. Limits and te
 are in ``messages.toml``.
 """
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

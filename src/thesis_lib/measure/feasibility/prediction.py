@@ -3,8 +3,6 @@
 A draft, of telephones around a structure, is made before anything is recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -11,8 +11,6 @@ in each of the independent directions of the calibration's covariance. Where the
 in it, and does not matter: the structure's frame comes from its markers at rest.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -8,8 +8,6 @@ phase of what a camera sees, against what the others see move along the normal, 
 within a period. Neither needs sound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

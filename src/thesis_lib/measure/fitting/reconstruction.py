@@ -4,8 +4,6 @@ Tracks are marker centres without lens distortion, shape ``(cameras, 2, frames, 
 NaN where a marker is missing; every camera has its own times, shape ``(cameras, frames)`` in s.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

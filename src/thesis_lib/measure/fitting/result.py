@@ -4,8 +4,6 @@ What a shape is compared with are the modes of the structure's model; the result
 dataset.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

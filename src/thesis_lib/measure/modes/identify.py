@@ -1,7 +1,5 @@
 """From the tracks of calibrated cameras to modes, as one labelled dataset."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

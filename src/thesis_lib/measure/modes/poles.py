@@ -19,8 +19,6 @@ frequency, and there alone: the geometric mean of their powers over noise tells.
 grid so fine that an ordinary Fourier transform serves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

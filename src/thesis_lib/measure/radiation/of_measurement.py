@@ -1,7 +1,5 @@
 """The sound of a measurement: what the manifest asks for, and files of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

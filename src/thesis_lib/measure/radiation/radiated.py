@@ -15,8 +15,6 @@ the steady tone that it is at one moment: at time t after it the power is W e^(â
 all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

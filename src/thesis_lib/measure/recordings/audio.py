@@ -5,8 +5,6 @@ by the clock of its images. The time stamps count: a line through them against t
 the samples per second of the video's clock, and only a jump between them is a gap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field

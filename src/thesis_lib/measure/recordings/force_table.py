@@ -5,8 +5,6 @@ comments, headers of any number of lines and a line of units are read. Columns a
 names and units, else by what they hold. What can be read in two ways is refused.
 """
 
-from __future__ import annotations
-
 import codecs
 import csv
 import datetime as dt

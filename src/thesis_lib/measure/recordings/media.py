@@ -8,8 +8,6 @@ Videos are written to Matroska, whose sound is plain PCM: AAC would put 1024 sam
 before the first one and up to 1024 after the last, and trusts the reader to drop them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

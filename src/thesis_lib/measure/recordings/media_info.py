@@ -1,7 +1,5 @@
 """What a video file says about itself: size, rate, length, presentation times."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Iterator

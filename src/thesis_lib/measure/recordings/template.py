@@ -1,7 +1,5 @@
 """A manifest to start from: what a folder of recordings shows, and what only its owner knows."""
 
-from __future__ import annotations
-
 import base64
 import copy
 import glob

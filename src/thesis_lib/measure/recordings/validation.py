@@ -1,7 +1,5 @@
 """Recordings that are checked before anything is measured: against the manifest, frame by frame."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Animations of the measured shape and of the tracked markers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, islice

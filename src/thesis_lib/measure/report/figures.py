@@ -1,7 +1,5 @@
 """Figures of a measurement: shape, cameras, residuals, modes, response; and data they draw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

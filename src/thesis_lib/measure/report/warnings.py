@@ -1,7 +1,5 @@
 """Conditions of the notes that a report begins with; their texts are in ``messages.toml``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

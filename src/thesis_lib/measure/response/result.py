@@ -17,8 +17,6 @@ narrow resonances. That can be undone in estimates, though only roughly and at t
 tells by how much they are blurred.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -18,8 +18,6 @@ cross-spectrum of what it and the first one see has the phase ωδ: it tells δ 
 windows, and a line through these how much faster a clock runs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

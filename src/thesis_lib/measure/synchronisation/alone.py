@@ -1,7 +1,5 @@
 """Videos and sounds of one event, put on one clock by what they heard: a table and a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

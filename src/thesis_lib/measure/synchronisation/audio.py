@@ -3,8 +3,6 @@
 They are compared at lower sample rates, to which they are reduced block by block, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ which it has been removed and in which only what stands out against the backgrou
 it treats each recording by a rule that does not depend on time, and so leaves the delays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ which most of the windows have a peak on. Windows are compared as they are left 
 has a peak at each of its periods.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -18,8 +18,6 @@ few kHz: memory does not grow with the length. What follows from that for long r
   by window, as ``thesis sync`` does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace

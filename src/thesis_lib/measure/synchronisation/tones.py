@@ -4,8 +4,6 @@ A tone is fitted at tens of samples per period, which keeps it cheap. The force'
 such a tone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

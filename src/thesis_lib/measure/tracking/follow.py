@@ -12,8 +12,6 @@ centre turns out to lie in another cell. A frame in which a marker does not fit 
 before goes to the tracker that searches for all of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol

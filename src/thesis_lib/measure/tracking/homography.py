@@ -5,8 +5,6 @@ which end is clamped (thesis 5.1.2, figures F.3 and F.4). Under uneven or flicke
 threshold finds the structure after :func:`even_light`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ least-squares fit of a blurred ellipse whose shape the homography tells. What is
 or doubtful comes back as NaN.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
