@@ -10,12 +10,8 @@ from IPython.display import HTML
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thesis_lib.figure_sets.planner import figure_set
 from thesis_lib.figure_sets.planner.compute import cheapest_option
-from thesis_lib.figure_sets.planner.figure_set import (
-    BLOCKED_QUESTIONS,
-    MACHINE_BOX_MM,
-    THESIS_QUESTIONS,
-)
 from thesis_lib.planning import report as plan_report
 from thesis_lib.planning.errors import AMPLITUDE_RANGE
 from thesis_lib.planning.positions import MAX_TIE_RATIO
@@ -49,7 +45,7 @@ def _best_of_thesis(cube: xr.Dataset, body: str) -> Iterator[xr.Dataset | None]:
 def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
     """Compare planned layouts with the best of the thesis with as many cameras."""
     rows: list[dict[str, Any]] = []
-    for body, question in THESIS_QUESTIONS.items():
+    for body, question in figure_set.THESIS_QUESTIONS.items():
         plans = iterate_slices(coarse_options(cube, question), "option")
         for planned, own in zip(plans, _best_of_thesis(cube, body), strict=True):
             error = np.nan if own is None else float(own["thesis_expected"])
@@ -72,7 +68,7 @@ def compare_with_thesis(cube: xr.Dataset) -> dict[str, Any]:
 def with_readable(cube: xr.Dataset) -> str:
     """Compare the plan whose markers can be read with the thesis's best layouts, in words."""
     worse, shares = [], []
-    for body in THESIS_QUESTIONS:
+    for body in figure_set.THESIS_QUESTIONS:
         plan = coarse_options(cube, f"{body}: markers that can be read")["expected_error"].values
         for planned, own in zip(plan, _best_of_thesis(cube, body), strict=True):
             if own is not None and np.isfinite(planned):
@@ -88,7 +84,7 @@ def compare_limits(cube: xr.Dataset) -> dict[str, Any]:
     for question in cube["question"].values.tolist():
         free, own = (
             coarse_options(cube, one)["expected_error"].values
-            for one in (THESIS_QUESTIONS[question.partition(":")[0]], question)
+            for one in (figure_set.THESIS_QUESTIONS[question.partition(":")[0]], question)
         )
         more = own / free - 1
         changes = np.where(np.abs(more) >= MAX_TIE_RATIO, more, np.nan)
@@ -116,7 +112,8 @@ def compare_simulated(cube: xr.Dataset) -> dict[str, Any]:
     ratio, of_body = cube["simulated_error"] / cube["predicted_error"], cube["question"].str
     return {
         "ratios": {
-            body: _sort_finite(ratio[of_body.startswith(body)]) for body in THESIS_QUESTIONS
+            body: _sort_finite(ratio[of_body.startswith(body)])
+            for body in figure_set.THESIS_QUESTIONS
         },
         "median": np.median,
         "amplitudes": AMPLITUDE_RANGE,
@@ -175,7 +172,7 @@ def gain(cube: xr.Dataset) -> Figure:
     """Plot errors of the thesis's layouts and of planned ones against the number of cameras."""
     drawing, axes = style.subplots(1, 2, figsize=(7.4, 3.8), layout="constrained")
     n, tilt = cube["count"].values, table_parameter(cube, "tilt_deg")
-    for panel, (body, question) in zip(axes, THESIS_QUESTIONS.items(), strict=True):
+    for panel, (body, question) in zip(axes, figure_set.THESIS_QUESTIONS.items(), strict=True):
         of_cases = iterate_slices(cube["thesis_expected"].sel(structure=body), "thesis_case")
         for i, own in enumerate(of_cases):
             words, look = f"case {own['thesis_case'].item()}", {"ms": 3.5, "lw": 0.8}
@@ -219,8 +216,8 @@ def layouts(cube: xr.Dataset) -> Figure:
         part = cube.sel(question=question).isel(option=at)
         for panel, (_, azimuth, elevation) in zip(column, plan_report.LAYOUT_VIEWS, strict=False):
             plan_report.layout_panel(panel, part, azimuth, elevation)
-            if question in BLOCKED_QUESTIONS:
-                _draw_wall(panel, part, BLOCKED_QUESTIONS[question], azimuth, elevation)
+            if question in figure_set.BLOCKED_QUESTIONS:
+                _draw_wall(panel, part, figure_set.BLOCKED_QUESTIONS[question], azimuth, elevation)
         column[0].set_title(question)
         column[1].set_gid(f"{style.BELOW_PANEL}-{question}")
     for column in columns[len(shown) :]:
@@ -236,7 +233,7 @@ def _draw_wall(
     low, high = (getattr(part["camera_position"], end)().item() for end in ("min", "max"))
     reach = max(abs(low), high)
     along, up = np.array([-1, 1, 1, -1]) * reach, np.array([0, 0, 1, 1]) * 0.6 * reach
-    across = np.full(4, MACHINE_BOX_MM[0] / 1000 if obstacle == "machine" else 0.0)
+    across = np.full(4, figure_set.MACHINE_BOX_MM[0] / 1000 if obstacle == "machine" else 0.0)
     corners = (across, along, up) if obstacle == "machine" else (along, across, up)
     face = plan_report.flatten_points(np.stack(corners, axis=1), azimuth, elevation)
     panel.fill(*face.T, color=style.HIGHLIGHT_COLOR, alpha=0.25, lw=1, zorder=2)

@@ -26,14 +26,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.arrays import Array, IntArray, Mask
-from thesis_lib.vision.pinhole import (
-    Camera,
-    distort_coordinates,
-    distortion_jacobian,
-    from_pixels,
-    to_pixels,
-    undistort_coordinates,
-)
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import Camera
 
 POSE_UNKNOWNS, LENS_UNKNOWNS = 6, 8  # unknowns of a pose and of a lens
 
@@ -114,7 +108,9 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
     Points whose place `uv` is NaN do not count.
     """
     seen = np.isfinite(uv).all(axis=0)
-    xy = undistort_coordinates(from_pixels(camera.K, uv[:, seen]), camera.distortion)
+    xy = pinhole.undistort_coordinates(
+        pinhole.from_pixels(camera.K, uv[:, seen]), camera.distortion
+    )
     flat = points[:, seen] * np.array([[1.0], [1.0], [0.0]])
     _, turn, t = cv2.solvePnP(flat.T.copy(), xy.T.copy(), np.eye(3), np.zeros(4))
     R, t = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(np.asarray(t, float))
@@ -147,9 +143,9 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
     x, y, z = np.tensordot(R, from_centre, axes=1)
     z = np.where(z > 0, z, np.nan)
     p, q = xy = np.stack([x / z, y / z])
-    distorted = distort_coordinates(xy, camera.distortion)
+    distorted = pinhole.distort_coordinates(xy, camera.distortion)
     scale = camera.K[:2, :2]  # px per distorted coordinate
-    in_xy = np.einsum("ij,jk...->ik...", scale, distortion_jacobian(xy, camera.distortion))
+    in_xy = np.einsum("ij,jk...->ik...", scale, pinhole.distortion_jacobian(xy, camera.distortion))
     in_xyz = np.stack([*in_xy.swapaxes(0, 1), -in_xy[:, 0] * p - in_xy[:, 1] * q]) / z
     in_world = np.tensordot(R.T, in_xyz, axes=1)
     r2 = p * p + q * q
@@ -173,7 +169,7 @@ def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array
             np.einsum("ij,kj...->ki...", scale, lens),
         ]
     )
-    return to_pixels(camera.K, distorted), J
+    return pinhole.to_pixels(camera.K, distorted), J
 
 
 def normal_equations(

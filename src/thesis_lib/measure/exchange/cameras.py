@@ -22,15 +22,9 @@ from thesis_lib.arrays import Array
 from thesis_lib.files import whole_text
 from thesis_lib.measure.calibration.bundle_adjustment import camera_unknowns
 from thesis_lib.measure.calibration.rig import cameras_in
+from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
-from thesis_lib.measure.recordings.text_files import (
-    TextFileError,
-    parse_json,
-    parse_toml,
-    parse_xml,
-    parse_yaml,
-    read_text,
-)
+from thesis_lib.measure.recordings.text_files import TextFileError
 from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
@@ -135,16 +129,16 @@ def _own(path: Path) -> Found:
 def _values(path: Path) -> dict[str, Any]:
     """Read the values of a text file, by names."""
     try:
-        text = read_text(path)
+        text = text_files.read_text(path)
         match path.suffix.lower():
             case ".toml":
-                values = parse_toml(text)
+                values = text_files.parse_toml(text)
             case ".json":
-                values = parse_json(text)
+                values = text_files.parse_json(text)
             case ".xml":
-                values = _of_xml(parse_xml(text))
+                values = _of_xml(text_files.parse_xml(text))
             case _:
-                values = parse_yaml(text)
+                values = text_files.parse_yaml(text)
     except (OSError, TextFileError) as error:
         why = error if isinstance(error, TextFileError) else error.strerror
         raise ManifestError(

@@ -8,19 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
+from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
 from thesis_lib.measure.recordings.media import read_frames, read_png
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    VideoInfo,
-    frame_clock,
-    probe_media,
-    rate_of,
-)
+from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given
 
 STANDS_STILL = 0.02  # of half a frame rate by which a frequency must be off its multiples
@@ -60,8 +55,8 @@ def check_files(manifest: Manifest, folder: Path) -> list[Array]:
     clocks = []
     for camera in manifest.cameras:
         path = folder / camera.video
-        clock = frame_clock(path)
-        info = probe_media(path)
+        clock = media_info.frame_clock(path)
+        info = media_info.probe_media(path)
         says, end = info.frames, info.duration
         late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
         if says is not None and len(clock) < says and (late or end is None):
@@ -79,20 +74,22 @@ def clock_of(camera: CameraFiles, folder: Path) -> Array:
         If the video cannot be read.
     """
     path = folder / camera.video
-    return _scale_clock(frame_clock(path), camera, probe_media(path).frame_rate)
+    return _scale_clock(
+        media_info.frame_clock(path), camera, media_info.probe_media(path).frame_rate
+    )
 
 
 def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
     """Return times of frames as they were taken, of a film that plays slowly, too."""
     if camera.captured_hz is None:
         return clock
-    return np.asarray(clock * (rate_of(clock, rate) / camera.captured_hz))
+    return np.asarray(clock * (media_info.rate_of(clock, rate) / camera.captured_hz))
 
 
 def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
     """Return the manifest with the frame rates that the videos have, the mean where it varies."""
     cameras = tuple(
-        camera.model_copy(update={"frame_rate_hz": rate_of(clock, camera.rate_hz)})
+        camera.model_copy(update={"frame_rate_hz": media_info.rate_of(clock, camera.rate_hz)})
         for camera, clock in zip(manifest.cameras, clocks, strict=True)
     )
     return manifest.model_copy(update={"cameras": cameras})
@@ -140,7 +137,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
         path, says = folder / camera.video, "as the manifest says"
         where = f"cameras[{i}].video: {path}"
         try:
-            info = probe_media(path)
+            info = media_info.probe_media(path)
             if abs(info.frame_rate / camera.frame_rate_hz - 1) > RATE_TOLERANCE:
                 rates.append(
                     f"{where}: {info.frame_rate:.6g} frames per second, allowed: "
