@@ -1,7 +1,5 @@
 """axe-core, the accessibility checker: installed for the tests alone, and asked about a page."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """The ``thesis`` command, run in this process: what a process of its own would say, in no time."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import signal

@@ -9,8 +9,6 @@ A test takes the fixture `conforms` and names the kind of check::
 ``pytest -m conforms --junitxml FILE.xml`` writes the worst value of each check.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from functools import partialmethod

@@ -4,8 +4,6 @@ Numerical libraries choose their kernels by what the processor can do; environme
 them choose as on others. Everything runs in clones of the last commit, where nothing is cached.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Every figure of the book, drawn from its cubes; ``python tests/drawings.py 10``: ten times."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

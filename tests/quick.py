@@ -4,8 +4,6 @@ What was edited is what differs from the last commit. A test reaches what it nam
 figure set that it names, and the room of the library whose tests it belongs to.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What the library says to a request that it refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A book of two figure sets, in a copy of the project that tests may damage."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

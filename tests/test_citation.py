@@ -1,7 +1,5 @@
 """CITATION.cff: what the format asks for, and nothing invented."""
 
-from __future__ import annotations
-
 import datetime
 from pathlib import Path
 

@@ -4,8 +4,6 @@ What runs notebooks does so in a process of its own; what is listed, compared or
 this one, and once by the command.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """What `make test-cpus` calls the same: a comparison that sees nothing would pass everything."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

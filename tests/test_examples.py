@@ -1,7 +1,5 @@
 """The examples in docstrings: each gives what stands below it."""
 
-from __future__ import annotations
-
 import doctest
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Templates: values stand where the template names them, and one that is missing is an error."""
 
-from __future__ import annotations
-
 import jinja2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Names and messages are text: nothing hidden in them, nothing that acts on a screen."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The wheel without the project: what a reader has who installs it in a project of their own."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

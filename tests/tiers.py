@@ -3,8 +3,6 @@
 ``@pytest.mark.few(3)`` leaves three, evenly spread over the cases; the others are nightly.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import pytest

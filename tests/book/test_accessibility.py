@@ -3,8 +3,6 @@
 The pages of the book are held against it where they are opened: in ``test_book_pages``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

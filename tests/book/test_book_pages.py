@@ -1,7 +1,5 @@
 """Every page of the rendered book, opened from its folder without a network."""
 
-from __future__ import annotations
-
 import base64
 import os
 import re
@@ -48,13 +46,15 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+T = TypeVar("T")
+
+
 def needs_book(test: T) -> T:
     """Mark a test, or a class of them, that opens the rendered book."""
     rendered = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
     return pytest.mark.book(rendered(test))
 
 
-T = TypeVar("T")
 PAINT_MS = 500
 PICTURES = """() => [...document.querySelectorAll('.cell_output svg, .cell_output canvas')]
     .map(one => one.tagName === 'CANVAS' ? one.toDataURL() : one.innerHTML).join()

@@ -1,7 +1,5 @@
 """Chapter 7: slopes, ends and counts by closed forms, and a page that does without some cubes."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

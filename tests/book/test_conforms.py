@@ -1,7 +1,5 @@
 """The checks of numbers: what they refuse, which outcome they keep, and how it is published."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What a page offers to those who read it: figures that grow, previews, the dark, citations."""
 
-from __future__ import annotations
-
 import re
 from io import BytesIO
 from itertools import pairwise

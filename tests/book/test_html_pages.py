@@ -1,7 +1,5 @@
 """Finished pages: names, folded contents, images with sizes, shared viewers, drawn intervals."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The figures of chapters: every one is shown, and drawn from its cube or said to be missing."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The book in Firefox and in WebKit: nothing asked of a network, no message, Chromium's numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The book as one PDF: nothing is missing that its pages have."""
 
-from __future__ import annotations
-
 import html
 import re
 import unicodedata

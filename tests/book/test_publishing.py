@@ -1,7 +1,5 @@
 """A small book from end to end: downloads, research object, one zip, and a set that fails."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

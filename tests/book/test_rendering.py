@@ -1,7 +1,5 @@
 """A small book through Sphinx: edits show, lost references are reported."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The search of the rendered book, from its folder, and what it looks through."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """What pages show as the program text of a function is what runs."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable

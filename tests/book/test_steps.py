@@ -1,7 +1,5 @@
 """The steps of ``dodo.py`` make all that pages include."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The contract of the tables of facts: each fault of a row is refused with its line and field."""
 
-from __future__ import annotations
-
 import csv
 
 import pytest

@@ -1,7 +1,5 @@
 """Comparing cubes: what is compared, what is not, and what is no cube at all."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The law of rounding for design: closed forms against Jacobians, drawings and brute force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Figure sets do not know each other; `parametric` alone may be varied by others.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

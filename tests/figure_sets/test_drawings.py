@@ -1,7 +1,5 @@
 """Figures have the same bytes, whoever draws beside them and whatever is configured."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The contract of all results: each variable has a unit and a long name understood alone."""
 
-from __future__ import annotations
-
 import json
 import pkgutil
 import re

@@ -1,7 +1,5 @@
 """What all figure sets keep: figures from their cubes alone, and texts with the cubes' numbers."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from pathlib import Path
 

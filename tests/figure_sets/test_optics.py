@@ -1,7 +1,5 @@
 """Optics of one camera and of a parallel pair: closed forms against rays, projections, pixels."""
 
-from __future__ import annotations
-
 from math import degrees, hypot, pi, radians, tan
 
 import cv2

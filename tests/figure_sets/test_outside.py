@@ -1,7 +1,5 @@
 """A figure set of a reader's own, begun by ``thesis new-set``."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

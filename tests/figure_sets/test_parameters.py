@@ -1,7 +1,5 @@
 """Parameters: what is refused and how, what stands for a request, what the notebooks say."""
 
-from __future__ import annotations
-
 import ast
 import json
 import math

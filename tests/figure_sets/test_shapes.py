@@ -1,7 +1,5 @@
 """Figure sets of plates without symmetry: parameters, cubes, pictures, and what a mirror does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

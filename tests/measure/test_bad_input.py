@@ -1,7 +1,5 @@
 """Each way in which a folder of recordings can be wrong: one line, and nothing half-written."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

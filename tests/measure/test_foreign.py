@@ -4,8 +4,6 @@ Real photographs by others, compared with OpenCV's own calibration; and recordin
 (`foreign.rays`), written by Pillow and PyAV, compared with what `cv2.projectPoints` says.
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, replace
 

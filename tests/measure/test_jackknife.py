@@ -1,7 +1,5 @@
 """Stated deviations of calibrations against refits, and against the scatter of many of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, observations, rig

@@ -1,7 +1,5 @@
 """A plate that two telephones film, rendered by POV-Ray: from their files to the true shape."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

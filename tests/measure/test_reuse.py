@@ -1,7 +1,5 @@
 """Calibrations that are reused: an earlier measurement's, and those of other programs."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

@@ -1,7 +1,5 @@
 """Names that readers give are text in every page: never markup, never a script, never a link."""
 
-from __future__ import annotations
-
 import tempfile
 from functools import cache
 from html.parser import HTMLParser

@@ -1,7 +1,5 @@
 """The controls of a live notebook, as models and in a kernel that a front end would talk to."""
 
-from __future__ import annotations
-
 import json
 import queue
 import time

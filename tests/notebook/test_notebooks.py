@@ -1,7 +1,5 @@
 """The notebooks: what they carry, and that nbval and papermill hold them to it."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The planner: known optima, limits that are kept, plans that cannot be, files that are whole."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json

@@ -1,7 +1,5 @@
 """What a figure shows of many trials: best and worst by their median, and far errors in decades."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

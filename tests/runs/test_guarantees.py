@@ -1,7 +1,5 @@
 """What a book and a run promise, on the real commands: nothing is believed that is not so."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """Nothing of the reader's machine enters a result, and nothing of it is said on the screen."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fold-outs, tables behind figures and efforts: complete, true to the cube, and only text."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

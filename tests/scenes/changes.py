@@ -1,7 +1,5 @@
 """Values of parameters, beside those of the thesis, that every figure set must take."""
 
-from __future__ import annotations
-
 PAIR = [[80, 10], [-80, 10]]
 
 SHAPE_CHANGES = {

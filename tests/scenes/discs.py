@@ -1,7 +1,5 @@
 """A camera that looks at markers, and where their discs lie in its pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from thesis_lib.measure.recordings.board import on_surface

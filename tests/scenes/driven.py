@@ -1,7 +1,5 @@
 """A beam that a recorded force drives: exact receptance, tracks, and the force as a file."""
 
-from __future__ import annotations
-
 import wave
 from dataclasses import dataclass
 from functools import cached_property

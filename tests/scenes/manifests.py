@@ -1,7 +1,5 @@
 """Values of a small manifest, and manifests with one of their values changed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

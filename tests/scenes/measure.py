@@ -1,7 +1,5 @@
 """The command ``thesis measure`` as a stranger runs it, and recordings broken on purpose."""
 
-from __future__ import annotations
-
 import shutil
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Tracks of a beam that moves in several modes: projected markers, no pictures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol

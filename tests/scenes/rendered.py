@@ -1,7 +1,5 @@
 """Recordings of a beam that is tapped or driven: rendered to video files, with claps."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

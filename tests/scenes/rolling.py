@@ -1,7 +1,5 @@
 """Cameras with rolling shutters: rows are exposed one after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

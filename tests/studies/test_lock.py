@@ -1,7 +1,5 @@
 """Packages in other versions than the lock's are reported; what they computed is not trusted."""
 
-from __future__ import annotations
-
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import FIGURE_SETS
 from thesis_lib.files import shipped

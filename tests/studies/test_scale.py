@@ -1,7 +1,5 @@
 """Studies by many workers: the same cube, and what is refused."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Variables of cubes are declared in tables, and come with their dimensions and units."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 

@@ -1,7 +1,5 @@
 """Plates by finite elements, against closed forms, orders of convergence and invariances."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The switch of the mode between the figures of one case, on a page as a browser has it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The rendered book on a phone and on paper: figures grow, nothing to press is printed."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import pytest

@@ -6,8 +6,6 @@ hash in requirements.lock, and tests that need them are skipped without. The boa
 corners, 25 mm apart; shot 10 is missing on both sides.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -5,8 +5,6 @@ the manifest. Frames come at uneven times and unlike rates, as H.264 with AAC in
 telephone is held upright: its frames lie on their side, and the file says how to turn them.
 """
 
-from __future__ import annotations
-
 import shutil
 import struct
 import subprocess

@@ -6,8 +6,6 @@ point spread is any kernel on those points. Light is linear: 0 is black, 1 is th
 sensor takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

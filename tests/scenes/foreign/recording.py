@@ -3,8 +3,6 @@
 The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
