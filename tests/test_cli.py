@@ -407,7 +407,7 @@ def test_own_layout_runs_and_its_name_is_text_in_a_folder_named_by_set_and_hash(
         assert cube["n_cameras"].values.tolist() == [2, 3]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sets_run_without_what_they_do_not_have(tmp_path, own_checkout):
     for name in ("beam-distance", "beam-resolution"):
         own_checkout.change(name, until_study)

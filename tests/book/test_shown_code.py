@@ -39,7 +39,9 @@ def test_what_is_shown_is_what_runs(name: str) -> None:
     assert shown.__doc__
     assert shown.__doc__.splitlines()[0] not in text
     assert len(text.splitlines()) <= 25  # beside a formula, not in place of the library's page
-    module = compile("from __future__ import annotations\n" + text, "shown", "exec")
+    postponed = getattr(import_module(shown.__module__), "annotations", None)
+    flags = postponed.compiler_flag if postponed else 0
+    module = compile(text, "shown", "exec", flags)
     (again,) = (c for c in module.co_consts if isinstance(c, CodeType))
     runs: Any = inspect.unwrap(shown)
     assert steps(again, None) == steps(runs.__code__, shown.__doc__)

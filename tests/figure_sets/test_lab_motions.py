@@ -160,6 +160,7 @@ def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
     conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
 
 
+@pytest.mark.nightly
 def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     conforms.closed_form(beam_cube["found_frequency"], beam_cube["frequency"].values[:, None]
                                + np.zeros(4), atol=0.05)  # fmt: skip
@@ -170,6 +171,7 @@ def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
     assert np.nanmin(second) > 5
 
 
+@pytest.mark.nightly
 def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wrong(
     conforms, beam_cube
 ):
@@ -196,6 +198,7 @@ def test_cameras_that_start_together_agree_at_every_alias_and_see_the_shape_at_e
     conforms.invariance(read["mean_error"], known["mean_error"], atol=0.05)
 
 
+@pytest.mark.nightly
 def test_trials_scatter_as_is_predicted(conforms, beam_cube):
     for case in ("known", "found"):
         part = of(beam_cube, case)
@@ -206,6 +209,7 @@ def test_trials_scatter_as_is_predicted(conforms, beam_cube):
             conforms.sampled(spread / part[f"{kind}_standard_error"], 1, atol=0.25)
 
 
+@pytest.mark.nightly
 def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_cube):
     slow = beam_cube.isel(frame_rate=0)
     conforms.closed_form(slow["detuned_error"], slow["detuned_prediction"], atol=3)
@@ -340,6 +344,7 @@ def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conform
     conforms.closed_form(lab_plate.neighbour_correlation(checks, (15, 10)), -1, rtol=1e-6)
 
 
+@pytest.mark.nightly
 def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
     for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
         ratio = np.divide(*compare_errors(plate_cube, mode, plane)["trials"][::-1])
@@ -350,6 +355,7 @@ def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_c
 # Cubes, figures, tables.
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
 def test_every_figure_table_and_viewer_is_made(name, request):
     cube = request.getfixturevalue(name)

@@ -83,7 +83,7 @@ def test_a_picture_without_a_board_is_refused(grey):
         find_corners(np.full((200, 300), grey, np.uint8), BOARD)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_board_partly_outside_is_refused_or_right(conforms):
     camera, (R, _) = resize_camera(rig()[0], HALF_SIZE), default_poses()
     refused = 0

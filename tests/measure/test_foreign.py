@@ -304,6 +304,7 @@ def test_delays_are_those_of_the_starts(conforms, measured, take):
         conforms.independent(np.abs(errors).max(), below=0.03 / RATE)
 
 
+@pytest.mark.nightly
 def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
     data, sigma = measured["plain"].data, measured["plain"].tracks.sigma
     for camera, found in enumerate(data["tracks"].values[:, 0]):

@@ -307,7 +307,7 @@ def without_pictures(values):
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "calibration",
     ["measured", "measured/calibration.nc", "measured/cameras.toml", "measured/cameras.yaml",

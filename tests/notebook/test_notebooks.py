@@ -298,6 +298,7 @@ def doctored(checkout):
     return folder
 
 
+@pytest.mark.nightly
 def test_one_changed_digit_fails(checkout, doctored):
     outcomes = nbval(checkout, doctored, "--nbval")
     assert set(outcomes) == {"untouched", "changed"}

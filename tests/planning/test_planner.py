@@ -101,7 +101,7 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms.sampled(law / noise, above=low, below=high)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_plan_below_the_bound_of_its_grid_says_why(made):
     def summary(ratio):
         options = [replace(one, bound=ratio * one.expected) for one in made.options]
@@ -299,7 +299,7 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
             assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_limit_costs_something_or_nothing_but_never_helps():
     free = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
     least = errors.layout_cost(free, best(free, 3), "mean")
@@ -393,7 +393,7 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_prices_decide_what_is_cheap():
     common = {**QUICK, "counts": [2, 4], "resolutions_px": [[640, 360], [1280, 720]],
               "target_percent": 7}  # fmt: skip

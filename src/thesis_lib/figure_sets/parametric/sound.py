@@ -343,8 +343,8 @@ def law_errors(study: Any, reference: Array) -> Array:
     return np.moveaxis(by_mode, 0, 2)
 
 
-def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset) -> xr.Dataset:
-    """Compute what the cube of ``sound-aperture`` has besides, from that of the turned pairs."""
+def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset) -> dict[str, Any]:
+    """Compute the variables that only ``sound-aperture`` has, from the cube of the turned pairs."""
     elevations = study.elevations_deg  # type: ignore[attr-defined]
 
     def by_turn(values: xr.DataArray) -> Any:
@@ -365,7 +365,7 @@ def compare_turns(study: CameraStudy, plate_cube: xr.Dataset, turned: xr.Dataset
         "turned_coherence": by_turn(turned["coherence"]),
         "turned_share": by_turn(turned["radiated_share"].isel(radiation_mode=0)),
     }
-    return xr.Dataset(schema.label_values(values, TURN_VARIABLES))
+    return schema.label_values(values, TURN_VARIABLES)
 
 
 def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
