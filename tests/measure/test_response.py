@@ -256,6 +256,7 @@ def test_a_force_may_be_sampled_more_finely():
 # The whole chain.
 
 
+@pytest.mark.slow
 def test_receptance_is_that_of_the_structure_within_its_errors(driven, averaged):
     data = averaged
     f = data["frequency"].values

@@ -205,6 +205,7 @@ GAINS = {  # by goal: changed parameters, quantity, what it is a percentage of, 
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", GAINS)
 def test_a_plan_for_a_sound_is_better_at_that_and_says_so(tmp_path, conforms, goal):
     changed, quantity, counted, most = GAINS[goal]

@@ -55,6 +55,7 @@ def fast(compiled, monkeypatch):
     return call
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [0, 1, 3])
 @pytest.mark.parametrize("n", [2, 3, 4, 12, 40])
 def test_both_ways_give_the_same(conforms, fast, n, steps):
