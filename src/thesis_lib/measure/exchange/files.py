@@ -433,15 +433,20 @@ def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterato
             ordinate_axis_units_lab="m", orddenom_spec_data_type=0)  # fmt: skip
 
 
+def _even_step(x: Array) -> float:
+    """Return the step of times or frequencies that rise evenly; 0 if they do not."""
+    step = float(x[-1] - x[0]) / (len(x) - 1)
+    return step if np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step) else 0.0
+
+
 def _function_set(
     name: str, node: int, x: Array, row: Array | ComplexArray, **kind: Any
 ) -> dict[str, Any]:
     """Return a dataset 58 of a node along Z; an uneven abscissa is written value by value."""
-    step = float(x[-1] - x[0]) / (len(x) - 1)
-    even = bool(np.all(np.abs(np.diff(x) - step) < MAX_UNEVENNESS * step))
+    step = _even_step(x)
     made: dict[str, Any] = pyuff.prepare_58(
-        binary=0, id1=name, rsp_node=node, rsp_dir=TRANSLATION_Z, abscissa_spacing=int(even),
-        abscissa_min=float(x[0]), abscissa_inc=step if even else 0.0, z_axis_spec_data_type=0,
+        binary=0, id1=name, rsp_node=node, rsp_dir=TRANSLATION_Z, abscissa_spacing=int(step > 0),
+        abscissa_min=float(x[0]), abscissa_inc=step, z_axis_spec_data_type=0,
         data=row, x=x, **kind)  # fmt: skip
     return made
 
@@ -477,9 +482,8 @@ def sep005_channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
     if isinstance(motion, Path):
         motion = xr.load_dataset(motion, engine="h5netcdf")
     times = motion["time"].values
-    step = (times[-1] - times[0]) / (len(times) - 1)
-    even = np.all(np.abs(np.diff(times) - step) < MAX_UNEVENNESS * step)
-    clock: dict[str, Any] = {"fs": float(1 / step)} if even else {"time": times}
+    step = _even_step(times)
+    clock: dict[str, Any] = {"fs": 1 / step} if step else {"time": times}
     deflection = motion["displacement"].sel(axis="z")
     return [
         {"name": f"marker {number} z", "data": row / 1e3, "unit_str": "m", "quantity": "d", **clock}
