@@ -1,4 +1,4 @@
-"""What people and files say, as text, and what commands say: lines, status messages, JSON.
+"""Check text of users and files, and print what commands report: lines, status messages, JSON.
 
 Nothing in a text is hidden, and messages are one short line. Lines and JSON go to standard output,
 status messages to standard error; none of it changes a result.

@@ -28,9 +28,9 @@ def cube_of(name):
     """The cube of a figure set."""
     if STUDIES[name].subject in ("experiment", "lab"):
         return cube_file.cube_of(STUDIES[name]())  # from the recordings that are stored
-    request = validate_request(name, {"trials": TRIALS})
-    if request.subject == "sound":
-        request = validate_request(name, {"trials": TRIALS, "plane_shape": [9, 7]})
+    few = {"plane_shape": [9, 7]} if STUDIES[name].subject == "sound" else {}
+    request = validate_request(name, {"trials": TRIALS, **few})
+    if few:
         cube = sound.run(request, cube_of(name.replace("sound", "plate")))
     else:
         cube = studies.run(request)

@@ -1,7 +1,7 @@
-"""The book: how it is built, and whether a finished one is what its sources make.
+"""The book: how it is built, and whether a finished one is up to date.
 
-The latter is told by contents, before much is imported.
-The tasks of ``dodo.py`` know better what is stale, but to ask them takes some seconds.
+That is decided by the contents of its files, before much is imported. The tasks of
+``dodo.py`` know better what is stale, but to ask them takes some seconds.
 """
 
 from pathlib import Path
