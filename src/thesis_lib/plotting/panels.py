@@ -72,8 +72,9 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     cut = "* markers leave the sensor" if partial.any() else ""
     nodal = f"{' and '.join(silent)}: nodal plane" if silent else ""
     axes.set_xlabel("; ".join(filter(None, [unit, cut, nodal])))
+    once = {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     crowded = any(c.high > 0.8 * top for bars in groups for c in bars.claims if c)
-    room = 1.5 if crowded else 1.35
+    room = 1.55 if crowded or len(once) > 4 else 1.35  # of two columns
     if floor:
         ticks = [step * 10.0**power for power in range(-5, 5) for step in (1, 3)]
         style.make_logarithmic(axes.yaxis, ticks)
@@ -81,7 +82,6 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     else:
         axes.set_ylim(0, room * top)
     axes.grid(visible=False, axis="x")
-    once = {name: line for line, name in zip(*axes.get_legend_handles_labels(), strict=True)}
     axes.legend(once.values(), once, ncols=2, loc="upper center", columnspacing=1, handlelength=1.4)
 
 
