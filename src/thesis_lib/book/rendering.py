@@ -218,7 +218,10 @@ def run_sphinx(root: Path, builder: str) -> Path:
         If it fails or warns.
     """
     folder = root / "build" / "sphinx"
-    out, doctrees = folder / builder, folder / f"{builder}-doctrees"
+    out, doctrees, read = folder / builder, folder / f"{builder}-doctrees", folder / "html-doctrees"
+    if doctrees != read and read.is_dir():  # what was read for the book's pages serves for others
+        shutil.rmtree(doctrees, ignore_errors=True)
+        shutil.copytree(read, doctrees)
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-W", "-n", "--keep-going"]
     command += ["-q", "-d", str(doctrees), str(root / "book"), str(out)]
     paths = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
