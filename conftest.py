@@ -5,8 +5,6 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
-from uuid import uuid4
 
 import hypothesis
 import pytest
@@ -32,9 +30,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _own_kernel(config: pytest.Config) -> None:
-    """Let nbval find the kernel that runs have, and nothing of the reader's Jupyter."""
-    import nbval.kernel
-
+    """Let nbval start the kernel that runs have, and nothing of the reader's Jupyter."""
     from thesis_lib.runs import execute
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
@@ -54,14 +50,3 @@ def _own_kernel(config: pytest.Config) -> None:
         empty = Path(folder.name) / name.lower()
         empty.mkdir()
         os.environ[f"JUPYTER_{name}"] = str(empty)
-    stock_manager = nbval.kernel.KernelManager
-
-    def build_manager(**options: Any) -> Any:
-        connection = Path(folder.name, uuid4().hex)
-        return stock_manager(
-            transport=execute.choose_transport(connection),
-            connection_file=f"{connection}.json",
-            **options,
-        )
-
-    nbval.kernel.KernelManager = build_manager
