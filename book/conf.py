@@ -10,3 +10,8 @@ _settings, _ = get_final_config(
     user_yaml=_book.parent / "_config.yml", sourcedir=_book, cli_config=_cli
 )
 globals().update(_settings)
+
+
+def setup(app):
+    """Let pages be read side by side: the one extension that does not say so works afterwards."""
+    app.extensions["sphinx_multitoc_numbering"].parallel_read_safe = True

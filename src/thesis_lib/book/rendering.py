@@ -223,7 +223,7 @@ def run_sphinx(root: Path, builder: str) -> Path:
         shutil.rmtree(doctrees, ignore_errors=True)
         shutil.copytree(read, doctrees)
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-W", "-n", "--keep-going"]
-    command += ["-q", "-d", str(doctrees), str(root / "book"), str(out)]
+    command += ["-q", "-j", "auto", "-d", str(doctrees), str(root / "book"), str(out)]
     paths = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
     environment = {
         **os.environ,
