@@ -157,6 +157,9 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
                             ['excitation.frequency_hz: given "4,25"', "in Hz"]),
     "a misspelt field": (given("excitation.frequency", 4), WRONG, ["mean frequency_hz?"]),
     "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
+    "places on a line": (
+        given("structure.markers.points_mm", [[10 * k, 15] for k in range(1, 9)]), WRONG,
+        ["structure.markers.points_mm", "not on one line"]),
     # Videos.
     "no video": (gone("B.mkv"), WRONG, ['cameras[1].video: given "B.mkv", no such file']),
     "a cut video": (cut("B.mkv", 0.6), FAILED, ["B.mkv: ends before frame"]),
