@@ -60,7 +60,7 @@ def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise
 # The same cube whoever computes it.
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cluster_with_tls_gives_the_same_cube_bit_for_bit(tmp_path, small_blocks, monkeypatch):
     """Of deflections and of sound; a worker with another library is named."""
     key, certificate = (str(tmp_path / name) for name in ("key.pem", "certificate.pem"))
