@@ -150,9 +150,9 @@ def test_plan_is_never_worse_than_that_for_the_shape_but_better(conforms, made, 
 
 
 GAINS = {  # by goal: changed parameters, quantity, at most of before
-    "sound-power": ({"modes": [1, 5]}, "power", 1 + 1e-9),  # mode (2, 2) has power, if no field
+    "sound-point": ({"point_mm": POINT, "modes": [1]}, "pressure", 0.95),
     "sound-plane": ({"plane": "YZ", "modes": [1, 3]}, "field", 0.95),
-    "sound-point": ({"point_mm": POINT}, "pressure", 0.95),
+    "sound-power": ({"modes": [1, 5]}, "power", 1 + 1e-9),  # mode (2, 2) has power, if no field
 }
 
 
@@ -182,7 +182,6 @@ def test_a_plan_for_a_sound_is_better_at_that_and_says_so(tmp_path, conforms, go
     [
         (["goal=noise"], 'goal: given "noise", allowed: "shape"'),
         (["goal=sound-power", "body=beam"], "for the plate"),
-        (["goal=sound", "body=plate", "modes=[5]"], "modes: given 5, allowed: modes that are not"),
         (
             ["goal=sound-plane", "body=plate", "plane=YZ", "modes=[2]"],
             "modes: given 2, allowed: modes that are not silent on the plane",
