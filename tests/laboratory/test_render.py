@@ -131,16 +131,6 @@ def test_noise_is_white_with_the_variance_of_photons_and_of_reading(conforms, gr
             conforms.sampled(abs(together), below=5 * expected / np.sqrt(part.size))
 
 
-def test_dark_and_bright_levels_saturate(conforms):
-    sensor = replace(SHARP, read=80.0)
-    image = square(250.0, sensor, np.random.default_rng(4))
-    assert (image == 0).any()
-    assert (image == 255).any()
-    conforms.closed_form(
-        np.abs(np.mean(image[60:240, 60:340] == 255) - 0.476), below=0.02
-    )  # Φ((254.5 − 250)/80.1)
-
-
 @pytest.mark.parametrize("spread", [0.4, 1.2])
 @pytest.mark.parametrize("place", [50.0, 50.3])
 def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place):

@@ -390,27 +390,6 @@ def test_a_small_file_that_would_fill_the_memory_is_refused(tmp_path):
     assert structure_file.read_body(path, [1]).points.shape == (3, 9)
 
 
-@pytest.mark.slow
-def test_a_plate_of_another_size_is_planned_as_its_likeness():
-    """Twice as large, twice as far and moving twice as far, everything looks the same."""
-    thesis_s = setups.thesis_plate()
-    sides = [1000 * side for side in (thesis_s.length, thesis_s.width, thesis_s.thickness)]
-    asked = {"body": "plate", "counts": [3], "resolutions_px": [[640, 360]], "step_deg": 20.0}
-    asked |= {"starts": 0, "trials": 20, "target_percent": None}
-    made = [
-        plan(
-            plan_request(asked | {"distances_mm": [500 * k, 1500 * k], "amplitude_mm": 5 * k} | own)
-        )
-        for k, own in ((1, {}), (1, {"plate_mm": sides}), (2, {"plate_mm": [2 * s for s in sides]}))
-    ]
-    same, own, twice = (one.options[0] for one in made)
-    assert np.array_equal(own.layout, same.layout)
-    np.testing.assert_allclose(own.predicted, same.predicted, rtol=1e-12)
-    # Separations of cameras are in mm, and places rounded to whole ones.
-    np.testing.assert_allclose(twice.predicted, same.predicted, rtol=0.01)
-    assert made[2].body.frequencies[0] == pytest.approx(made[0].body.frequencies[0] / 2)
-
-
 # Requests that are wrong, and plans that cannot be.
 
 BAD = [

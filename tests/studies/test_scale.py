@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from command import refusal, thesis
+from command import thesis
 
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
@@ -146,14 +146,4 @@ def test_an_address_where_no_scheduler_answers_is_named(tmp_path, monkeypatch):
     assert (done.status, done.out) == (1, "")
     assert done.err.startswith(f"thesis: scheduler {address}: no scheduler answers there within")
     assert len(done.err.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("names", "scheduler", "words"),
-    [(["beam-distance"], "tcp://nowhere", "given 'tcp://nowhere', allowed: processes, or tcp://"),
-     (["cameras", "claims"], "processes", "given with cameras, claims, allowed with camera and")],
-)  # fmt: skip
-def test_command_refuses_what_cannot_be(tmp_path, names, scheduler, words):
-    assert words in refusal(thesis("run", *names, "--scheduler", scheduler, cwd=tmp_path))
     assert list(tmp_path.iterdir()) == []

@@ -169,16 +169,6 @@ def test_a_small_hole_changes_nothing(conforms):
     assert off[0] > 0.01
 
 
-def test_grading_at_the_corner_pays_where_the_solution_is_singular():
-    finest = np.sqrt(eigenvalues(mesh_outline(ELL, (), 0.02, 12), "simply supported", 1))[0]
-    off = [
-        1 - np.sqrt(eigenvalues(mesh_outline(ELL, (), 0.05, halvings), "simply supported", 1))[0]
-        / finest
-        for halvings in (0, 3, 9)
-    ]  # fmt: skip
-    assert off[0] > 1.5 * off[1] > 2 * off[2] > 0
-
-
 # Meshes.
 
 

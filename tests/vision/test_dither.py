@@ -98,16 +98,3 @@ def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_m
     conforms.sampled(expected, found, rtol=0.06)
     one_pair = rounding.deflection_variance(P, points[:, 0], points[:, 1])
     assert expected < np.sqrt(np.mean(one_pair))
-
-
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        (lambda: mean_variance(-1), "amplitude_px: given -1.0"),
-        (lambda: shaken_variance(0, 0.1), "frames: given 0"),
-        (lambda: disc_variance(np.nan), "diameter_px: given nan"),
-    ],
-)
-def test_what_is_wrong_is_named(call, named):
-    with pytest.raises(ValueError, match=named):
-        call()

@@ -246,16 +246,6 @@ def test_a_wrong_shape_is_named(P, uv, named):
             joint(P[:1].repeat(2, 0), np.ones((2, 2)))
 
 
-@pytest.mark.parametrize(
-    ("estimates", "name", "given"),
-    [(ESTIMATES[:2], "sigma_px", -0.1), (ESTIMATES[2:], "half_width_px", np.nan)],
-)
-def test_noise_or_a_width_that_cannot_be_is_named(estimates, name, given):
-    for estimate in estimates:
-        with pytest.raises(ValueError, match=f"{name}: given {given}"):
-            estimate(np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), given)
-
-
 # How much noise there is.
 
 

@@ -99,14 +99,6 @@ def test_without_distortion_a_camera_is_that_of_the_other_chapters(conforms):
     np.testing.assert_array_equal(pinhole.projection_matrices([own, own])[1], own.P)
 
 
-def test_undistorted_pixels_are_those_of_the_projection_matrix(conforms):
-    own = camera()
-    seen = pinhole.project_points(own, box())
-    ideal = ideal_project(own.P[None], box())[0]
-    assert np.abs(seen - ideal).max() > 10
-    conforms.independent(pinhole.undistort_pixels(own, seen), ideal, atol=1e-8)
-
-
 @pytest.mark.parametrize("size", [(960, 540), (480, 1080)])
 def test_resized_images_scale_about_their_corner(conforms, size):
     own, small = camera(), pinhole.resize_camera(camera(), size)
