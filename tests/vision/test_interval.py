@@ -267,7 +267,7 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
 def test_noise_is_found_again(conforms, n, sigma):
     P = rig(n).P
