@@ -12,7 +12,7 @@ from command import thesis
 from thesis_lib.laboratory.recording_files import example_manifest, example_rig
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.paper import PAGE_SIZES_MM, STRIP_MM
-from thesis_lib.measure.recordings.board import Board, BoardSpec
+from thesis_lib.measure.recordings.board import MARK_RATIO, Board, BoardSpec
 from thesis_lib.measure.recordings.manifest import write_manifest
 
 DPI = 200
@@ -72,6 +72,13 @@ def test_a_charuco_board_is_read_by_what_is_said_of_it(conforms, tmp_path):
     u, v, w = view @ [*(places - 0.5), np.ones(places.shape[1])]
     found = find_corners(seen, board)
     conforms.independent(found, np.array([u / w, v / w]) + 0.5, atol=0.2)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
+    opencv = cv2.aruco.CharucoBoard((8, 5), 25.0, 25.0 * MARK_RATIO, dictionary)
+    corners, numbers, *_ = cv2.aruco.CharucoDetector(opencv).detectBoard(pages(path)[0][0])
+    np.testing.assert_array_equal(numbers.ravel(), np.arange(7 * 4))
+    places = PX * opencv.getChessboardCorners()[:, :2]
+    apart = corners.reshape(-1, 2) - corners.reshape(-1, 2)[0]
+    conforms.closed_form(apart, places - places[0], atol=1.3)
 
 
 def test_the_back_of_a_board_has_tile_behind_tile(tmp_path):
