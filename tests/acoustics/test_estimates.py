@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.acoustics import estimates
-from thesis_lib.acoustics.radiation import AIR, Medium, monopole_pressure, sound_power
+from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.acoustics.surfaces import Surface
 
 DRAWS = 20000
@@ -41,25 +41,16 @@ def test_powers_are_unbiased_and_their_errors_are_those_of_draws(conforms):
     judged(found, np.real(np.conj(TRUE) @ FORM @ TRUE), conforms)
 
 
-def test_powers_of_modes_one_by_one(conforms):
-    measured, C = drawn(0.12)
-    found = [estimates.estimate_squares(ROWS, estimates.Amplitudes(w, C)) for w in measured[:3000]]
-    judged(found, np.abs(ROWS @ TRUE) ** 2, conforms)
-    whole = estimates.Amplitudes(measured[0], C)
-    total = estimates.estimate_quadratic_form(FORM, whole).value
-    rows = np.concatenate([ROWS.real, ROWS.imag])  # FORM is the real part of their form
-    conforms.closed_form(estimates.estimate_squares(rows, whole).value.sum(), total, rtol=1e-12)
-
-
-def test_forms_together_err_as_draws_of_their_sum_do(conforms):
+def test_powers_of_modes_one_by_one_and_together(conforms):
     measured, C = drawn(0.12)
     every = [estimates.Amplitudes(w, C) for w in measured[:3000]]
-    found = [estimates.estimate_sum(ROWS, one) for one in every]
-    judged(found, np.sum(np.abs(ROWS @ TRUE) ** 2), conforms)
-    each = estimates.estimate_squares(ROWS, every[0])
-    conforms.invariance(float(found[0].value), each.value.sum(), rtol=1e-12)
-    apart = np.hypot(float(each.error[0]), np.hypot(*each.error[1:]))
-    assert abs(float(found[0].error) / apart - 1) > 0.05  # they see the same errors
+    each = [estimates.estimate_squares(ROWS, one) for one in every]
+    judged(each, np.abs(ROWS @ TRUE) ** 2, conforms)
+    total = [estimates.estimate_sum(ROWS, one) for one in every]
+    judged(total, np.sum(np.abs(ROWS @ TRUE) ** 2), conforms)
+    conforms.invariance(float(total[0].value), each[0].value.sum(), rtol=1e-12)
+    apart = np.hypot(float(each[0].error[0]), np.hypot(*each[0].error[1:]))
+    assert abs(float(total[0].error) / apart - 1) > 0.05  # they see the same errors
 
 
 @pytest.mark.parametrize("of", ["quadratic", "factored", "summed"])
@@ -86,14 +77,6 @@ def test_stated_variances_are_in_the_mean_those_of_the_estimates(of, conforms):
     conforms.closed_form(np.mean(np.square(stated)), slopes + own, rtol=1e-9)
 
 
-def test_some_of_the_amplitudes_keep_their_covariance(conforms):
-    measured, C = drawn()
-    part = estimates.Amplitudes(measured[0], C).part(np.array([0, 3]))
-    own = [0, 3, N, N + 3]
-    conforms.invariance(part.covariance, C[np.ix_(own, own)], atol=0)
-    conforms.invariance(part.value, measured[0, [0, 3]], atol=0)
-
-
 def test_quotients_and_absolute_values(conforms):
     measured, C = drawn(0.2)
     each = [estimates.Amplitudes(w, C) for w in measured[:3000]]
@@ -116,32 +99,13 @@ def test_what_all_amplitudes_share_does_not_average_out(conforms):
     conforms.closed_form(shared.error / shared.value, 0.02, rtol=1e-3)  # 2 of a relative error
 
 
-def test_amplitudes_that_are_errors_alone_have_no_power():
-    C = np.eye(2 * N)
-    errors = np.random.default_rng(6).normal(size=(4000, 2 * N))
-    found = [
-        estimates.estimate_quadratic_form(FORM, estimates.Amplitudes(e[:N] + 1j * e[N:], C))
-        for e in errors
-    ]
-    mean = np.mean([one.value for one in found])
-    assert abs(mean) < 0.1 * np.trace(FORM)
-
-
-def test_a_covariance_of_another_size_is_refused():
-    with pytest.raises(ValueError, match=r"covariance: given shape \(3, 3\), needs \(10, 10\)"):
-        estimates.Amplitudes(TRUE, np.eye(3))
-
-
-SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
 def disc(radius, corners=96):
     turn = 2 * np.pi * (np.arange(corners) + 0.5) / corners
     grown = radius / np.sqrt(np.sin(2 * np.pi / corners) / (2 * np.pi / corners))  # of equal area
     return grown * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
-@pytest.mark.parametrize("ka", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("ka", [0.3, 3.0])
 def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms):
     from scipy.special import j1
 
@@ -157,27 +121,3 @@ def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms
     exact = 2 * AIR.density * AIR.speed_of_sound * omega * w * abs(np.sin(k * (far - 0.5) / 2))
     found = abs(surface.pressure_matrix(rigid, above, omega)[0, 0]) * w
     conforms.closed_form(found, exact, rtol=4e-3)
-
-
-def test_two_pistons_are_a_pair_of_monopoles(conforms):
-    medium, omega, apart = Medium(340.0, 1.2), 2 * np.pi * 400, 0.3
-    side = 0.004
-    left, right = (SQUARE * side + [x, 0] for x in (0, apart))
-    pair = [Surface.from_outline(one, 4, (apart / 2 + side / 2, side / 2)) for one in (left, right)]
-    centres = np.concatenate([one.pistons.centres for one in pair], axis=1)
-    both = type(pair[0].pistons)(centres, pair[0].pistons.size)
-    k = omega / medium.speed_of_sound
-    single = sound_power(pair[0].pistons, np.ones(4), omega, medium)
-    for sign in (1, -1):  # W = 2 W₁ (1 ± sin kd / kd)
-        v = np.repeat([1, sign], 4)
-        found = sound_power(both, v, omega, medium)
-        expected = 2 * single * (1 + sign * np.sinc(k * apart / np.pi))
-        conforms.closed_form(found, expected, rtol=1e-4)
-    points = np.array([[0.4, -1.0], [0.2, 0.5], [1.0, 2.0]])
-    own = np.ones((4, 1))
-    found = sum(one.pressure_matrix(own, points, omega, medium)[:, 0] for one in pair)
-    where = np.array([[-apart / 2, apart / 2], [0, 0], [0, 0]])
-    far = np.linalg.norm(points[:, :, None] - where[:, None], axis=0)
-    volume = 2 * 1j * omega * side**2  # of a displacement of 1, before a baffle
-    waves = np.array([monopole_pressure(r, volume, omega, medium).sum() for r in far])
-    conforms.closed_form(found, waves, rtol=1e-3)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from thesis_lib.acoustics.planes import plate_pistons
-from thesis_lib.acoustics.radiation import AIR, enough_nodes, integrate_pressure, rayleigh_pressure
+from thesis_lib.acoustics.radiation import AIR, integrate_pressure, rayleigh_pressure
 from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import resonance_frequency
 
@@ -21,7 +21,7 @@ def velocity(mode):
     return lambda places: PLATE.mode_shapes([mode], places)[0]
 
 
-@pytest.mark.parametrize("mode", [1, 4])
+@pytest.mark.parametrize("mode", [1, 9])
 def test_integral_is_that_of_adaptive_quadrature(conforms, mode):
     omega = resonance_frequency(PLATE, mode)
     k, scale = omega / AIR.speed_of_sound, 1j * omega * AIR.density / (2 * np.pi)
@@ -38,18 +38,6 @@ def test_integral_is_that_of_adaptive_quadrature(conforms, mode):
     found = integrate_pressure(PLATE, velocity(mode), POINTS[:, :2], omega)
     exact = [scale * (whole(np.real, *p) + 1j * whole(np.imag, *p)) for p in POINTS[:, :2].T]
     conforms.independent(found, np.array(exact), atol=1e-6 * np.max(np.abs(exact)))
-
-
-@pytest.mark.parametrize("height", [0.02, NEAR, 0.2])
-@pytest.mark.parametrize("mode", [1, 3, 9])
-def test_nodes_are_enough_for_six_digits(conforms, mode, height):
-    points = POINTS * [[1], [1], [height / NEAR]]
-    omega, count = resonance_frequency(PLATE, mode), enough_nodes(PLATE, height)
-    twice = integrate_pressure(
-        PLATE, velocity(mode), points, omega, nodes=tuple(2 * n for n in count)
-    )
-    found = integrate_pressure(PLATE, velocity(mode), points, omega)
-    conforms.order(np.abs(found - twice), below=1e-6 * np.max(np.abs(twice)))
 
 
 def test_rule_gains_digits_with_every_node_at_the_rate_that_sizes_it(conforms):

@@ -1,9 +1,6 @@
 """Which errors radiate: radiation modes, and draws of whole pixels against the law."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from scipy.stats import qmc
 
 from thesis_lib.acoustics import radiation
@@ -39,13 +36,6 @@ def test_radiation_modes_are_orthogonal_and_the_same_form(conforms):
     conforms.invariance(found, exact, rtol=1e-12)
 
 
-def test_in_the_loudest_mode_all_markers_move_to_one_side(conforms):
-    """And it alone makes more than half of what independent errors radiate."""
-    conforms.closed_form(MODES[0] * np.sign(MODES[0][0]), above=0)
-    share = np.sum(MODES[0] ** 2) / np.sum(MODES**2)
-    conforms.closed_form(share, above=0.5, below=1)
-
-
 def test_only_its_own_mode_hears_a_radiation_mode(conforms):
     """The field of one is orthogonal, over the plane, to the field of any other."""
     ways = MODES[:4] / np.linalg.norm(MODES[:4], axis=1, keepdims=True)
@@ -55,13 +45,6 @@ def test_only_its_own_mode_hears_a_radiation_mode(conforms):
     together = np.real(np.conj(fields) @ np.transpose(fields)) / PLANE.points[0].size
     expected = np.diag(np.sum(MODES[:4] ** 2, axis=1))
     conforms.independent(together / together[0, 0], expected / expected[0, 0], atol=1e-12)
-
-
-def test_what_the_modes_add_is_the_whole(conforms):
-    C = covariance()
-    whole = np.trace(FACTOR @ C @ FACTOR.T)
-    conforms.closed_form(np.sum(radiation.mean_squares(MODES, C)), whole, rtol=1e-12)
-    assert np.all(radiation.mean_squares(MODES, C) >= 0)
 
 
 def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(conforms):
@@ -89,33 +72,22 @@ def drawn_errors(turn, draws=11):
     return moved - rest - w, rounding.deflection_covariance(rig.P, points[:, 0], points[:, 1])
 
 
-@pytest.mark.parametrize("turn", [0, 1, 2])
-def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms, turn):
-    errors, C = drawn_errors(turn)
-    few = errors[::4]
-    fields = np.stack(
-        [rayleigh_pressure(plate_pistons(PLATE), e, PLANE.points, OMEGA) for e in few]
-    )
-    square = np.mean(np.abs(fields) ** 2)
-    conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
-    found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
-    law = radiation.mean_squares(MODES, C)
-    whole = np.mean(np.sum((errors @ FACTOR.T) ** 2, axis=1))
-    conforms.sampled(np.sqrt(np.sum(law) / whole), 1, atol=0.05)
-    conforms.sampled(found / whole, law[:3] / np.sum(law), atol=0.03)
-
-
-def test_a_turn_by_2_degrees_takes_most_of_the_field_and_nothing_of_the_shape(conforms):
-    """Drawn, without the law: the shape's error stays, the field's falls to less than a half."""
-    square, turned = (drawn_errors(turn)[0] for turn in (0, 2))
-    shape = np.sqrt(np.mean(turned**2) / np.mean(square**2))
-    conforms.sampled(shape, 1, atol=0.03)
-    fields = [np.mean(np.sum((e @ FACTOR.T) ** 2, axis=1)) for e in (square, turned)]
-    conforms.sampled(np.sqrt(fields[1] / fields[0]), below=0.4)
-
-
-def test_symmetry_of_a_plane_is_that_of_its_modes(conforms):
-    mirrored = replace(PLATE, grid=(4, 3))
-    modes = radiation.radiation_modes(full_factor(plane_operator(mirrored, PLANE, OMEGA)))
-    across = modes[:4].reshape(4, 3, 4)
-    conforms.invariance(across, across[:, ::-1], atol=1e-12 * np.abs(across).max())
+def test_fields_of_drawn_errors_are_those_that_the_law_predicts(conforms):
+    """A turn by 2° takes most of the field and nothing of the shape."""
+    fields, shapes = [], []
+    for turn in (0, 2):
+        errors, C = drawn_errors(turn)
+        few = errors[::8]
+        sent = [rayleigh_pressure(plate_pistons(PLATE), e, PLANE.points, OMEGA) for e in few]
+        square = np.mean(np.abs(sent) ** 2)
+        conforms.independent(square, np.mean(np.sum((few @ FACTOR.T) ** 2, axis=1)), rtol=1e-9)
+        found = np.mean((errors @ MODES[:3].T) ** 2, axis=0)
+        law = radiation.mean_squares(MODES, C)
+        conforms.closed_form(np.sum(law), np.trace(FACTOR @ C @ FACTOR.T), rtol=1e-12)
+        whole = np.mean(np.sum((errors @ FACTOR.T) ** 2, axis=1))
+        conforms.sampled(np.sqrt(np.sum(law) / whole), 1, atol=0.05)
+        conforms.sampled(found / whole, law[:3] / np.sum(law), atol=0.03)
+        fields.append(np.sqrt(whole))
+        shapes.append(np.sqrt(np.mean(errors**2)))
+    conforms.sampled(shapes[1] / shapes[0], 1, atol=0.03)
+    conforms.sampled(fields[1] / fields[0], below=0.4)

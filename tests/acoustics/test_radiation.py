@@ -1,13 +1,10 @@
 """Sound radiation: elementary sources, pistons, panels and power against closed forms."""
 
-import tracemalloc
 import warnings
 from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.special import j1, struve
 
 from thesis_lib.acoustics import radiation as acoustics_sources
@@ -89,7 +86,7 @@ def random_velocity(n, seed=0):
 # Elementary sources.
 
 
-@pytest.mark.parametrize("ka", [0.01, 0.3, 1.0, 7.0])
+@pytest.mark.parametrize("ka", [0.01, 1.0, 7.0])
 def test_pressure_on_a_sphere_is_its_impedance_times_its_velocity(conforms, ka):
     a, v = 0.05, 0.3 - 0.2j
     omega = ka * C / a
@@ -107,15 +104,6 @@ def test_pulsating_sphere_obeys_eulers_equation_with_order_2(conforms):
         slope = (-1.5 * p[0] + 2 * p[1] - 0.5 * p[2]) / h
         errors.append(abs(-slope / (1j * omega * RHO) - v))
     conforms.order(orders(errors), 2, atol=0.06)
-
-
-def test_pulsating_sphere_sends_its_power_through_every_sphere(conforms):
-    a, v, omega = 0.05, 0.3, 1.7 * C / 0.05
-    r = np.array([a, 0.1, 1, 30])
-    p = pulsating_sphere(r, a, 4 * pi * a**2 * v, omega)
-    through = 4 * pi * r**2 * np.abs(p) ** 2 / (2 * RHO * C)
-    driven = 4 * pi * a**2 * np.real(p[0] * np.conj(v)) / 2
-    conforms.invariance(through, driven, rtol=1e-13)
 
 
 def test_a_small_pulsating_sphere_is_a_monopole_with_order_2(conforms):
@@ -156,7 +144,7 @@ def test_a_baffle_doubles_a_monopole(conforms):
 # Rayleigh's integral: the circular piston.
 
 
-@pytest.mark.parametrize("ka", [0.7, 3.0, 8.0])
+@pytest.mark.parametrize("ka", [0.7, 8.0])
 def test_circular_piston_on_its_axis_with_order_2(conforms, ka):
     a, v = 0.1, 0.4
     k = ka / a
@@ -176,25 +164,7 @@ def test_circular_piston_on_its_axis_with_order_2(conforms, ka):
     conforms.closed_form(errors[-1], below=1e-3 * np.max(modulus))
 
 
-@pytest.mark.parametrize("ka", [0.3, 1.5, 4.0])
-def test_resistance_of_the_circular_piston_with_order_2(conforms, ka):
-    # Power over that of a plane wave: 1 − J₁(2ka) / ka, from the far field and from the matrix.
-    a = 0.1
-    exact = 1 - j1(2 * ka) / ka
-    omega = ka * C / a
-    far, near = [], []
-    for rings in (5, 10, 20):
-        parts = disc(a, rings)
-        v = np.ones(3 * rings**2)
-        plane = RHO * C * pi * a**2 / 2
-        far.append(abs(far_power(parts, v, omega) / plane - exact))
-        near.append(abs(rad.radiation_efficiency(parts, v, omega) - exact))
-    conforms.order(orders(far), 2, atol=0.15)
-    conforms.independent(near, far, rtol=1e-6)
-    conforms.closed_form(far[-1], below=2e-3 * exact * max(1, ka**2))
-
-
-@pytest.mark.parametrize("ka", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("ka", [0.3, 2.5])
 def test_impedance_of_the_circular_piston_is_that_of_bessel_and_struve(conforms, ka):
     """Mean pressure on it over its velocity: 1 − J₁(2ka)/ka + jH₁(2ka)/ka of ρc.
 
@@ -230,7 +200,7 @@ def test_pressure_of_the_circular_piston_off_its_axis_in_the_far_field(conforms)
 
 # Simply supported panels: C. E. Wallace, J. Acoust. Soc. Am. 51 (1972), 946-952.
 
-FAMILIES = [(1, 1), (3, 1), (2, 1), (1, 2), (3, 2), (2, 2), (4, 2)]
+FAMILIES = [(3, 1), (2, 1), (1, 2), (2, 2)]  # odd and even
 
 
 def wallace(m, n, k, nodes=80):
@@ -246,20 +216,7 @@ def wallace(m, n, k, nodes=80):
     return 64 * k**2 * A * B / (pi**6 * m**2 * n**2) * total
 
 
-def low_frequency(m, n, k):
-    """Wallace's limits of it; `m` odd unless both are even."""
-    if m % 2 and n % 2:
-        bracket = (1 - 8 / (m * pi) ** 2) * A / B + (1 - 8 / (n * pi) ** 2) * B / A
-        value = 32 * k**2 * A * B / (m**2 * n**2 * pi**5)
-        return value * (1 - k**2 * A * B / 12 * bracket)
-    if m % 2:
-        return 8 * k**4 * A * B**3 / (3 * m**2 * n**2 * pi**5)
-    if n % 2:
-        return 8 * k**4 * A**3 * B / (3 * m**2 * n**2 * pi**5)
-    return 2 * k**6 * A**3 * B**3 / (15 * m**2 * n**2 * pi**5)
-
-
-@pytest.mark.parametrize("ka", [0.5, 2.0, 6.0])
+@pytest.mark.parametrize("ka", [0.5, 6.0])
 @pytest.mark.parametrize(("m", "n"), FAMILIES)
 def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(conforms, m, n, ka):
     k = ka / A
@@ -273,51 +230,15 @@ def test_radiation_efficiency_of_a_panel_is_wallaces_with_order_2(conforms, m, n
     conforms.closed_form(errors[-1], below=0.02)
 
 
-@pytest.mark.parametrize("ka", [0.5, 2.0, 6.0])
-@pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_a_measured_surface_radiates_by_wallaces_integral(conforms, m, n, ka):
+def test_a_measured_surface_radiates_by_wallaces_integral(conforms):
     """With as many nodes as `thesis measure` takes."""
     own = Surface.from_outline(np.array([[0, 0], [A, 0], [A, B], [0, B]]), 1600, (A / 2, B / 2))
     x, y = own.places
-    shape = (np.sin(m * pi * x / A) * np.sin(n * pi * y / B))[..., None]
-    forms = own.power_form(shape, ka / A * C), own.plane_wave_form(shape, ka / A * C)
-    conforms.closed_form(float(forms[0][0, 0] / forms[1][0, 0]), wallace(m, n, ka / A), rtol=3e-4)
-
-
-@pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_radiation_efficiency_has_wallaces_limit_at_low_frequency(conforms, m, n):
-    # Finer pistons at a lower frequency: both errors fall as the square.
-    errors = []
-    for refined in (1, 2, 4):
-        parts, k = panel(12 * refined, 8 * refined), 0.4 / refined / A
-        sigma = rad.radiation_efficiency(parts, panel_mode(parts, m, n), k * C)
-        errors.append(abs(sigma / low_frequency(m, n, k) - 1))
-    conforms.order(orders(errors), 2, atol=0.1)
-
-
-def test_a_panel_far_above_coincidence_radiates_like_a_plane_wave(conforms):
-    parts = panel(60, 40)
-    sigma = rad.radiation_efficiency(parts, panel_mode(parts, 1, 1), 40 / A * C)
-    conforms.closed_form(sigma, 1, atol=0.03)
-
-
-@pytest.mark.parametrize(("m", "n"), FAMILIES)
-def test_far_field_of_a_panel_is_wallaces_with_order_2(conforms, m, n):
-    k = 5 / A
-    theta, phi = np.meshgrid([0.3, 0.8, 1.3], [0.2, 0.9, 1.4])
-    u = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
-    alpha, beta = k * A * u[0], k * B * u[1]
-
-    def factor(i, s):
-        return np.abs(((-1) ** i * np.exp(-1j * s) - 1) / ((s / (i * pi)) ** 2 - 1))
-
-    exact = C * RHO * k / (2 * pi) * A * B / (m * n * pi**2) * factor(m, alpha) * factor(n, beta)
-    errors = []
-    for refined in (1, 2, 4):
-        parts = panel(12 * refined, 8 * refined)
-        p = rad.far_field(parts, panel_mode(parts, m, n), u, k * C)
-        errors.append(np.max(np.abs(np.abs(p) - exact)))
-    conforms.order(orders(errors), 2, atol=0.1)
+    shape = np.stack([np.sin(m * pi * x / A) * np.sin(n * pi * y / B) for m, n in FAMILIES], -1)
+    for ka in (0.5, 6.0):
+        power, wave = (form(shape, ka / A * C) for form in (own.power_form, own.plane_wave_form))
+        exact = [wallace(m, n, ka / A) for m, n in FAMILIES]
+        conforms.closed_form(np.diag(power) / np.diag(wave), np.array(exact), rtol=3e-4)
 
 
 def test_rayleighs_integral_tends_to_the_far_field(conforms):
@@ -335,7 +256,7 @@ def test_rayleighs_integral_tends_to_the_far_field(conforms):
 # Power.
 
 
-@pytest.mark.parametrize("ka", [0.3, 2.0, 9.0])
+@pytest.mark.parametrize("ka", [0.3, 9.0])
 def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
     parts = panel(12, 8)
     omega = ka * C / A
@@ -344,103 +265,34 @@ def test_radiation_matrix_gives_the_power_of_the_far_field(conforms, ka):
         conforms.independent(far_power(parts, v, omega), power, rtol=1e-3)
 
 
-def test_power_of_the_far_field_converges_to_that_of_the_matrix_with_order_2(conforms):
-    # By the midpoint rule over the half space, where the (1, 1) mode is loudest at θ = 0.
-    parts = panel(12, 8)
-    v, omega = panel_mode(parts, 1, 1), 3 * C / A
-    exact = rad.sound_power(parts, v, omega)
-    errors = []
-    for n in (12, 24, 48):
-        theta = (np.arange(n)[:, None] + 0.5) * pi / 2 / n
-        phi = (np.arange(4 * n) + 0.5) * 2 * pi / (4 * n)
-        u = np.stack(
-            [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi]
-        )
-        intensity = np.abs(rad.far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
-        total = np.sum(intensity * np.sin(theta)) * pi / 2 / n * 2 * pi / (4 * n)
-        errors.append(abs(total / exact - 1))
-    conforms.order(orders(errors), 2, atol=0.1)
-    conforms.independent(errors[-1], below=1e-3)
-
-
-def test_near_field_intensity_of_a_piston_is_its_power_with_order_2(conforms):
-    # Re(p v*)/2 over a hemisphere of any radius equals the power: nothing is lost on the way.
-    parts = panel(6, 4)
-    v, omega = random_velocity(24), 4 * C / A
-    exact = rad.sound_power(parts, v, omega)
-    u, weight = hemisphere(40)
-    r, errors = 0.9, []
-    for h in (0.02, 0.01, 0.005):
-        p, out, inner = (rad.rayleigh_pressure(parts, v, (r + d) * u, omega) for d in (0, h, -h))
-        velocity = -(out - inner) / (2 * h) / (1j * omega * RHO)
-        errors.append(abs(np.sum(weight * np.real(p * np.conj(velocity))) * r**2 / 2 / exact - 1))
-    conforms.order(orders(errors), 2, atol=0.1)
-
-
-@pytest.mark.parametrize("ka", [0.1, 1.0, 12.0])
-def test_radiation_matrix_is_symmetric_and_positive_semi_definite(conforms, ka):
-    matrix = rad.radiation_matrix(panel(12, 8), ka * C / A)
-    conforms.invariance(matrix, matrix.T, atol=0)
-    eigenvalues = np.linalg.eigvalsh(matrix)
-    conforms.invariance(eigenvalues[0], above=-1e-14 * eigenvalues[-1])
-
-
 def test_power_and_efficiency_scale_as_they_must(conforms):
     parts, omega = panel(6, 4), 3 * C / A
-    v = random_velocity(24)
+    v, dense = random_velocity(24), Medium(C, 2 * RHO)
     power = rad.sound_power(parts, v, omega)
     conforms.invariance(rad.sound_power(parts, 3j * v, omega), 9 * power, rtol=1e-12)
-    sigma = rad.radiation_efficiency(parts, v, omega)
-    conforms.invariance(rad.radiation_efficiency(parts, 3j * v, omega), sigma, rtol=1e-12)
-    dense = Medium(C, 2 * RHO)
     conforms.invariance(rad.sound_power(parts, v, omega, dense), 2 * power, rtol=1e-12)
-    conforms.invariance(rad.radiation_efficiency(parts, v, omega, dense), sigma, rtol=1e-12)
-    # Only k matters to the efficiency.
-    fast = Medium(2 * C, RHO)
-    conforms.invariance(rad.radiation_efficiency(parts, v, 2 * omega, fast), sigma, rtol=1e-12)
+    sigma = rad.radiation_efficiency(parts, v, omega)
+    fast = Medium(2 * C, 2 * RHO)  # only k matters to the efficiency
+    conforms.invariance(rad.radiation_efficiency(parts, 3j * v, 2 * omega, fast), sigma, rtol=1e-12)
 
 
-def test_two_pistons_that_meet_are_one_of_double_area(conforms):
+def test_two_pistons_that_meet_are_one_of_double_area_or_in_opposition_silent(conforms):
     k, side = 8.0, 0.02
     one = Pistons(np.zeros((2, 1)), (2 * side, side))
-    point = np.array([[0.3], [0.2], [0.1]])
     exact_power = rad.sound_power(one, [1.0], k * C)
-    exact_pressure = transfer_pressure(one, point, k * C)[0, 0]
-    power, pressure = [], []
+    power, silence = [], []
     distances = 0.04 / 2 ** np.arange(4)
     for d in distances:
         two = Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (side, side))
         power.append(abs(rad.sound_power(two, [1.0, 1.0], k * C) / exact_power - 1))
-        pressure.append(abs(np.sum(transfer_pressure(two, point, k * C)) / exact_pressure - 1))
-    conforms.order(orders(power), 2, atol=0.02)
-    conforms.order(orders(pressure), 2, atol=0.02)
+        silence.append(rad.sound_power(two, [1.0, -1.0], k * C))
+    for errors in (power, silence):
+        conforms.order(orders(errors), 2, atol=0.02)
     # (1 + sinc kd) / 2 = 1 − (kd)²/12 + …
     conforms.closed_form(power[-1], (k * distances[-1]) ** 2 / 12, rtol=0.01)
 
 
-def test_two_pistons_in_opposition_that_meet_are_silent(conforms):
-    k = 8.0
-    power = []
-    for d in 0.04 / 2 ** np.arange(4):
-        two = Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (0.02, 0.02))
-        power.append(rad.sound_power(two, [1.0, -1.0], k * C))
-    conforms.order(orders(power), 2, atol=0.02)
-
-
 # The kernel.
-
-place = st.floats(-1, 1, allow_subnormal=False)
-
-
-@given(place, place, place, place, st.floats(0.01, 2), st.floats(50, 4000))
-def test_source_and_receiver_change_places(conforms, x1, y1, x2, y2, z, omega):
-    def pressure(source, receiver):
-        parts = Pistons(np.array(source)[:, None], (0.01, 0.02))
-        point = np.array([*receiver, z])[:, None]
-        return complex(transfer_pressure(parts, point, omega)[0, 0])
-
-    there, back = pressure((x1, y1), (x2, y2)), pressure((x2, y2), (x1, y1))
-    conforms.invariance(there, back, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kind", [complex, float])
@@ -477,111 +329,51 @@ def test_field_is_linear_in_velocity_and_density(conforms):
     )
 
 
-def test_memory_of_a_field_is_bounded_by_a_block():
-    parts = plate_pistons(setups.thesis_plate())
-    v = random_velocity(150)
-
-    def peak(n):
-        points = np.stack([np.linspace(-1, 1, n), np.zeros(n), np.full(n, 0.1)])
-        tracemalloc.start()
-        result = rad.rayleigh_pressure(parts, v, points, 2 * pi * 942)
-        used = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return used - result.nbytes
-
-    few, many = peak(1000), peak(100_000)  # 240 MB if all pairs were held at once
-    assert many < 1.5 * few
-    assert many < 10e6
-
-
 # Levels.
 
 
-@pytest.mark.parametrize("factor", [1, 10, 1e-3])
-def test_pressure_level_is_that_of_the_rms_pressure(conforms, factor):
-    amplitude = factor * 20e-6 * np.sqrt(2) * np.exp(0.4j)
-    conforms.closed_form(rad.pressure_level(amplitude), 20 * np.log10(factor), atol=1e-12)
-
-
-@pytest.mark.parametrize(("watts", "decibels"), [(1e-12, 0), (1, 120), (2e-12, 3.0103)])
-def test_power_level_is_re_one_picowatt(conforms, watts, decibels):
-    conforms.closed_form(rad.power_level(watts), decibels, atol=1e-4)
-
-
-def test_pressure_of_one_pascal_is_91_decibels_and_silence_is_below_all(conforms):
+def test_levels_are_of_the_rms_pressure_and_re_one_picowatt(conforms):
+    conforms.closed_form(rad.pressure_level(2e-5 * np.sqrt(2) * np.exp(0.4j)), 0, atol=1e-12)
     conforms.closed_form(rad.pressure_level(1.0), 90.9691, atol=1e-4)
-    assert rad.pressure_level([0.0])[0] == -INF
-    assert rad.power_level([0.0])[0] == -INF
+    conforms.closed_form(rad.power_level([1e-12, 2e-12, 1]), [0, 3.0103, 120], atol=1e-4)
+    assert rad.pressure_level([0.0])[0] == rad.power_level([0.0])[0] == -INF
 
 
 # What is refused.
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, NAN, INF, -INF])
-def test_a_medium_must_be_positive(bad):
-    with pytest.raises(ValueError, match="speed_of_sound: given"):
-        Medium(bad, 1.21)
-    with pytest.raises(ValueError, match="density: given"):
-        Medium(343, bad)
-
-
-CALLS = {
-    "sphere": lambda omega: pulsating_sphere(1, 0.1, 1, omega),
-    "monopole": lambda omega: monopole_pressure(1, 1, omega),
-    "piston": lambda omega: piston_pressure(1, 1, 1, omega),
-    "transfer": lambda omega: transfer_pressure(panel(6, 4), np.ones((3, 1)), omega),
-    "rayleigh": lambda omega: rad.rayleigh_pressure(
-        panel(6, 4), np.ones(24), np.ones((3, 1)), omega
-    ),
-    "matrix": lambda omega: rad.radiation_matrix(panel(6, 4), omega),
-    "power": lambda omega: rad.sound_power(panel(6, 4), np.ones(24), omega),
-    "efficiency": lambda omega: rad.radiation_efficiency(panel(6, 4), np.ones(24), omega),
-    "far field": lambda omega: rad.far_field(panel(6, 4), np.ones(24), [[0], [0], [1]], omega),
-}
-OF_PISTONS = list(CALLS)[3:]
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, NAN, INF])
-@pytest.mark.parametrize("call", CALLS)
-def test_a_frequency_must_be_positive(call, bad):
-    with pytest.raises(ValueError, match=r"omega: given .*, needs a positive finite number"):
-        CALLS[call](bad)
-
-
-@pytest.mark.parametrize("call", OF_PISTONS)
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda omega: transfer_pressure(panel(6, 4), np.ones((3, 1)), omega),
+        lambda omega: rad.rayleigh_pressure(panel(6, 4), np.ones(24), np.ones((3, 1)), omega),
+        lambda omega: rad.sound_power(panel(6, 4), np.ones(24), omega),
+        lambda omega: rad.far_field(panel(6, 4), np.ones(24), [[0], [0], [1]], omega),
+    ],
+)
 def test_pistons_must_be_small_against_the_wavelength(call):
     side = 0.1  # of the panel's 6 × 4 pistons
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        CALLS[call](0.999 / side * C)
+        call(0.999 / side * C)
     with pytest.warns(UserWarning, match=r"k times the size of a piston is 1\.00 at"):
-        CALLS[call](1.001 / side * C)
-    with pytest.warns(UserWarning, match=r"is 3\.1"):
-        CALLS[call](0.999 * pi / side * C)
+        call(1.001 / side * C)
     with pytest.raises(ValueError, match=r"is 3\.14 at .* Hz, needs at most π"):
-        CALLS[call](1.0001 * pi / side * C)
+        call(1.0001 * pi / side * C)
 
 
-def test_the_longer_side_of_a_piston_counts():
-    for size in ((0.1, 0.01), (0.01, 0.1)):
-        parts = Pistons(np.zeros((2, 1)), size)
-        with pytest.raises(ValueError, match=r"size of a piston is 3\.5"):
-            check_pistons(parts, 35 * C)
-
-
-@pytest.mark.parametrize("z", [0.0, -0.1, NAN])
-@pytest.mark.parametrize("function", [rad.rayleigh_pressure, transfer_pressure])
-def test_points_must_stand_in_front_of_the_plate(function, z):
-    points = np.array([[0.0, 0.1], [0, 0], [0.1, z]])
-    velocity = [np.ones(24)] if function is rad.rayleigh_pressure else []
-    with pytest.raises(ValueError, match=r"points: given Z = .*, needs Z > 0"):
-        function(panel(6, 4), *velocity, points, 1000.0)
-
-
-def test_a_point_inside_the_sphere_or_at_the_source_is_refused():
-    with pytest.raises(ValueError, match=r"distance: given 0\.09 m, needs at least the radius"):
-        pulsating_sphere([0.2, 0.09], 0.1, 1, 1000)
-    with pytest.raises(ValueError, match="radius: given 0"):
-        pulsating_sphere(1, 0, 1, 1000)
-    with pytest.raises(ValueError, match="distance: given 0"):
-        monopole_pressure([1, 0], 1, 1000)
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Medium(NAN, 1.21), "speed_of_sound: given"),
+        (lambda: Medium(343, 0.0), "density: given"),
+        (lambda: monopole_pressure(1, 1, -1.0), r"omega: given .*, needs a positive finite number"),
+        (lambda: check_pistons(Pistons(np.zeros((2, 1)), (0.01, 0.1)), 35 * C), r"is 3\.5"),
+        (lambda: transfer_pressure(panel(6, 4), [[0], [0], [-0.1]], 1e3), r"Z = .*, needs Z > 0"),
+        (lambda: pulsating_sphere([0.2, 0.09], 0.1, 1, 1000), r"distance: given 0\.09 m"),
+        (lambda: monopole_pressure([1, 0], 1, 1000), "distance: given 0"),
+    ],
+)
+def test_what_cannot_be_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()

@@ -132,23 +132,16 @@ def test_a_bulging_disc_has_the_table_of_levels(conforms):
         conforms.independent(10 * np.log10(2 * without / wall), level, atol=0.6)
 
 
-@pytest.mark.parametrize("cells", [200, 400])
-def test_a_stiff_disc_is_a_dipole_at_low_frequency(cells, conforms):
+def test_a_stiff_disc_is_a_dipole_at_low_frequency(conforms):
     """Air resists with the mass 8ρa³/3 (H. Lamb), and W = k²F²/24πρc."""
     k = 0.05
-    without, _ = both(UNIT_DISC, lambda x, y: 1 + 0 * x, k, cells)
+    without, _ = both(UNIT_DISC, lambda x, y: 1 + 0 * x, k)
     force = (k * C) ** 2 * 8 / 3 * AIR.density
     dipole = k**2 * force**2 / (24 * np.pi * AIR.density * C) / 2
     conforms.closed_form(without, dipole, rtol=0.02)
 
 
-def test_far_above_its_edges_a_structure_needs_no_wall(conforms):
-    outline = SQUARE * [0.6, 0.4]
-    k = 3 * np.hypot(np.pi / 0.6, np.pi / 0.4)
-    without, wall = both(outline, lambda x, y: np.sin(np.pi * x / 0.6) * np.sin(np.pi * y / 0.4), k)
-    conforms.closed_form(10 * np.log10(without / wall), 0, atol=0.1)
-
-
+@pytest.mark.few(2)
 @pytest.mark.parametrize("n", STRIPS)
 def test_a_strip_without_a_wall_has_the_table_of_levels(n, conforms):
     """Of infinite length, by cells that are added up along it."""

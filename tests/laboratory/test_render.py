@@ -21,9 +21,8 @@ from thesis_lib.laboratory.render import (
     render_board,
 )
 from thesis_lib.laboratory.rig import default_poses
-from thesis_lib.measure.recordings.board import Board, on_surface, rows_on
+from thesis_lib.measure.recordings.board import Board, rows_on
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vision import pinhole
 
 BEAM = setups.thesis_beam()
 SHARP = Sensor(spread=0.0, samples=1)
@@ -85,47 +84,28 @@ SEEDS = st.integers(0, 2**32 - 1)
 # Areas.
 
 
-@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("middle", [(20, 15), (2, 28), (38.3, 4.1), (-3, 12)])
-def test_coverage_is_the_area_of_the_polygon_in_each_pixel(conforms, seed, middle):
+def test_coverage_is_the_area_of_the_polygon_in_each_pixel(conforms, middle):
     """Also of polygons that are partly out of the picture."""
-    uv = star(seed, middle=middle)
+    uv = star(0, middle=middle)
     conforms.independent(one(uv), by_clipping(uv), atol=1e-12)
 
 
 @given(SEEDS, st.integers(3, 40))
-def test_total_coverage_is_the_shoelace_s_area(conforms, seed, n):
+def test_whole_coverage_is_the_area_from_any_vertex_and_either_way_round(conforms, seed, n):
     uv = star(seed, n)
     conforms.closed_form(one(uv).sum(), abs(area(uv)), atol=1e-12 * SIZE[0] * SIZE[1])
-
-
-@given(SEEDS)
-def test_coverage_is_the_same_either_way_round_and_from_any_vertex(conforms, seed):
-    uv = star(seed)
     conforms.invariance(one(uv[:, ::-1]), one(uv), atol=1e-13)
     conforms.invariance(one(np.roll(uv, 4, axis=1)), one(uv), atol=1e-13)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.25])
 def test_vertices_and_sides_may_lie_on_the_borders_of_pixels(conforms, share):
     square = np.array([[3, 7, 7, 3], [2, 2, 5, 5]]) + share
     expected = np.zeros((30, 40))
     whole = [1 - share, 1, 1, 1, share]
     expected[2:6, 3:8] = np.outer([1 - share, 1, 1, share], whole)
     conforms.closed_form(one(square), expected, atol=1e-14)
-
-
-def test_polygons_add_up_with_their_contrasts_and_frames_are_averaged(conforms):
-    a, b = star(1), star(2, 12)
-    both = Polygons(np.array([0, 9]), np.array([2.0, -3.0]))
-    uv = np.concatenate([a, b], axis=1)
-    expected = 2 * one(a) - 3 * one(b)
-    conforms.invariance(rasterise_polygons(uv, both, *SIZE), expected, atol=1e-12)
-    moved = uv + [[1.3], [-0.4]]
-    mean = 0.5 * (expected + rasterise_polygons(moved, both, *SIZE))
-    conforms.invariance(
-        rasterise_polygons(np.stack([uv, moved], axis=1), both, *SIZE), mean, atol=1e-12
-    )
 
 
 def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
@@ -137,43 +117,22 @@ def square(grey=100.0, sensor=SHARP, rng=None, size=(400, 300)):
 
 @pytest.mark.parametrize(
     ("grey", "shot", "read"),
-    [(20.0, 0.05, 1.0), (100.0, 0.05, 1.0), (200.0, 0.05, 1.0), (150.0, 0.0, 3.0), (150.0, 0.2, 0)],
+    [(20.0, 0.05, 1.0), (200.0, 0.05, 1.0), (150.0, 0.0, 3.0), (150.0, 0.2, 0)],
 )
-def test_noise_has_the_variance_of_photons_and_of_reading(conforms, grey, shot, read):
+def test_noise_is_white_with_the_variance_of_photons_and_of_reading(conforms, grey, shot, read):
     sensor, rounding = replace(SHARP, shot=shot, read=read), 1 / 12
     image = square(grey, sensor, np.random.default_rng(1)).astype(float)
     for part, level in [(image[60:240, 60:340], grey), (image[:45], 60.0)]:
         expected = shot * level + read**2 + rounding
         conforms.sampled(part.mean(), level, atol=4 * np.sqrt(expected / part.size))
         conforms.sampled(part.var(ddof=1), expected, rtol=5 * np.sqrt(2 / part.size))
+        for way in [(0, 1), (1, 0), (1, 1)]:
+            together = np.mean((part - level) * (np.roll(part, way, (0, 1)) - level))
+            conforms.sampled(abs(together), below=5 * expected / np.sqrt(part.size))
 
 
-def test_noise_is_white(conforms):
-    image = square(150.0, rng=np.random.default_rng(3)).astype(float)[60:240, 60:340] - 150
-    var = np.mean(image**2)
-    for down, right in [(0, 1), (1, 0), (1, 1)]:
-        moved = np.roll(image, (down, right), (0, 1))
-        conforms.sampled(abs(np.mean(image * moved)), below=5 * var / np.sqrt(image.size))
-
-
-def test_without_a_generator_there_is_no_noise_and_levels_are_rounded():
-    image = square(99.6)
-    assert image.dtype == np.uint8
-    assert np.unique(image).tolist() == [60, 100]
-
-
-def test_dark_and_bright_levels_saturate(conforms):
-    sensor = replace(SHARP, read=80.0)
-    image = square(250.0, sensor, np.random.default_rng(4))
-    assert (image == 0).any()
-    assert (image == 255).any()
-    conforms.closed_form(
-        np.abs(np.mean(image[60:240, 60:340] == 255) - 0.476), below=0.02
-    )  # Φ((254.5 − 250)/80.1)
-
-
-@pytest.mark.parametrize("spread", [0.4, 0.6, 1.2])
-@pytest.mark.parametrize("place", [50.0, 50.3, 50.75])
+@pytest.mark.parametrize("spread", [0.4, 1.2])
+@pytest.mark.parametrize("place", [50.0, 50.3])
 def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place):
     uv = np.array([[place, 350, 350, place], [50, 50, 250, 250]])
     polygons = Polygons(np.array([0]), np.array([140.0]))
@@ -186,11 +145,6 @@ def test_an_edge_is_blurred_by_a_gaussian_and_the_pixel(conforms, spread, place)
     # The trapezoidal rule on the finer grid errs by its step squared over 12 at each kink.
     by_grid = 140 / (12 * SUBPIXELS_PER_PIXEL**2) * np.abs(np.diff(bell, axis=0)).max() / spread
     conforms.closed_form(row, exact, atol=0.6 + by_grid)
-
-
-def test_the_spread_keeps_all_light(conforms):
-    blurred, sharp = (square(200.0, replace(SHARP, spread=s)).astype(float) for s in (0.6, 0.0))
-    conforms.invariance(blurred.sum(), sharp.sum(), rtol=1e-4)
 
 
 # The beam.
@@ -217,8 +171,7 @@ ROW_BEAM = replace(BEAM, length=0.68, width=0.06)
 ROW = rows_on(ROW_BEAM, rows=1, hole=None)  # room to integrate
 
 
-@pytest.mark.parametrize("azimuth", [-10.0, 170.0])
-@pytest.mark.parametrize("time", [0.0, 2.3, 2.37])
+@pytest.mark.parametrize(("azimuth", "time"), [(-10.0, 2.3), (170.0, 2.37)])
 def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(conforms, azimuth, time):
     parts = (Component(), Component("torsion", 1, 6.0, 0.002))
     motion, at = Motion(ROW_BEAM, parts), camera(azimuth)
@@ -236,23 +189,8 @@ def test_markers_are_where_their_discs_on_the_deflected_surface_project_to(confo
     conforms.closed_form(np.abs(np.mean(found - exact, axis=1)).max(), below=0.001)
 
 
-def test_a_disc_s_centroid_is_not_its_centre_s_image(conforms):
-    # What the test above would miss if it took centres instead.
-    at = camera()
-    exact = disc_centroids(at, ROW, lambda points: 0 * points[0])
-    centre = pinhole.project_points(at, on_surface(ROW.extent, ROW.positions))
-    conforms.closed_form(np.abs(exact - centre).max(), above=0.007, below=0.02)
-
-
-def test_the_polygon_of_a_marker_has_the_disc_s_area(conforms):
-    points = view(markers=ROW).points
-    for disc in points[:, -25 * BeamView.VERTICES :].reshape(2, 25, -1).transpose(1, 0, 2):
-        conforms.closed_form(abs(area(disc)), np.pi * 0.0025**2, rtol=1e-12)
-
-
-@pytest.mark.parametrize("exposure", [1 / 60, 1 / 30])
-def test_an_exposure_shrinks_a_vibration_by_sinc(conforms, exposure):
-    motion, at = Motion(ROW_BEAM), camera()
+def test_an_exposure_shrinks_a_vibration_by_sinc(conforms):
+    motion, at, exposure = Motion(ROW_BEAM), camera(), 1 / 30
     peak = motion.start + 10.25 / 4.25
     sensor = replace(Sensor(), exposure=exposure, samples=16)
     moving = view(motion, sensor, ROW, at)
@@ -268,29 +206,6 @@ def test_an_exposure_shrinks_a_vibration_by_sinc(conforms, exposure):
     shrunk = np.linalg.norm(found - still) / np.linalg.norm(most - still)
     conforms.closed_form(shrunk, np.sinc(4.25 * exposure), atol=0.0015)
     conforms.closed_form(shrunk, below=1 - 0.9 * (np.pi * 4.25 * exposure) ** 2 / 6)
-
-
-def test_a_beam_at_rest_is_the_same_however_long_the_exposure():
-    frames = [view(sensor=replace(Sensor(), exposure=e, samples=s)).frame(0.5)
-              for e, s in [(0.004, 8), (0.016, 1)]]  # fmt: skip
-    np.testing.assert_array_equal(*frames)
-
-
-def test_frames_are_those_of_their_seed(conforms):
-    moving = view()
-    frames = [moving.frame(2.0, np.random.default_rng(seed)) for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(frames[0], frames[1])
-    difference = frames[2].astype(float) - frames[0]
-    conforms.closed_form(np.std(difference[:100]), np.sqrt(2 * (4 + 1 / 12)), rtol=0.02)
-    clean = moving.frame(2.0)
-    conforms.sampled(abs(np.mean(frames[0].astype(float) - clean)), below=0.02)
-
-
-@pytest.mark.parametrize("shift", [[4000.0, 0], [0, -3000.0]])
-def test_a_beam_out_of_view_leaves_the_background(shift):
-    at = camera(k1=0.0)
-    at.K[:2, 2] += shift
-    np.testing.assert_array_equal(view(at=at).frame(0.0), 60)
 
 
 def test_a_beam_partly_out_of_view_is_the_part_of_a_larger_picture(conforms):
@@ -320,11 +235,3 @@ def test_a_board_is_what_counting_samples_makes_of_it(conforms, pose):
     difference = (image - counted)[4:-4, 4:-4]  # the spread mirrors what is beyond the border
     conforms.independent(np.abs(difference).max(), below=5)
     conforms.independent(np.sqrt(np.mean(difference**2)), below=0.3)
-
-
-def test_a_board_is_printed_on_both_sides():
-    turned = np.diag([1.0, -1.0, -1.0])
-    at = camera(size=(640, 360), elevation=70.0)
-    for R in (np.eye(3), turned):
-        image = render_board(at, Board(), R, [0, 0, 0.0], SHARP)
-        assert np.count_nonzero(image == 30) > 0.15 * image.size

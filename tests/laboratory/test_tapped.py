@@ -8,10 +8,9 @@ import xarray as xr
 from scenes.driven import Driven, random_force
 from scenes.modes import BEAM, DIRECTIONS
 from scenes.rendered import beam_rig, force_heard, pushed, written
-from scenes.rolling import RollingView
 from scipy.integrate import quad, solve_ivp
 
-from thesis_lib.laboratory.render import BeamView, Sensor
+from thesis_lib.laboratory.render import Sensor
 from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.laboratory.tracking import tap_structure
 from thesis_lib.measure.modes.identify import modal_assurance
@@ -51,24 +50,6 @@ def test_a_tap_against_its_equation_of_motion():
     force, _ = quad(lambda t: float(motion.force(np.array(t))), motion.start, motion.steady)
     assert force == pytest.approx(0.02, rel=1e-6)
     assert np.all(motion.coordinates(motion.start - np.array([1.0, 0.01])) == 0)
-
-
-def test_what_rings_on_is_the_sum_of_its_modes():
-    motion = small().motion
-    points, at = np.array([[0.3, 0.6], [0.01, 0.02]]), motion.steady + 0.013
-    times = motion.steady + np.linspace(0, 1, 40)
-    decay = np.exp(motion.poles[:, None] * (times - at))
-    expected = np.real(np.einsum("kp,kt->tp", motion.amplitudes(points, at), decay))
-    np.testing.assert_allclose(motion.deflection(points, times), expected, atol=1e-15)
-
-
-def test_rows_that_are_read_at_once_are_the_usual_picture():
-    own = small()
-    station, when = own.stations[0], own.motion.steady + 0.04
-    given = (station.camera, own.markers, own.motion, station.sensor)
-    usual = BeamView(*given).frame(when)
-    assert np.array_equal(RollingView(*given, 0.0).frame(when), usual)
-    assert not np.array_equal(RollingView(*given, 0.01).frame(when), usual)
 
 
 @pytest.mark.nightly

@@ -10,8 +10,6 @@ from scenes.sounds import claps, click, later, music, write_film
 from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.synchronisation.alone import (
-    format_seconds,
-    significant_decimals,
     synchronise_videos,
 )
 from thesis_lib.measure.synchronisation.audio import SynchronisationError
@@ -28,7 +26,7 @@ def place_of_click(path):
 # Pace and gaps.
 
 
-@pytest.mark.parametrize("pace", [-2e-4, 5e-5, 2e-4, 1.5e-3, 1e-2])
+@pytest.mark.parametrize("pace", [-2e-4, 1e-2])
 def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
     path = write_film(tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,
                       stamps=lambda pts: pts * (1 + pace))  # fmt: skip
@@ -51,13 +49,7 @@ def test_time_stamps_that_scatter_have_no_pace_of_their_own(conforms, tmp_path):
         conforms.sampled(read_audio(path)[1], LOW / (1 + pace), rtol=error)
 
 
-@pytest.mark.parametrize("ending", ["mkv", "mp4"])
-def test_even_time_stamps_that_are_rounded_have_the_stated_rate(tmp_path, ending):
-    path = write_film(tmp_path / f"a.{ending}", [LONG[: 20 * LOW]], LOW, frames=2)
-    assert read_audio(path)[1:] == (LOW, 0.0)
-
-
-@pytest.mark.parametrize("jump", [0.021, 0.5, -0.03])
+@pytest.mark.parametrize("jump", [0.021, -0.03])
 def test_a_jump_of_the_time_stamps_is_a_gap(tmp_path, jump):
     path = write_film(tmp_path / "a.mp4", [LONG[: 20 * LOW]], LOW, frames=2,
                       stamps=lambda pts: pts * 1.0005 + (pts > 9 * LOW) * jump * LOW)  # fmt: skip
@@ -69,10 +61,8 @@ def test_a_jump_of_the_time_stamps_is_a_gap(tmp_path, jump):
     ("ending", "codec", "container", "atol"),
     [
         ("mp4", "aac", {"movflags": "frag_keyframe+empty_moov"}, 1e-4),
-        ("mp4", "aac", {"use_editlist": "0"}, 1e-4),
         ("mp4", "aac", {}, 1e-4),
         ("mkv", "libopus", {}, 1.1e-3),
-        ("mkv", "pcm_s16le", {}, 1e-4),
         ("avi", "libmp3lame", {}, 1e-3),
         ("ts", "aac", {}, 1e-3),
     ],
@@ -93,12 +83,10 @@ SOUND, NONE = click(1.0, 0.4), np.zeros(48000)
     ("tracks", "layout", "words"),
     [
         ([np.stack([SOUND, SOUND])], "stereo", ""),
-        ([np.stack([SOUND, NONE])], "stereo", "channel 1 of 2, since the other holds no sound"),
         ([np.stack([NONE, SOUND])], "stereo", "channel 2 of 2, since the other holds no sound"),
         ([np.stack([SOUND, -SOUND])], "stereo", "channels cancel when mixed"),
         ([np.stack([NONE, NONE, SOUND, NONE, NONE, NONE])], "5.1", "channel 3 of 6, since"),
         ([NONE, SOUND], "mono", "track 2 of 2, since those before it hold no sound"),
-        ([SOUND, NONE], "mono", ""),
     ],
 )
 def test_the_track_and_channel_that_hold_the_sound_are_used(
@@ -114,18 +102,6 @@ def test_the_track_and_channel_that_hold_the_sound_are_used(
     conforms.closed_form(place_of_click(path), 0.4, atol=1e-4)
 
 
-def test_channels_are_counted_through_all_tracks(tmp_path):
-    tracks = [np.stack([NONE, SOUND]), np.stack([NONE, 0.5 * SOUND])]
-    path = write_film(tmp_path / "a.mkv", tracks, codec="pcm_s16le", layout="stereo")
-    largest = []
-    for channel in (1, 2, 3, 4):
-        with open_audio(path, channel) as audio:
-            largest.append(round(float(np.abs(np.concatenate(list(audio.blocks))).max()), 2))
-    assert largest == [0.0, 0.9, 0.0, 0.45]
-    with pytest.raises(MediaError, match="given channel 5, allowed: 1 to 4"), open_audio(path, 5):
-        pass
-
-
 # Sounds compared.
 
 
@@ -135,8 +111,9 @@ def sound_file(path, sound, rate=16000, **how):
     return write_film(path, [sound], rate, codec=codec, frames=2 * (path.suffix == ".mkv"), **how)
 
 
-@pytest.mark.parametrize("scene", [claps, music])
-@pytest.mark.parametrize(("rate", "ending"), [(44100, "wav"), (48000, "mkv"), (48000, "m4a")])
+@pytest.mark.parametrize(
+    ("scene", "rate", "ending"), [(claps, 44100, "wav"), (music, 48000, "m4a")]
+)
 def test_sounds_of_any_rate_and_file_are_put_on_one_clock(conforms, tmp_path, scene, rate, ending):
     sound = scene(1)
     one = sound_file(tmp_path / "one.mkv", later(sound, 0.3, 9, seed=1))
@@ -163,16 +140,13 @@ def test_a_pace_of_500_ppm_is_found_whichever_clock_is_right(conforms, tmp_path,
 
 UNLIKE = {
     "claps": (claps(1), claps(2)),
-    "one clap each": (claps(1)[:32000], claps(7)[16000:48000]),
     "music of one beat": (music(1), music(2)),
-    "music and claps": (music(1), claps(1)),
     "one beat alone": (np.tile(claps(3)[:8000], 20), np.tile(claps(3)[:8000], 17)),
     "hum": tuple(
         0.3 * np.sin(2 * np.pi * 50 * np.arange(160000) / 16000 + k)
         + 0.01 * np.random.default_rng(k).standard_normal(160000)
         for k in (1, 2)
     ),
-    "noise": tuple(0.1 * np.random.default_rng(k).standard_normal(160000) for k in (1, 2)),
 }
 
 
@@ -185,15 +159,6 @@ def test_sounds_that_are_unlike_or_repeat_are_refused(tmp_path, name):
     ]
     with pytest.raises(SynchronisationError, match="no sound in it matches that of a"):
         synchronise_videos(paths)
-
-
-@pytest.mark.parametrize(
-    ("std", "text", "digits"),
-    [(2.6e-7, "0.26 µs", 8), (4.71e-6, "4.7 µs", 7), (1.234e-3, "1.2 ms", 4), (2.0, "2.0 s", 1)],
-)
-def test_uncertainties_have_two_digits(std, text, digits):
-    assert format_seconds(std) == text
-    assert significant_decimals(std) == digits
 
 
 def test_the_command_takes_sounds_and_says_what_it_used(tmp_path):

@@ -60,13 +60,12 @@ def both(*changes: Change) -> Change:
     return change
 
 
-def file(name: str, content: bytes | None = None, keep: float = 0.0) -> Change:
-    """A file with other content, or cut to a share of its length."""
+def cut(name: str, keep: float) -> Change:
+    """A file that is cut to a share of its length."""
 
     def change(folder: Path, values: dict[str, Any]) -> None:
-        before = (folder / name).read_bytes() if keep else b""
-        whole = before[: int(keep * len(before))] if content is None else content
-        (folder / name).write_bytes(whole)
+        whole = (folder / name).read_bytes()
+        (folder / name).write_bytes(whole[: int(keep * len(whole))])
 
     return change
 
@@ -114,21 +113,6 @@ def coded(silent: bool = False, turned: bool = False, **options: str) -> Change:
     return change
 
 
-def picture(name: str, size: tuple[int, int]) -> Change:
-    return lambda folder, values: write_png(folder / name, np.zeros(size[::-1], np.uint8))
-
-
-def text(content: str) -> Change:
-    """A manifest that is another text; ``%`` stands for what it was."""
-
-    def change(folder: Path, values: dict[str, Any]) -> None:
-        whole = content.replace("%", yaml.safe_dump(values, sort_keys=False))
-        (folder / "manifest.yaml").write_text(whole, encoding="utf-8")
-        values.clear()
-
-    return change
-
-
 def calibration(
     change: Callable[[list[dict[str, Any]]], Any] = lambda cameras: None,
     name: str = "c.toml",
@@ -168,42 +152,24 @@ def second(**values: Any) -> Change:
 
 WRONG, FAILED = 2, 1  # exit status: the request, or what is in the files
 CASES: dict[str, tuple[Change, int, list[str]]] = {
-    # The manifest as a text.
-    "no manifest": (text(""), WRONG, ["given null", "fields"]),
-    "another language": (text("cameras = A.mkv, B.mkv"), WRONG, ["fields and their values"]),
+    # The manifest.
     "a comma for a point": (given("excitation.frequency_hz", "4,25"), WRONG,
                             ['excitation.frequency_hz: given "4,25"', "in Hz"]),
-    "a unit in a number": (given("board.tile_mm", "30 mm"), WRONG,
-                           ['board.tile_mm: given "30 mm"', "in mm"]),
-    "metres for millimetres": (given("structure.length_mm", 0.6), WRONG,
-                               ["structure.force_position_mm", "length_mm"]),
     "a misspelt field": (given("excitation.frequency", 4), WRONG, ["mean frequency_hz?"]),
-    "a field in another part": (given("tile_mm", 30), WRONG, ["tile_mm: no such field"]),
-    # The structure and its markers.
-    "one row": (given("structure.markers.rows", 1), WRONG, ["structure.markers.rows: given 1"]),
+    "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
     "places on a line": (
         given("structure.markers.points_mm", [[10 * k, 15] for k in range(1, 9)]), WRONG,
         ["structure.markers.points_mm", "not on one line"]),
-    # Cameras.
-    "exposure in ms": (given("cameras.1.exposure_s", 4), WRONG, ["cameras[1].exposure_s: given 4"]),
-    "no exposure": (given("cameras.1.exposure_s"), WRONG, ["cameras[1].exposure_s: missing"]),
-    "a slow shutter": (given("cameras.1.readout_s", 0.1), WRONG, ["cameras[1].readout_s"]),
     # Videos.
     "no video": (gone("B.mkv"), WRONG, ['cameras[1].video: given "B.mkv", no such file']),
-    "a text for a video": (file("B.mkv", b"later"), WRONG, ["cameras[1].video", "not a video"]),
-    "a cut video": (file("B.mkv", keep=0.6), FAILED, ["B.mkv: ends before frame"]),
-    "an MP4 without its index": (both(coded(), file("B.mp4", keep=0.9)), WRONG,
+    "a cut video": (cut("B.mkv", 0.6), FAILED, ["B.mkv: ends before frame"]),
+    "an MP4 without its index": (both(coded(), cut("B.mp4", 0.9)), WRONG,
                                  ["cut off before its index"]),
-    "an image for a video": (given("cameras.1.video", "shots/B/0.png"), WRONG,
-                              ["shots/B/0.png"]),
     "another size": (video(size=(96, 64)), WRONG, ["96 × 64 px, allowed: 64 × 48 px"]),
     "a turned phone": (coded(turned=True), WRONG, ["48 × 64 px, allowed: 64 × 48 px"]),
     "interlaced": (coded(**{"x264-params": "tff=1"}), WRONG, ["B.mp4: interlaced", "progressive"]),
     "another frame rate": (given("cameras.1.frame_rate_hz", 50), WRONG,
                            ["60 frames per second, allowed: 50", "cameras[1].frame_rate_hz"]),
-    "a rate that the frequency betrays": (
-        both(given("cameras.1.frame_rate_hz", 15), given("excitation.frequency_hz", 8.0)), WRONG,
-        ["60 frames per second, allowed: 15", "cameras[1].frame_rate_hz"]),
     "shorter than the rest": (video(count=24), WRONG, ["more than rest_duration_s, 0.5 s"]),
     # Sound.
     "no sound": (coded(silent=True), WRONG, ["no audio track", "excitation.sound: none"]),
@@ -214,57 +180,29 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
     "sound cut off": (video(sound=tone()[:33600]), WRONG, ["its sound at 0.700 s"]),
     "another tone": (given("excitation.frequency_hz", 11.0), FAILED,
                      ["s of steady tone of 11 Hz"]),
-    "an unknown detector": (given("structure.markers.detector", "squares"), WRONG,
-                            ['structure.markers.detector: given squares, allowed: disc']),
     # Excitation.
     "an alias that stands still": (
         both(given("excitation.frequency_hz", 60.1), given("excitation.undersampled", True)), WRONG,
         ["at least 0.6 Hz from 60 Hz"]),
-    "a steady part that ends first": (given("excitation.steady_interval_s", [3, 1]), WRONG,
-                                      ["in this order"]),
     "a steady part elsewhere": (given("excitation.steady_interval_s", [0.7, 9]), WRONG,
                                 ["excitation.steady_interval_s: given [0.7, 9], allowed: within"]),
     # The board and its images.
     "no pictures": (gone("shots/B"), WRONG, ["cameras[1].board_images", "0 images"]),
-    "two pictures": (both(gone("shots/B/0.png"), gone("shots/B/1.png")), WRONG, ["at least 3"]),
     "images of a camera's own kind": (
         both(*(renamed(f"shots/B/{k}.png", f"shots/B/{k}.DNG") for k in range(4))), WRONG,
         ["0 images", ".jpg", '4 of ".dng", which are not read: export JPEG']),
-    "a cut picture": (file("shots/B/2.png", keep=0.5), WRONG, ["2.png: not a readable image"]),
-    "a smaller picture": (picture("shots/B/2.png", (32, 24)), WRONG,
-                          ["2.png: 32 × 24 px, allowed: 64 × 48 px"]),
     "no board in any": (both(), FAILED, ["A: 0 of 4 board images show the board", "9 × 9 tiles"]),
-    "no mark in any": (given("board", {"kind": "charuco"}), FAILED,
-                       ["A: 0 of 4 board images", "0 marks of DICT_5X5_1000 seen",
-                        "a charuco of 9 × 9"]),
     # A calibration that is reused.
     "no calibration": (given("calibration", "other"), WRONG, ["other: no calibration there"]),
-    "a path that is none": (given("calibration", 7), WRONG, ["calibration: given 7", "a path"]),
-    "an unknown wish": (calibration(poses="new"), WRONG, ["calibration.poses", '"anew"']),
-    "a text for a calibration": (
-        both(calibration(), file("c.toml", b"x = [")), WRONG, ["c.toml: not a calibration"]),
-    "no camera in it": (both(calibration(), file("c.toml", b"x = 1")), WRONG, ["no camera in it"]),
-    "a video for a calibration": (given("calibration", "A.mkv"), WRONG, ["A.mkv: not a calib"]),
     "a cut netCDF file": (both(calibration(name="c.nc"), renamed("c.toml", "c.nc")), WRONG,
                           ["c.nc: no calibration"]),
     "calibrated in another size": (second(size=[32, 24]), WRONG,
                                    ["camera B is of 32 × 24 px, allowed: 64 × 48 px"]),
-    "a size that is missing": (second(size=None), WRONG, ["camera B: no image_width"]),
     "a camera that is missing": (second(name="C"), WRONG, ["no camera B in it; there are A, C"]),
-    "two cameras of one name": (
-        both(calibration(lambda cameras: cameras.append(cameras[1]))), WRONG, ["two cameras B"]),
     "a fisheye": (second(fisheye=True), WRONG, ['camera B: distortion model "fisheye"', "Brown"]),
     "a rational lens": (second(distortions=[0.1] * 8), WRONG, ["camera B: 8", "rational model"]),
-    "three coefficients": (second(distortions=[0.1] * 3), WRONG, ["camera B: 3 coefficients"]),
     "a mirror": (second(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), WRONG,
                  ["camera B: mirrored axes", "x right, y down"]),
-    "an image upside down": (
-        second(matrix=[[60, 0, 31.5], [0, -60, 23.5], [0, 0, 1]]), WRONG, ["mirrored axes"]),
-    "no rotation": (second(rotation=[[1, 0, 0], [0, 2, 0], [0, 0, 1]]), WRONG,
-                    ["camera B: rotation: no rotation matrix"]),
-    "no intrinsic matrix": (second(matrix=[[60, 0, 31.5], [0, 60, 23.5], [0, 1, 0]]), WRONG,
-                            ["camera B: camera_matrix"]),
-    "a number that is none": (second(translation=["x", 0, 1]), WRONG, ["camera B: translation"]),
     "calibrated in mm": (second(translation=[500.0, 0.0, 1000.0]), WRONG,
                          ["m apart", "calibration.unit: mm"]),
     "calibrated in feet": (
@@ -272,9 +210,6 @@ CASES: dict[str, tuple[Change, int, list[str]]] = {
             (folder / "c.toml").read_text() + '\n[metadata]\nunits = "ft"') and None),
         WRONG, ['lengths in "ft", allowed: m or mm']),
     "no places": (second(translation=None), WRONG, ["does not say where", "poses: anew"]),
-    "no images for places": (
-        both(calibration(poses="anew"), given("cameras.1.board_images")), WRONG,
-        ["cameras[1].board_images: given null"]),
 }  # fmt: skip
 
 
@@ -286,8 +221,7 @@ def test_what_is_wrong_is_one_line(recordings, tmp_path, case):
     values = plain(structure={"kind": "flat"}, excitation=driven)
     shutil.copytree(recordings, folder)
     change(folder, values)
-    if values:
-        (folder / "manifest.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+    (folder / "manifest.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
     done = thesis("measure", folder / "manifest.yaml", "--out", tmp_path / "out")
     said = done.err.strip().splitlines()
     assert done.status == status, done.err

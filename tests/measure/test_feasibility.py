@@ -18,7 +18,7 @@ from thesis_lib.measure.feasibility.assess import (
 from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
-from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
@@ -83,11 +83,19 @@ def points_of(values):
 # Numbers.
 
 
-def test_a_pixel_spans_distance_over_focal_length(conforms):
-    row = assessed(rig()).table[0]
-    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(matrices()), rtol=1e-6)
+def test_a_pixel_spans_distance_over_focal_length_and_markers_move_as_their_images(conforms):
+    values, cameras, A = rig(), matrices(), 0.0025
+    row, X, P = assessed(values).table[0], points_of(values), cameras.P[:1]
+    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(cameras), rtol=1e-6)
     conforms.closed_form(row.along_px, 5 / (570 / 1280), rtol=1e-6)
     conforms.closed_form(row.across_px, row.along_px * np.sin(np.radians(22)), rtol=1e-6)
+    ends = [X + [[0], [0], [dz]] for dz in (-A, A)]
+    moved = (project(P, ends[1]) - project(P, ends[0]))[0] / 2
+    conforms.independent(row.motion_px, np.hypot(*moved).max(), rtol=1e-3)
+    R, C = cameras.R_camera_world[0], cameras.centres[0][:, None]
+    depths = [(R @ (own - C))[2] for own in ends]
+    conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
+    conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
 
 
 def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
@@ -109,16 +117,6 @@ def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
     conforms.closed_form(row.defocus_px, max(f / N * np.abs(sensor - image) / image) / c, rtol=1e-6)
 
 
-def test_depths_are_those_of_the_swinging_markers(conforms):
-    values, cameras = rig(), matrices()
-    X = points_of(values)
-    depths = [(cameras.R_camera_world[0] @ (X + [[0], [0], [dz]] - cameras.centres[0][:, None]))[2]
-              for dz in (-0.0025, 0.0025)]  # fmt: skip
-    row = assessed(values).table[0]
-    conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
-    conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
-
-
 def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
     values, T, f, A = rig(), 0.004, 4.25, 0.0025
     X, P = points_of(values), matrices().P
@@ -135,13 +133,6 @@ def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
     conforms.independent(row.blur_px, whole, rtol=2e-3)  # at most the whole swing
 
 
-def test_motion_is_that_of_the_images_from_rest(conforms):
-    X, P, A = points_of(rig()), matrices().P[:1], 0.0025
-    moved = (project(P, X + [[0], [0], [A]]) - project(P, X - [[0], [0], [A]]))[0] / 2
-    row = assessed(rig()).table[0]
-    conforms.independent(row.motion_px, np.hypot(*moved).max(), rtol=1e-3)
-
-
 def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
     values, f, rate, A = rig(), 4.25, 60.0, 0.0025
     X, cameras = points_of(values), matrices()
@@ -153,17 +144,6 @@ def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
     plane = [(C + (X + [[0], [0], [dz]] - C) * C[2] / (C[2] - dz))[:2] for dz in worst]
     seen = np.hypot(*(plane[1] - plane[0])).max() / 0.010  # rows are 10 mm apart
     conforms.independent(row.move_spacings, seen, rtol=1e-3)
-
-
-def test_gap_is_the_free_way_between_the_edges_of_images(conforms):
-    values = rig()
-    X, P = points_of(values), matrices().P
-    around = 0.0025 * np.exp(2j * np.pi * np.arange(180) / 180)
-    rims = X[:, :, None] + np.stack([around.real, around.imag, 0 * around.real])[:, None]
-    uv = project(P[:1], rims)[0].reshape(2, 75, 180)
-    rows = [(i, i + 25) for i in range(50)] + [(i, i + 26) for i in range(49)] + [(0, 1)]
-    least = min(np.hypot(*(uv[:, i, :, None] - uv[:, j, None])).min() for i, j in rows)
-    conforms.independent(assessed(values).table[0].gap_px, least, rtol=0.02)
 
 
 def test_markers_in_view_are_counted_as_they_swing(conforms):
@@ -217,6 +197,9 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
         found[i] = cosine.reshape(2, trials, -1) + uv[i, :, None]
     fit = np.sqrt(np.mean(triangulate(P, found)[2] ** 2))
     conforms.sampled(1000 * fit, outlook.fit[0], rtol=0.05)
+    alike = assessed(rig(excitation={"steady_interval_s": [2.0, 22.0]})).rig
+    ratio = np.array(alike.fit) / alike.one_frame
+    conforms.closed_form(ratio, np.sqrt(2 / 1200) / np.sinc(4.25 * 0.004), rtol=1e-7)
     conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
     single = noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
     conforms.independent(
@@ -224,18 +207,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     )
 
 
-@pytest.mark.parametrize(("frames", "seconds"), [(60, None), (1200, 20.0)])
-def test_the_fit_gains_by_the_root_of_half_the_frames(conforms, frames, seconds):
-    steady = seconds and [2.0, 2.0 + seconds]
-    values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": steady})
-    outlook = assessed(values).rig
-    assert outlook.frames == frames
-    loss = np.sinc(4.25 * 0.004)
-    ratio = np.array(outlook.fit) / outlook.one_frame
-    conforms.closed_form(ratio, np.sqrt(2 / frames) / loss, rtol=1e-7)
-
-
-@pytest.mark.parametrize(("amplitude", "f"), [(0.002, 4.25), (0.0003, 4.25), (0.0031, 20.0)])
+@pytest.mark.parametrize(("amplitude", "f"), [(0.0003, 4.25), (0.0031, 20.0)])
 def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     values = change(
         rig(), excitation__amplitude_mm=1000 * amplitude, excitation__frequency_hz=f
@@ -263,9 +235,7 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     )
 
 
-@pytest.mark.parametrize(
-    ("f", "rate", "seen"), [(4.25, 60, 4.25), (40, 60, 20), (60, 60, 0), (95, 60, 25), (30, 60, 30)]
-)
+@pytest.mark.parametrize(("f", "rate", "seen"), [(4.25, 60, 4.25), (60, 60, 0), (95, 60, 25)])
 def test_frames_show_the_alias(conforms, f, rate, seen):
     conforms.closed_form(fold_frequency(f, rate), seen, rtol=1e-6)
     t = np.arange(50) / rate
@@ -273,13 +243,6 @@ def test_frames_show_the_alias(conforms, f, rate, seen):
 
 
 # Warnings.
-
-
-def test_a_good_manifest_has_none():
-    assessment = assessed(rig())
-    assert assessment.warnings == ()
-    assert assessment.unknown == ()
-    assert not any("warning" in line for line in describe_assessment(assessment))
 
 
 ONE = {
@@ -309,29 +272,27 @@ ONE = {
 }
 
 
+ALONE = {"short-rest", "depth-of-field", "motion-blur", "same-line", "small-motion"}
+
+
 @pytest.mark.parametrize("code", ONE)
 def test_one_change_brings_its_warning(code):
+    assert codes(rig()) == set()
     values = change(rig(), **ONE[code])
-    found = [one for one in assessed(values).warnings if one.code == code]
+    assessment = assessed(values)
+    found = [one for one in assessment.warnings if one.code == code]
     field = next(iter(ONE[code]))
     assert found
-    assert all("\n" not in one.text and len(one.text) < 300 for one in found)
+    assert code not in ALONE or codes(values) == {code}
     if field.startswith("cameras__"):
         i = field.split("__")[1]
         assert any(one.where.startswith(f"cameras[{i}].") for one in found)
-    assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessed(values))))
+    assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessment)))
 
 
 def joined(lines):
     """Lines as they were before they were wrapped."""
     return "\n".join(lines).replace("\n  ", " ").splitlines()
-
-
-@pytest.mark.parametrize(
-    "code", ["short-rest", "depth-of-field", "motion-blur", "same-line", "small-motion"]
-)
-def test_a_change_brings_no_other_warnings(code):
-    assert codes(change(rig(), **ONE[code])) == {code}
 
 
 def test_a_declared_alias_is_told_and_warned_of_at_the_edges():
@@ -361,17 +322,6 @@ def test_markers_that_too_few_cameras_see_are_named():
     assert "weak-markers" in codes(change(three, cameras__2__sensor_width_mm=20.0))
 
 
-def test_the_edge_of_each_limit():
-    assert "large-move" in codes(change(rig(), excitation__amplitude_mm=3.4))
-    assert "large-move" not in codes(change(rig(), excitation__amplitude_mm=3.2))
-    assert "near-nyquist" not in codes(change(rig(), excitation__frequency_hz=24.0))
-    assert "few-samples" not in codes(change(rig(), excitation__frequency_hz=12.0))
-    assert "undersampled" in codes(change(rig(), excitation__frequency_hz=30.0))
-    assert "undersampled" not in codes(change(rig(), excitation__frequency_hz=29.9))
-    assert "shallow-view" not in codes(change(rig(), cameras__0__elevation_deg=8.0))
-    assert "steep-view" not in codes(change(rig(), cameras__0__elevation_deg=80.0))
-
-
 def test_what_would_mend_a_warning_does():
     values = change(rig(), cameras__1__f_number=2.8)
     (one,) = assessed(values).warnings
@@ -381,17 +331,6 @@ def test_what_would_mend_a_warning_does():
     (one,) = assessed(values).warnings
     exposure = float(re.search(r"so ([\d.]+) s", one.text)[1])
     assert codes(change(values, cameras__2__exposure_s=0.95 * exposure)) == set()
-
-
-def test_corners_that_are_given_need_not_be_in_the_picture():
-    values = rig([(0, 60), (180, 60)])
-    for camera in values["cameras"]:
-        camera["sensor_width_mm"] = 25.9  # 615 mm: the markers, but not the corners
-    wheres = {one.where for one in assessed(values).warnings if one.code == "out-of-view"}
-    assert wheres == {"cameras[0].corners_px", "cameras[1].corners_px"}
-    values["cameras"][0]["corners_px"] = [[-5, 500], [1925, 500], [1925, 580], [-5, 580]]
-    wheres = {one.where for one in assessed(values).warnings if one.code == "out-of-view"}
-    assert wheres == {"cameras[1].corners_px"}
 
 
 def test_a_folded_mode_is_named_by_its_frequency():
@@ -426,34 +365,17 @@ def test_every_warning_has_a_threshold_and_every_threshold_a_test():
 def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     found = assessed(change(rig(), **places))
     assert found.verdict.outcome == outcome
-    text = " ".join(describe_verdict(found))
-    assert words in text
-    assert ("Heed the" in text) == bool(found.warnings)
-    assert "nan" not in text
-
-
-def test_what_would_do_does(conforms):
-    little = assessed(change(rig(), excitation__amplitude_mm=0.15)).verdict
-    enough = {"excitation__amplitude_mm": 1.001 * little.compressed_from_mm}
-    assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
-    unknown = assessed(change(rig(), excitation__amplitude_mm=None)).verdict
-    conforms.invariance(unknown.compressed_from_mm, little.compressed_from_mm, rtol=1e-9)
+    assert words in " ".join(describe_verdict(found))
+    if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
+        enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
+        assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
 
 
 def test_cameras_on_one_side_are_judged_by_their_triangulation():
     side = rig([(10, 22), (16, 22)])
     X, P = points_of(side), matrices((10, 16)).P
     noise = noise_errors(P, X, np.full(2, COMPRESSED_ERROR_PX / np.sqrt(2)))
-    found = assessed(side).verdict
-    assert found.compressed == pytest.approx(1000 * noise.max() / 2.5)
-    assert found.compressed > 2 * COMPRESSED_ERROR_PX / min(
-        r.motion_px for r in assessed(side).table
-    )
-
-
-def test_an_unknown_detector_is_refused_before_anything_is_filmed():
-    with pytest.raises(ManifestError, match=r"markers\.detector: given cross, allowed: disc"):
-        assessed(change(rig(), structure__markers={"detector": "cross"}))
+    assert assessed(side).verdict.compressed == pytest.approx(1000 * noise.max() / 2.5)
 
 
 # What is not known.
@@ -463,19 +385,10 @@ def test_an_unknown_detector_is_refused_before_anything_is_filmed():
     ("places", "line"),
     [
         ({"cameras__0__f_number": None}, "depth of field of camera A: give f_number"),
-        ({"cameras__0__f_number": None, "cameras__0__distance_mm": None},
-         "depth of field of camera A: give distance_mm and f_number"),
-        ({"cameras__2__distance_mm": None},
-         "ground sample distance, view, errors and depth of field of camera C: give distance_mm"),
         ({"cameras__0__azimuth_deg": None, "cameras__1__azimuth_deg": None},
          "view, errors and depth of field of cameras A and B: give azimuth_deg"),
         ({"excitation__frequency_hz": None},
          "frame rate, exposure, blur and movement: give excitation.frequency_hz"),
-        ({"excitation__amplitude_mm": None},
-         "blur, movement and whole pixels: give excitation.amplitude_mm"),
-        ({"excitation__steady_interval_s": None},
-         "length of the steady-state interval, assumed to be 1 s: "
-         "give excitation.steady_interval_s"),
         ({"excitation__sound": "room"}, "a clap: no field tells whether every sound track has one"),
         ({"structure__kind": "flat"},
          'natural frequencies: give structure.kind "beam" or "plate" if it is one'),
@@ -493,81 +406,27 @@ def test_cameras_without_a_place_do_not_count():
     both = rig([(10, 22), (190, 22)])
     assert assessed(values).rig == assessed(both).rig
     assert assessed(values).rig.located == 2
-    bare = {"cameras": [{k: c[k] for k in ("name", "video", "board_images", "exposure_s")}
-                        for c in rig()["cameras"]]}  # fmt: skip
-    assessment = assessed(bare)
-    assert assessment.warnings == ()
-    assert assessment.rig.located == 0
-    assert np.isnan([*assessment.rig.fit, assessment.rig.smallest_mm]).all()
-    assert np.isnan(assessment.table[0].ground_sample_mm)
 
 
 # Any manifest.
 
 
-def test_sixteen_cameras_are_told_in_few_lines():
-    around = [(22.5 * i + 11.25, 60) for i in range(16)]
-    values = rig(around, structure={"length_mm": 300, "markers": {"columns": 11}})
-    assert codes(values) <= {"higher-modes", "large-move"}
-    for camera in values["cameras"]:
-        camera["name"] = camera["name"] * 40
-    values = change(values, excitation__frequency_hz=40.0)
-    assessment = assessed(values)
-    assert len([one for one in assessment.warnings if one.code == "undersampled"]) == 16
-    lines = describe_assessment(assessment)
-    assert sum("[undersampled]" in line for line in joined(lines)) == 1
-    assert any("cameras[0].frame_rate_hz and 15 more" in line for line in lines)
-    assert max(map(len, lines)) <= 100
-
-
-def test_cameras_at_one_place_do_not_break_it():
-    values = rig([(0, 22), (0, 22)])
-    assessment = assessed(values)
-    assert "same-line" in {one.code for one in assessment.warnings}
-    assert not assessment.rig.one_frame[0] < 1000
-
-
-def test_sizes_and_rates_may_differ(conforms):
-    values = rig()
-    for camera, size in zip(
-        values["cameras"], [(2048, 2048), (1440, 1080), (1080, 1920), (4096, 2160)], strict=True
-    ):
-        camera["width_px"], camera["height_px"] = size
-        camera["sensor_width_mm"] = 0.006 * size[0]  # pixels of 6 µm
-    table = assessed(values).table
-    conforms.closed_form([row.ground_sample_mm for row in table], 570 * 0.006 / 24, rtol=1e-7)
-    conforms.closed_form([row.along_px for row in table], 5 / (570 * 0.006 / 24), rtol=1e-7)
-    assert table[2].in_view < table[1].in_view < table[0].in_view < table[3].in_view
-
-
 def random_values(rng):
     """Values of a manifest, wild but valid."""
-    n = int(rng.choice([2, 2, 3, 4, 16]))
 
     def maybe(value):
         return None if rng.random() < 0.1 else value
 
     kind = str(rng.choice(["beam", "plate", "flat"]))
-    length, width = 10 ** rng.uniform(1.5, 4), 10 ** rng.uniform(1.5, 4)
-    diameter = min(length, width) * rng.uniform(0.01, 0.1)
-    structure = {
-        "kind": kind, "length_mm": length, "width_mm": width,
-        "thickness_mm": 10 ** rng.uniform(-1, 2), "force_position_mm": length / 2,
+    length, width = 10 ** rng.uniform(1.5, 4, 2)
+    rows, columns = int(rng.integers(2 if kind == "plate" else 1, 7)), int(rng.integers(1, 12))
+    along, across = 0.88 * length / columns, 0.88 * width / rows
+    markers = {
+        "rows": rows, "columns": columns, "spacing_mm": along, "row_spacing_mm": across,
+        "diameter_mm": rng.uniform(0.01, 0.9) * min(along, across),
     }  # fmt: skip
-    if rng.random() < 0.3:
-        grid = np.stack(np.meshgrid(np.linspace(0.1, 0.9, 4), [0.3, 0.7])).reshape(2, -1).T
-        points = (grid + rng.uniform(-0.03, 0.03, grid.shape)) * [length, width]
-        structure["markers"] = {"points_mm": points.tolist(), "diameter_mm": diameter / 3}
-    else:
-        rows = int(rng.integers(2 if kind == "plate" else 1, 7))
-        columns = int(rng.integers(1, 12))
-        along, across = 0.88 * length / columns, 0.88 * width / rows
-        structure["markers"] = {
-            "rows": rows, "columns": columns, "spacing_mm": along, "row_spacing_mm": across,
-            "diameter_mm": min(diameter, 0.9 * along, 0.9 * across),
-        }  # fmt: skip
     cameras = []
-    for i in range(n):
+    for i in range(int(rng.choice([2, 2, 3, 4, 16]))):
         rate = 10 ** rng.uniform(0, 4)
         cameras.append({
             "name": f"camera {i}", "video": f"{i}.mkv", "board_images": f"s{i}",
@@ -580,10 +439,12 @@ def random_values(rng):
             "azimuth_deg": maybe(float(rng.choice([0, 180, rng.uniform(-360, 360)]))),
             "elevation_deg": maybe(float(rng.choice([90, 22, rng.uniform(0.01, 90)]))),
         })  # fmt: skip
-    frequency = maybe(10 ** rng.uniform(-1, 4))
-    begin = rng.uniform(0, 5)
+    frequency, begin = maybe(10 ** rng.uniform(-1, 4)), rng.uniform(0, 5)
     return {
-        "structure": structure,
+        "structure": {
+            "kind": kind, "length_mm": length, "width_mm": width, "markers": markers,
+            "thickness_mm": 10 ** rng.uniform(-1, 2), "force_position_mm": length / 2,
+        },
         "cameras": cameras,
         "excitation": {
             "frequency_hz": frequency, "undersampled": frequency is not None and rng.random() < 0.5,
@@ -597,19 +458,14 @@ def random_values(rng):
 def test_no_valid_manifest_breaks_it():
     rng = np.random.default_rng(0)
     found = set()
-    for _ in range(200):
+    for _ in range(120):
         values = random_values(rng)
         given = manifest(values)
         assessment = assessed(values)
         assert len(assessment.table) == len(given.cameras)
         for one in assessment.warnings:
             found.add(one.code)
-            assert "nan" not in one.text, one
-            assert "None" not in one.text, one
-            inside = given
-            for name, index in re.findall(r"(\w+)(?:\[(\d+)\])?", one.where):
-                inside = getattr(inside, name)
-                inside = inside[int(index)] if index else inside
+            assert not re.search("nan|None", one.text), one
         for line in joined(describe_assessment(assessment)):
             assert not line.startswith("warning") or line.endswith("]")
     assert found >= set(CHECK_LIMITS) - {"weak-markers"}

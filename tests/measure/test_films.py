@@ -46,13 +46,8 @@ def plain(tmp_path_factory):
 
 
 TURNS = {  # the matrix of the film's track header, and what it makes of a frame
-    "as stored": ((1, 0, 0, 1), lambda x: x),
     "left and right": ((-1, 0, 0, 1), lambda x: x[:, ::-1]),
-    "half a turn": ((-1, 0, 0, -1), lambda x: x[::-1, ::-1]),
-    "upside down": ((1, 0, 0, -1), lambda x: x[::-1]),
-    "transposed": ((0, 1, 1, 0), lambda x: x.T),
     "clockwise": ((0, 1, -1, 0), lambda x: np.rot90(x, -1)),
-    "transverse": ((0, -1, -1, 0), lambda x: x[::-1, ::-1].T),
     "anticlockwise": ((0, -1, 1, 0), lambda x: np.rot90(x)),
 }
 
@@ -78,15 +73,13 @@ def test_a_still_beside_the_film_is_not_the_film(tmp_path, plain, marked):
     assert "number 2" in describe_reading(path)[0]
 
 
-@pytest.mark.parametrize(
-    ("name", "codec"), [("a.avi", "libx264"), ("a.avi", "mpeg4"), ("a.ts", "libx264")]
-)
+@pytest.mark.parametrize(("name", "codec"), [("a.avi", "mpeg4"), ("a.ts", "libx264")])
 def test_frames_that_are_stored_in_another_order_are_all_there(tmp_path, name, codec):
     path = film(tmp_path / name, codec=codec)
     assert places(path) == [2 * k % (WIDTH - 8) for k in range(COUNT)]
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3, 0.55])
+@pytest.mark.parametrize("share", [0.05, 0.55])
 def test_frames_before_the_first_that_can_be_decoded_are_none(tmp_path, share):
     whole = film(tmp_path / "whole.ts", count=60)
     data = whole.read_bytes()
@@ -100,7 +93,7 @@ def test_frames_before_the_first_that_can_be_decoded_are_none(tmp_path, share):
     assert describe_reading(whole) == []
 
 
-@pytest.mark.parametrize("depth", [8, 10, 12, 14, 16])
+@pytest.mark.parametrize("depth", [8, 12, 16])
 def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth):
     def make(k):  # the first frames are dark
         return image(k, (10, 20, 15) if k < 20 else (40, 220, 150)).astype(np.uint16) << depth - 8
@@ -126,8 +119,6 @@ def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):
 SOURCES = {  # name, codec, whether packets are copied
     "slow.mp4": ("libx264", True),
     "stream.h264": ("libx264", True),
-    "a.avi": ("libx264", True),
-    "a.mkv": ("ffv1", False),
     "a.webm": ("libvpx", False),
 }
 

@@ -1,16 +1,13 @@
 """Manifests: round trips, defaults of the thesis, and silly ones refused in one line."""
 
-import shutil
-
 import numpy as np
 import pytest
 import yaml
-from scenes.manifests import SIZE, change, plain
+from scenes.manifests import change, plain
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.recordings.manifest import (
-    Manifest,
     ManifestError,
     read_manifest,
     rename_options,
@@ -55,15 +52,9 @@ def refusal(path, **options):
     return message.removeprefix(f"{path}: ")
 
 
-def test_a_manifest_is_read(recordings):
-    manifest = read_manifest(written(recordings, plain()))
-    assert [camera.name for camera in manifest.cameras] == ["A", "B"]
-    assert manifest.cameras[0].size == SIZE
-    assert check_recordings(manifest, recordings) == []
-
-
 def test_what_is_written_is_read(recordings):
     values = plain()
+    assert check_recordings(read_manifest(written(recordings, values)), recordings) == []
     values["cameras"][0] |= {"name": "Nikon D5 №1",
                              "corners_px": [[1, 2], [60, 2], [60, 40], [1, 40]]}  # fmt: skip
     values |= {"structure": {"markers": {"hole_mm": None}}, "excitation": {"frequency_hz": None}}
@@ -102,58 +93,31 @@ def test_the_default_structure_is_the_thesis_s_beam():
     np.testing.assert_allclose(structure.hole, [0.024, 0.010])
 
 
-def test_markers_may_lie_anywhere_and_have_no_hole_then():
-    places = ((10.0, 10.0), (100.0, 20.0), (300.0, 5.0), (610.0, 15.0))
-    structure = StructureSpec(markers={"points_mm": places})
-    np.testing.assert_allclose(structure.marker_points, np.array(places).T / 1000)
-    assert structure.hole is None
-
-
 SILLY = [  # place, value, words of the refusal
-    (("cameras", 0, "width_px"), -1, ["cameras[0].width_px: given -1", "20000", "px"]),
     (("cameras", 0, "width_px"), 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
     (("cameras", 0, "frame_rate_hz"), float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
     (("cameras", 0, "exposure_s"), 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
     (("cameras", 0, "video"), ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
     (("cameras", 1, "video"), "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
     (("cameras", 1, "video"), "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
-    (("cameras", 1, "video"), "", ['cameras[1].video: given ""', "inside"]),
-    (("cameras", 1, "video"), "a\0b", ["cameras[1].video", "inside"]),
-    (("cameras", 1, "video"), "A.mkv", ['cameras[1].video: given "A.mkv"', "cameras[0].video"]),
     (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
-    (("cameras", 1, "name"), "A", ['cameras[1].name: given "A", the same as cameras[0].name']),
     (("cameras", 1, "name"), "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
     (("cameras", 0, "board_images"), "../shots", ["cameras[0].board_images", "inside"]),
     (("cameras", 0, "board_images"), "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
-    (("cameras", 0, "board_images"), ["shots/A/1.png"],
-     ["cameras[0].board_images: given", "3 to 200"]),
     (("cameras", 0, "board_images"), ["a.png"] * 12,
      ['cameras[0].board_images[0]: given "a.png"', "no such"]),
-    (("cameras", 0, "board_images"), ["../a.png"] * 12,
-     ["cameras[0].board_images[0]: given", "inside"]),
     (("cameras", 0, "corners_px"), [[0, 0], [9, 9], [9, 0], [0, 9]],
      ["cameras[0].corners_px: given", "convex"]),
     (("cameras",), plain("A")["cameras"], ["cameras: given", "2 to 16"]),
-    (("cameras",), ..., ["cameras: missing", "2 to 16"]),
     (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
     (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
     (("structure", "markers", "columns"), 26, ["structure.markers: given", "on the structure"]),
     (("structure", "markers", "spacing_mm"), 3, ["structure.markers", "do not overlap"]),
-    (("structure", "markers", "hole_mm"), [11.5, 5], ["structure.markers.hole_mm: given [11.5"]),
     (("structure", "markers", "hole_mm"), [24, 31], ["structure.markers.hole_mm: given [24"]),
     (("structure", "markers", "points_mm"), [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
-    (("board", "tile_mm"), 0, ["board.tile_mm: given 0", "in mm"]),
-    (("board", "two_sided"), "yes please", ["board.two_sided", "true or false"]),
-    (("board",), {"mark_mm": 20}, ["board.mark_mm: given 20", "kind is checkerboard"]),
     (("board",), {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
-    (("board",), {"kind": "charuco", "two_sided": True}, ["board.two_sided: given true"]),
-    (("board",), {"kind": "charuco", "dictionary": "5X5"}, ['board.dictionary: given "5X5"',
-                                                            "DICT_4X4_50"]),
     (("board",), {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),
-    (("excitation", "frequency_hz"), -4, ["excitation.frequency_hz: given -4", "in Hz"]),
-    (("excitation", "rest_duration_s"), -1, ["excitation.rest_duration_s: given -1", "in s"]),
-    (("truth",), "../truth.nc", ['truth: given "../truth.nc"', "inside"]),
     (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
 ]  # fmt: skip
 
@@ -167,13 +131,11 @@ def test_a_silly_manifest_is_refused_in_one_line(recordings, place, value, words
 
 TEXTS = [
     ("- 1\n- 2\n", ["given [1, 2]", "fields"]),
-    ("cameras: [\n  a: 1\n", ["line"]),
     ("cameras:\n\t- x\n", ["line 2"]),
     ("truth: a\ntruth: b\n", ["line 2", "truth is given twice"]),
     ("truth: 2020-01-01\n", ["date"]),
     ("truth: a\nboard: " + "9" * 5000, ["line 2", "given 999", "..."]),
     ("board:\n  ? [a, b]\n  : 1\n", ["line 2", "a field's name", "text"]),
-    ("1: 2\n", ["1: no such field"]),
 ]
 
 
@@ -194,31 +156,21 @@ def test_a_missing_manifest_is_named(tmp_path):
 def test_links_do_not_lead_outside(tmp_path):
     outside, folder = tmp_path / "outside", tmp_path / "inside"
     (outside / "shots").mkdir(parents=True)
-    folder.mkdir()
-    for k in range(3):
-        (outside / "shots" / f"{k}.png").write_bytes(b"")
-    (outside / "A.mkv").write_bytes(b"")
+    (folder / "own").mkdir(parents=True)
+    for name in ("A.mkv", "shots/0.png"):
+        (outside / name).write_bytes(b"")
     (folder / "A.mkv").symlink_to(outside / "A.mkv")
     (folder / "shots").symlink_to(outside / "shots")
+    (folder / "own" / "0.png").symlink_to(outside / "shots" / "0.png")
     values = change(plain(), ("cameras", 0, "board_images"), [None] * 3)
-    values = change(values, ("cameras", 1, "board_images"), [None] * 3)
-    path = written(folder, values)
-    assert "cameras[0].video" in refusal(path, check_files=False)
+    values["cameras"][1]["board_images"] = [None] * 3
+    assert "cameras[0].video" in refusal(written(folder, values), check_files=False)
     values["cameras"][0]["video"] = "C.mkv"
-    values["cameras"][0]["board_images"] = "shots"
-    assert "cameras[0].board_images" in refusal(written(folder, values), check_files=False)
-    (folder / "shots").unlink()
-    (folder / "shots").mkdir()
-    (folder / "shots" / "0.png").symlink_to(outside / "shots" / "0.png")
-    message = refusal(written(folder, values), check_files=False)
-    assert "cameras[0].board_images" in message
+    for images in ("shots", "own"):
+        values["cameras"][0]["board_images"] = images
+        message = refusal(written(folder, values), check_files=False)
+        assert "cameras[0].board_images" in message
     assert "0.png" in message
-
-
-def test_shots_come_in_the_order_of_their_numbers(recordings):
-    manifest = read_manifest(written(recordings, plain()))
-    names = [path.name for path in shot_paths(manifest.cameras[0], recordings)]
-    assert names == [f"{k}.png" for k in range(12)]
 
 
 def test_a_list_of_shots_may_have_gaps(recordings):
@@ -228,6 +180,8 @@ def test_a_list_of_shots_may_have_gaps(recordings):
     paths = shot_paths(manifest.cameras[0], recordings)
     assert paths[1] is None
     assert paths[2] == recordings / "shots/A/2.png"
+    names = [path.name for path in shot_paths(manifest.cameras[1], recordings)]
+    assert names == [f"{k}.png" for k in range(12)]  # in the order of their numbers
 
 
 def test_recordings_other_than_the_manifest_says_are_named(recordings):
@@ -244,57 +198,13 @@ def test_recordings_other_than_the_manifest_says_are_named(recordings):
     assert len(lines) == 14
 
 
-def test_broken_recordings_are_named(recordings, tmp_path):
-    manifest = Manifest.model_validate_json(
-        '{"cameras": [{"name": "A", "video": "A.mkv", "exposure_s": 0.004, "board_images": "s"},'
-        '{"name": "B", "video": "none.mkv", "exposure_s": 0.004, "board_images": "s"}]}'
-    )
-    (tmp_path / "A.mkv").write_text("no video")
-    (tmp_path / "s").mkdir()
-    (tmp_path / "s" / "1.png").write_text("no picture")
-    lines = check_recordings(manifest, tmp_path)
-    assert [line.split(":")[0] for line in lines] == [
-        "cameras[0].video", "cameras[0].board_images",
-        "cameras[1].video", "cameras[1].board_images",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("field", "value", "line"),
-    [
-        ("frequency_hz", 30.0, "excitation.frequency_hz: given 30, allowed: below half of the "
-         "frame rate, 30 Hz"),
-        ("rest_duration_s", 0, "excitation.rest_duration_s: given 0, allowed: at least 0.05 s, "
-         "three frames"),
-    ],
+    [("frequency_hz", 30.0, "below half of the frame rate, 30 Hz"),
+     ("rest_duration_s", 0, "at least 0.05 s, three frames")],
 )  # fmt: skip
 def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, line):
     values = change(plain(), ("excitation", field), value)
     values["cameras"][0]["frame_rate_hz"] = 120
-    manifest = read_manifest(written(recordings, values))
-    assert check_excitation(manifest) == [line]
-    assert line in check_recordings(manifest, recordings)
-
-
-def test_three_frames_at_rest_are_enough(recordings):
-    values = change(plain(), ("excitation", "rest_duration_s"), 0.05)
-    assert check_recordings(read_manifest(written(recordings, values)), recordings) == []
-
-
-@pytest.mark.parametrize(
-    ("frames", "samples", "words"),
-    [
-        (66, 85000, ["images end at 1.100 s, its sound at 1.771 s", "0.5 s apart"]),
-        (66, 33600, []),
-    ],
-)
-def test_lengths_that_do_not_suit_name_the_video(tmp_path, recordings, frames, samples, words):
-    manifest = read_manifest(written(recordings, plain()))
-    shutil.copytree(recordings, tmp_path / "copy")
-    video = tmp_path / "copy" / "B.mkv"
-    write_video(video, np.zeros((frames, 48, 64), np.uint8), 60, hiss(samples))
-    lines = check_recordings(manifest, tmp_path / "copy")
-    assert len(lines) == bool(words)
-    for word in words:
-        assert lines[0].startswith(f"cameras[1].video: {video}: ")
-        assert word in lines[0]
+    line = f"excitation.{field}: given {value:g}, allowed: {line}"
+    assert check_excitation(read_manifest(written(recordings, values))) == [line]

@@ -3,7 +3,6 @@
 import sys
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from scenes.sounds import write_film
@@ -50,45 +49,32 @@ def foreign(path, pix_fmt, limited, frames, times=None, audio=None, codec="ffv1"
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["12:30:05.mkv", "a%03d.mkv", "http:/x.mkv", "=1.mkv", "-.mkv"])
+@pytest.mark.parametrize("name", ["12:30:05.mkv", "a%03d.mkv", "http:/x.mkv", "-.mkv"])
 def test_a_name_is_never_an_address(video, tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     Path(name).parent.mkdir(exist_ok=True)
     Path(name).write_bytes(video.read_bytes())
     assert probe_media(Path(name)) == probe_media(video)
-
-
-@pytest.mark.parametrize("prefix", ["concat:", "subfile,,start,0,end,0,,:", "data:video/x,"])
-def test_no_other_file_is_read_through_a_name(video, tmp_path, monkeypatch, prefix):
-    monkeypatch.chdir(tmp_path)
-    given = Path(f"{prefix}{video}")
-    given.parent.mkdir(parents=True)
-    given.write_text("not a video")
+    other = Path(f"concat:{video}")
+    other.parent.mkdir(parents=True)
+    other.write_text("not a video")
     with pytest.raises(MediaError, match="not a"):
-        probe_media(given)
+        probe_media(other)
 
 
 LISTS = {
-    "mkv": "ffconcat version 1.0\nfile A.mkv\n",
-    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nA.ts\n#EXT-X-ENDLIST\n",
-    "txt": "words\n" * 99,
-    "svg": "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'></svg>",
+    "list.mkv": "ffconcat version 1.0\nfile A.mkv\n",
+    "list.m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nA.ts\n#EXT-X-ENDLIST\n",
+    "list.txt": "words\n" * 99,
+    "list.svg": "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'></svg>",
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [(f"list.{e}", LISTS[own]) for own in LISTS for e in dict.fromkeys((own, "mkv"))],
-)
-def test_what_names_other_files_is_no_recording(video, tmp_path, name, text):
+@pytest.mark.parametrize("name", LISTS)
+def test_what_names_other_files_is_no_recording(video, tmp_path, name):
     (tmp_path / "A.mkv").write_bytes(video.read_bytes())
-    with av.open(str(video)) as old, av.open(str(tmp_path / "A.ts"), "w") as new:
-        track = new.add_stream("mpeg4", rate=60)
-        track.width, track.height, track.pix_fmt = *SIZE, "yuv420p"
-        for frame in old.decode(video=0):
-            new.mux(track.encode(frame.reformat(format="yuv420p")))
-        new.mux(track.encode(None))
-    (tmp_path / name).write_text(text)
+    write_film(tmp_path / "A.ts", frames=noise(), frame_rate=60)
+    (tmp_path / name).write_text(LISTS[name])
     with pytest.raises(MediaError):
         probe_media(tmp_path / name)
 
@@ -102,87 +88,40 @@ def cut(path, to, share):
 # What is written comes back.
 
 
-def test_lossless_frames_come_back_exactly(conforms, video):
+def test_lossless_frames_and_sound_come_back_exactly(conforms, video):
     conforms.invariance(np.stack(list(read_frames(video))), noise(), atol=0)
-
-
-def test_lossless_sound_comes_back_to_the_sample(conforms, video):
+    np.testing.assert_array_equal(np.stack(list(read_frames(video, 7, 12))), noise()[7:12])
     samples, rate, start = read_audio(video)
     assert (rate, start) == (RATE, 0)
     conforms.invariance(samples, sound(), atol=0)
-
-
-def test_a_part_of_the_frames_is_that_part(video):
-    np.testing.assert_array_equal(np.stack(list(read_frames(video, 7, 12))), noise()[7:12])
-    assert list(read_frames(video, 12, 12)) == []
-
-
-def test_frames_are_one_s_own(video):
-    frames = read_frames(video)
-    next(frames)[:] = 0
-    np.testing.assert_array_equal(np.stack(list(frames)), noise()[1:])
-
-
-def test_h264_keeps_grey_levels_and_sound(conforms, tmp_path):
-    path, frames = tmp_path / "A.mkv", blurred()
-    write_video(path, frames, 60, sound(), codec="h264")
-    back = np.stack(list(read_frames(path))).astype(float)
-    assert back.shape == frames.shape
-    conforms.closed_form(back.mean(axis=(1, 2)), frames.mean(axis=(1, 2)), atol=0.5)
-    conforms.closed_form(np.sqrt(np.mean((back - frames) ** 2)), below=3)
-    assert back.min() <= 3
-    assert back.max() >= 252
-    np.testing.assert_array_equal(read_audio(path)[0], sound())
-
-
-def test_sound_stays_with_its_picture_in_h264(conforms, tmp_path):
-    """A flash in frame 20 and a click at its time, both where they were put."""
-    frames, audio = np.full((40, 48, 64), 30, np.uint8), np.zeros(32000)
-    frames[20], audio[16000] = 220, 0.9
-    write_video(tmp_path / "A.mkv", frames, 60, audio, codec="h264")
-    means = [frame.mean() for frame in read_frames(tmp_path / "A.mkv")]
-    samples, rate, start = read_audio(tmp_path / "A.mkv")
-    conforms.closed_form(np.argmax(means) / 60, start + np.argmax(samples) / rate, atol=1e-9)
-
-
-def test_loud_sound_clips(tmp_path):
-    write_video(tmp_path / "A.mkv", noise(6), 60, [3.0, -3.0, 0.5])
-    np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], [1 - 2**-15, -1, 0.5])
-
-
-@pytest.mark.parametrize("codec", ["ffv1", "h264"])
-def test_the_same_recording_is_the_same_file(tmp_path, codec):
-    files = [tmp_path / f"{k}.mkv" for k in range(3)]
-    for file in files:
-        write_video(file, blurred(), 60, sound(), codec=codec)
-    assert len({file.read_bytes() for file in files}) == 1
-
-
-def test_a_file_says_what_it_holds(video):
     info = probe_media(video)
     assert (info.size, info.frame_rate, info.frames, info.codec) == (SIZE, 60, 30, "ffv1")
-    assert info.has_audio
     assert info.duration == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("seconds", [0.2, 1.7])
-def test_a_file_says_when_its_sound_ends(conforms, tmp_path, seconds):
-    write_video(tmp_path / "A.mkv", noise(), 60, sound(seconds))
-    conforms.closed_form(probe_media(tmp_path / "A.mkv").sound_end, seconds, atol=2e-3)
-    conforms.closed_form(probe_media(tmp_path / "A.mkv").duration, 0.5, atol=2e-3)
-    assert len(list(read_frames(tmp_path / "A.mkv"))) == 30
-    np.testing.assert_array_equal(read_audio(tmp_path / "A.mkv")[0], sound(seconds))
+def test_h264_keeps_grey_levels_and_sound_with_its_picture(conforms, tmp_path):
+    """A flash in frame 20 and a click at its time, both where they were put."""
+    path, frames, audio = tmp_path / "A.mkv", blurred(40), np.zeros(32000)
+    frames[20], audio[16000], audio[9000] = 220, 3.0, 0.5  # what is too loud is clipped
+    write_video(path, frames, 60, audio, codec="h264")
+    back = np.stack(list(read_frames(path))).astype(float)
+    conforms.closed_form(np.sqrt(np.mean((back - frames) ** 2)), below=3)
+    assert back.min() <= 3
+    assert back.max() >= 252
+    samples, rate, start = read_audio(path)
+    np.testing.assert_array_equal(samples, np.minimum(audio, 1 - 2**-15))
+    flash = np.argmin(np.ptp(back, axis=(1, 2)))
+    conforms.closed_form(flash / 60, start + np.argmax(samples) / rate, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "codec"), [("A.mkv", "pcm_s16le"), ("A.mp4", "aac")])
-def test_sound_that_starts_late_ends_late(tmp_path, name, codec):
-    samples = np.stack([sound(), sound()])
-    path = foreign(tmp_path / name, "yuv420p", True, blurred(), codec="libx264",
-                   audio=(codec, RATE, samples, 4800))  # fmt: skip
-    assert probe_media(path).sound_end == pytest.approx(0.6, abs=0.05)
+def test_the_same_recording_is_the_same_file(tmp_path):
+    files = [tmp_path / f"{k}.mkv" for k in range(2)]
+    for file in files:
+        write_video(file, blurred(), 60, sound(), codec="h264")
+    assert len({file.read_bytes() for file in files}) == 1
 
 
-@pytest.mark.parametrize("rate", [30000 / 1001, 119.88, 240])
+@pytest.mark.parametrize("rate", [30000 / 1001, 240])
 def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
     write_video(tmp_path / "A.mkv", noise(), rate, sound())
     conforms.closed_form(probe_media(tmp_path / "A.mkv").frame_rate, rate, rtol=1e-6)
@@ -215,15 +154,12 @@ def test_memory_is_independent_of_length(tmp_path):
 # Recordings by others.
 
 
-@pytest.mark.parametrize("limited", [False, True])
-@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p", "yuv444p", "yuv420p10le"])
+@pytest.mark.parametrize(
+    ("pix_fmt", "limited"),
+    [("yuv420p", False), ("yuv444p", True), ("yuv420p10le", True), ("bgr0", False)],
+)
 def test_any_range_is_read_as_full(conforms, tmp_path, pix_fmt, limited):
     path = foreign(tmp_path / "A.mkv", pix_fmt, limited, blurred())
-    conforms.closed_form(np.stack(list(read_frames(path))), blurred(), atol=2)
-
-
-def test_colours_become_grey(conforms, tmp_path):
-    path = foreign(tmp_path / "A.mkv", "bgr0", False, blurred())
     conforms.closed_form(np.stack(list(read_frames(path))), blurred(), atol=2)
 
 
@@ -238,12 +174,9 @@ def test_stereo_sound_is_mixed_and_starts_when_it_starts(conforms, tmp_path):
 
 
 def test_padding_of_aac_is_dropped(conforms, tmp_path):
-    t = np.arange(RATE // 2) / RATE
-    tone = 0.5 * np.sin(2 * np.pi * 40 * t)
-    path = foreign(
-        tmp_path / "A.mp4", "yuv420p", True, blurred(), codec="libx264",
-        audio=("aac", RATE, np.stack([tone, tone]), 0),
-    )  # fmt: skip
+    tone = 0.5 * np.sin(2 * np.pi * 40 * np.arange(RATE // 2) / RATE)
+    audio = ("aac", RATE, np.stack([tone, tone]), 0)
+    path = foreign(tmp_path / "A.mp4", "yuv420p", True, blurred(), codec="libx264", audio=audio)
     mono, _, start = read_audio(path)
     conforms.closed_form(abs(start), below=1e-3)
     conforms.closed_form(mono[2000:20000], tone[2000:20000], atol=0.02)
@@ -266,19 +199,14 @@ def everything(path):
     return lambda: (probe_media(path), list(read_frames(path)), read_audio(path))
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [("empty.mkv", b""), ("zeros.mp4", bytes(5000))],
-)
-def test_what_is_no_video_is_said_so(tmp_path, name, content):
-    (tmp_path / name).write_bytes(content)
-    refused(everything(tmp_path / name), name, "not a video")
-
-
-def test_a_missing_file_is_named(tmp_path):
+def test_what_is_missing_or_no_video_is_named(tmp_path, video):
     refused(everything(tmp_path / "none.mkv"), "none.mkv", "no such file")
     refused(everything(tmp_path), "a folder")
     refused(lambda: read_png(tmp_path / "none.png"), "none.png", "no such file")
+    for name, content in (("empty.mkv", b""), ("zeros.mp4", bytes(5000))):
+        (tmp_path / name).write_bytes(content)
+        refused(everything(tmp_path / name), name, "not a video")
+    refused(lambda: list(read_frames(video, 0, 31)), "A.mkv", "frame 30", "31")
 
 
 @pytest.mark.parametrize("codec", ["ffv1", "h264"])
@@ -299,10 +227,6 @@ def test_damage_inside_names_the_frame(tmp_path):
     refused(lambda: list(read_frames(path)), "A.mp4", "frame")
 
 
-def test_more_frames_than_there_are_cannot_be_had(video):
-    refused(lambda: list(read_frames(video, 0, 31)), "A.mkv", "frame 30", "31")
-
-
 def test_a_dropped_frame_is_named(tmp_path):
     times = [*range(12), *range(13, 31)]
     path = foreign(tmp_path / "A.mkv", "gray", False, noise(), times)
@@ -313,22 +237,13 @@ def test_a_dropped_frame_is_named(tmp_path):
     assert len(list(read_frames(path, clock=clock))) == len(times)
 
 
-def test_no_audio_track_is_said(tmp_path):
+def test_a_track_that_is_missing_is_said(tmp_path):
     path = foreign(tmp_path / "A.mkv", "gray", False, noise())
-    assert not probe_media(path).has_audio
     assert probe_media(path).sound_end is None
     refused(lambda: read_audio(path), "A.mkv", "no audio track")
-
-
-def test_no_video_track_is_said(tmp_path):
-    with av.open(str(tmp_path / "A.mkv"), "w") as file:
-        track = file.add_stream("pcm_s16le", rate=RATE, layout="mono")
-        block = av.AudioFrame.from_ndarray(np.zeros((1, 4800), np.int16), "s16", "mono")
-        block.sample_rate = RATE
-        file.mux(track.encode(block))
-        file.mux(track.encode(None))
-    refused(lambda: probe_media(tmp_path / "A.mkv"), "A.mkv", "no video track")
-    refused(lambda: list(read_frames(tmp_path / "A.mkv")), "A.mkv", "no video track")
+    path = write_film(tmp_path / "B.mkv", [sound()], RATE, frames=0, codec="pcm_s16le")
+    refused(lambda: probe_media(path), "B.mkv", "no video track")
+    refused(lambda: list(read_frames(path)), "B.mkv", "no video track")
 
 
 @pytest.mark.parametrize(
@@ -336,20 +251,13 @@ def test_no_video_track_is_said(tmp_path):
     [
         ([], [0.0], "no frames"),
         ([np.zeros((48, 64))], [0.0], "frame 0 is float64"),
-        ([np.zeros((47, 64), np.uint8)], [0.0], "even"),
-        ([np.zeros((48, 64, 3), np.uint8)], [0.0], "frame 0"),
         ([*noise(3), np.zeros((48, 32), np.uint8)], [0.0], "frame 3"),
-        (noise(3), [[0.0]], "audio"),
         (noise(3), [np.nan], "audio"),
     ],
 )
 def test_what_cannot_be_written_leaves_no_file(tmp_path, frames, audio, words):
     refused(lambda: write_video(tmp_path / "A.mkv", frames, 60, audio), "A.mkv", words)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_another_ending_is_refused(tmp_path):
-    refused(lambda: write_video(tmp_path / "A.mp4", noise(), 60, [0.0]), "A.mp4", ".mkv")
 
 
 def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
@@ -367,21 +275,12 @@ def test_an_interrupted_recording_leaves_the_old_file(tmp_path, video):
 # Images.
 
 
-def test_pictures_come_back_exactly(tmp_path):
+@pytest.mark.parametrize("share", [0.0, 0.999])
+def test_a_truncated_picture_is_refused_and_a_whole_one_comes_back(tmp_path, share):
     write_png(tmp_path / "1.png", noise()[0])
     np.testing.assert_array_equal(read_png(tmp_path / "1.png"), noise()[0])
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
-def test_a_truncated_picture_is_refused(tmp_path, share):
-    write_png(tmp_path / "1.png", noise()[0])
     path: Path = cut(tmp_path / "1.png", tmp_path / "2.png", share)
     refused(lambda: read_png(path), "2.png", "cut off")
-
-
-def test_a_picture_of_another_kind_is_not_written(tmp_path):
-    refused(lambda: write_png(tmp_path / "1.png", np.zeros((3, 3))), "1.png", "float64")
-    assert not (tmp_path / "1.png").exists()
 
 
 def test_pictures_of_telephones_are_read(tmp_path, monkeypatch):

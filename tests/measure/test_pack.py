@@ -1,6 +1,5 @@
 """Images, raw frames and Phantom's files against what was put into them, by their formats."""
 
-import re
 import struct
 
 import numpy as np
@@ -9,7 +8,7 @@ from click.testing import CliRunner
 
 from thesis_lib.cli import cli
 from thesis_lib.measure.recordings.media import pack_frames, read_frames, write_png
-from thesis_lib.measure.recordings.media_info import MediaError, frame_clock, probe_media
+from thesis_lib.measure.recordings.media_info import frame_clock, probe_media
 
 FRAMES = np.random.default_rng(0).integers(0, 4096, (7, 48, 64), np.uint16)  # of twelve bits
 EIGHT = (FRAMES >> 4).astype(np.uint8)
@@ -54,8 +53,7 @@ def photron(folder, bits, depth, side, data, suffix=".cih"):
     return folder / f"C1{suffix}"
 
 
-@pytest.mark.parametrize("suffix", [".cih", ".cihx"])
-@pytest.mark.parametrize("kind", RAW)
+@pytest.mark.parametrize(("kind", "suffix"), [*zip(RAW, [".cih", ".cihx"] * 2, strict=True)])
 def test_raw_frames_come_back_at_their_rate(tmp_path, kind, suffix):
     source, video = photron(tmp_path, *RAW[kind], suffix), tmp_path / "C1.mov"
     assert pack_frames(source, video) == (7, (64, 48))
@@ -77,73 +75,39 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("break_", "said"),
+    ("old", "new", "said"),
     [
-        (lambda p: p.with_suffix(".mraw").write_bytes(b"short"), "shorter than the 7 frames"),
-        (lambda p: p.with_suffix(".mraw").unlink(), "not there"),
-        (lambda p: p.write_text("Record Rate(fps) : 5\n"), "does not say 'totalFrame|Total Frame'"),
-        (lambda p: p.unlink(), "no such file"),
-        (
-            lambda p: p.write_text(CIH.format(bits=36, depth=12, side="Lower")),
-            'Color Bit: given "36"',
-        ),
+        ("12500", "0", "recordRate"),
+        ("12500", "&x;", "C1.cihx"),
+        (">7<", ">1e12<", "totalFrame"),
+        (">7<", ">8<", "shorter than the 8 frames"),
+        ("Mono</type><bit>8", "Mono</type><bit>10", "10 bits for a pixel"),
+        ("<depth>8", "<depth>12", "12 of them used"),
+        ("Lower", "Weird", "side"),
+        ("totalFrame", "frames", "does not say"),
     ],
 )
-def test_broken_raw_frames_are_named_in_a_line(tmp_path, break_, said):
-    source = photron(tmp_path, *RAW["8 bits"])
-    break_(source)
-    with pytest.raises(MediaError, match=said) as refused:
-        pack_frames(source, tmp_path / "C1.mov")
-    assert "\n" not in str(refused.value)
-    assert not (tmp_path / "C1.mov").exists()
-
-
-WRONG = {
-    "recordRate": ["0", "nan", "&x;", "9" * 5000],
-    "totalFrame": ["1e12", "seven", "8"],
-    "width": ["1"],
-    "height": ["99999"],
-    "bit": ["10"],
-    "depth": ["7", "12"],
-    "side": ["Weird", "lower"],
-}
-
-
-@pytest.mark.parametrize(("field", "value"), [(f, v) for f, all_ in WRONG.items() for v in all_])
-def test_a_wrong_header_is_refused_by_its_field(tmp_path, field, value):
-    """One line with the file in it, and no words of Python's."""
+def test_a_wrong_header_is_refused_by_its_field_in_one_line(tmp_path, old, new, said):
     source = photron(tmp_path, *RAW["8 bits"], ".cihx")
-    text, n = re.subn(f"<{field}>.*?</{field}>", f"<{field}>{value}</{field}>", CIHX)
-    assert n == 1
-    source.write_text(text.format(bits=8, depth=8, side="Lower"), encoding="utf-8")
+    text = source.read_text(encoding="utf-8")
+    assert old in text
+    source.write_text(text.replace(old, new), encoding="utf-8")
     result = CliRunner().invoke(cli, ["convert", str(source)])
-    said = result.output.splitlines()
-    assert (result.exit_code, len(said)) == (2, 4)  # usage, and one line
-    assert "C1." in said[-1]
-    assert not re.search("Error: .*(Error|index|could not|division|literal|NoneType)", said[-1])
+    lines = result.output.splitlines()
+    assert (result.exit_code, len(lines)) == (2, 4)  # usage, and one line
+    assert "C1." in lines[-1]
+    assert said in lines[-1]
     assert not source.with_suffix(".mov").exists()
 
 
-def test_a_header_of_gigabytes_is_not_read(tmp_path):
-    source = photron(tmp_path, *RAW["8 bits"])
-    with source.open("ab") as file:
-        file.truncate(5_000_000_000)  # takes no room
-    with pytest.raises(MediaError, match="larger than 1 MB"):
-        pack_frames(source, tmp_path / "C1.mov")
-
-
 def test_a_folder_without_pictures_or_rate_is_refused(tmp_path):
-    runner = CliRunner()
     for what, said in [("", "no image in it"), ("none", "allowed: a folder of images")]:
-        result = runner.invoke(cli, ["convert", str(tmp_path / what), str(tmp_path / "o.mov")])
+        result = CliRunner().invoke(cli, ["convert", str(tmp_path / what), str(tmp_path / "o.mov")])
         assert (result.exit_code, said in result.output) == (2, True)
     write_png(tmp_path / "a.png", EIGHT[0])
-    result = runner.invoke(cli, ["convert", str(tmp_path), str(tmp_path / "o.mov")])
-    assert "give --rate-hz" in result.output
-    result = runner.invoke(
-        cli, ["convert", str(tmp_path), str(tmp_path / "o.mp4"), "--rate-hz", "5"]
-    )
-    assert "allowed: .mov" in result.output
+    for words, said in [(["o.mov"], "give --rate-hz"), (["o.mp4", "--rate-hz", "5"], ".mov")]:
+        given = [str(tmp_path), str(tmp_path / words[0]), *words[1:]]
+        assert said in CliRunner().invoke(cli, ["convert", *given]).output
 
 
 def test_phantoms_files_are_read_as_they_are(tmp_path):

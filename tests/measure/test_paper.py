@@ -32,22 +32,17 @@ def made(tmp_path, *options):
     return tmp_path / "sheet.pdf", done.out
 
 
-@pytest.mark.parametrize("options", [[], ["--columns", "6", "--rows", "8", "--tile-mm", "30",
-                                          "--paper", "A3"]])  # fmt: skip
-def test_a_checkerboard_has_its_true_size(conforms, tmp_path, options):
+def test_a_checkerboard_has_its_true_size(conforms, tmp_path):
+    options = ["--columns", "6", "--rows", "8", "--tile-mm", "30", "--paper", "A3"]
     path, said = made(tmp_path, "board", *options)
-    given = dict(zip(options[::2], options[1::2], strict=True))
-    columns, rows = int(given.get("--columns", 7)), int(given.get("--rows", 5))
-    tile = float(given.get("--tile-mm", 25))
     (picture,), (text,) = pages(path)
-    size = sorted(PAGE_SIZES_MM[given.get("--paper", "A4")], reverse=columns >= rows)
-    conforms.closed_form([*picture.shape[::-1]], np.multiply(size, PX), atol=2)
-    corners = find_corners(picture, Board(columns, rows)).reshape(2, rows - 1, columns - 1)
+    conforms.closed_form([*picture.shape[::-1]], np.multiply(PAGE_SIZES_MM["A3"], PX), atol=2)
+    corners = find_corners(picture, Board(6, 8)).reshape(2, 7, 5)
     # To a pixel or so, 0.15 mm, since edges are drawn at whole ones.
-    along, up = tile * PX * np.arange(columns - 1), tile * PX * np.arange(rows - 1)
-    conforms.closed_form(corners[0] - corners[0, :, :1], np.tile(along, (rows - 1, 1)), atol=1.3)
-    conforms.closed_form(corners[1, 0] - corners[1], np.tile(up, (columns - 1, 1)).T, atol=1.3)
-    line = f"board: {{columns: {columns}, rows: {rows}, tile_mm: {tile:g}, "
+    along, up = 30 * PX * np.arange(5), 30 * PX * np.arange(7)
+    conforms.closed_form(corners[0] - corners[0, :, :1], np.tile(along, (7, 1)), atol=1.3)
+    conforms.closed_form(corners[1, 0] - corners[1], np.tile(up, (5, 1)).T, atol=1.3)
+    line = "board: {columns: 6, rows: 8, tile_mm: 30, "
     assert line in said
     assert line in " ".join(text.split())
 
@@ -60,19 +55,6 @@ def test_the_line_that_is_measured_is_100_mm_long(conforms, tmp_path):
     runs = [np.diff(np.flatnonzero(np.diff(np.pad(row.astype(int), 1)))) for row in foot]
     lengths = [run[::2].max() for run in runs if run.size]  # of dark pixels side by side
     conforms.closed_form(float(max(lengths)), 100 * PX, atol=0.4 * PX)
-
-
-def test_a_charuco_board_is_opencvs(conforms, tmp_path):
-    path, said = made(tmp_path, "board", "--charuco", "--rows", "6", "--tile-mm", "24")
-    assert "CharucoBoard((7, 6), 24, 16.8, DICT_5X5_1000)" in said
-    (picture,), _ = pages(path)
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
-    board = cv2.aruco.CharucoBoard((7, 6), 24.0, 24.0 * MARK_RATIO, dictionary)
-    found, numbers, marks, _ = cv2.aruco.CharucoDetector(board).detectBoard(picture)
-    assert len(marks) == 21
-    np.testing.assert_array_equal(numbers.ravel(), np.arange(6 * 5))
-    places = board.getChessboardCorners()[:, :2] - [24.0, 24.0]
-    conforms.closed_form(found.reshape(-1, 2) - found.reshape(-1, 2)[0], places * PX, atol=1.3)
 
 
 def test_a_charuco_board_is_read_by_what_is_said_of_it(conforms, tmp_path):
@@ -90,6 +72,13 @@ def test_a_charuco_board_is_read_by_what_is_said_of_it(conforms, tmp_path):
     u, v, w = view @ [*(places - 0.5), np.ones(places.shape[1])]
     found = find_corners(seen, board)
     conforms.independent(found, np.array([u / w, v / w]) + 0.5, atol=0.2)
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
+    opencv = cv2.aruco.CharucoBoard((8, 5), 25.0, 25.0 * MARK_RATIO, dictionary)
+    corners, numbers, *_ = cv2.aruco.CharucoDetector(opencv).detectBoard(pages(path)[0][0])
+    np.testing.assert_array_equal(numbers.ravel(), np.arange(7 * 4))
+    places = PX * opencv.getChessboardCorners()[:, :2]
+    apart = corners.reshape(-1, 2) - corners.reshape(-1, 2)[0]
+    conforms.closed_form(apart, places - places[0], atol=1.3)
 
 
 def test_the_back_of_a_board_has_tile_behind_tile(tmp_path):
@@ -100,18 +89,17 @@ def test_the_back_of_a_board_has_tile_behind_tile(tmp_path):
     assert np.mean(front[rows] != back[rows]) > 0.2  # six columns are no mirror image of themselves
 
 
-@pytest.mark.parametrize("bright", [False, True])
-def test_markers_are_at_their_places_on_all_pages(conforms, tmp_path, bright):
+def test_markers_are_at_their_places_on_all_pages(conforms, tmp_path):
     options = ["--columns", "16", "--rows", "8", "--spacing-mm", "30", "--diameter-mm", "9"]
-    path, said = made(tmp_path, "markers", *options, *["--bright"] * bright)
+    path, said = made(tmp_path, "markers", *options, "--bright")
     pictures, texts = pages(path)
     assert len(pictures) == 4
     assert "4 pages" in said
     assert "columns 10 to 16, rows 7 to 8" in " ".join(texts[3].split())
     counts = []
     for picture in pictures:
-        dark = (picture > 128 if bright else picture < 128).astype(np.uint8)
-        _, _, stats, centres = cv2.connectedComponentsWithStats(dark)
+        bright = (picture > 128).astype(np.uint8)
+        _, _, stats, centres = cv2.connectedComponentsWithStats(bright)
         area = np.pi / 4 * (9 * PX) ** 2
         discs = np.abs(stats[:, cv2.CC_STAT_AREA] / area - 1) < 0.03
         counts.append(discs.sum())
@@ -138,12 +126,8 @@ def test_a_stand_tells_where_each_camera_is(tmp_path):
     [
         (["board", "x.pdf", "--tile-mm", "45"], ["--tile-mm", "at most 30.33", "or --paper A2"]),
         (["board", "x.png"], ["x.png", "allowed: one that ends in .pdf"]),
-        (["board", "x.pdf", "--columns", "2"], ["--columns", "2", "4"]),
         (["board", "x.pdf", "--charuco", "--two-sided"], ["--two-sided", "with --charuco"]),
-        (["board", "x.pdf", "--charuco", "--columns", "90", "--rows", "90"], ["90 × 90", "2001"]),
-        (["board", "x.pdf", "--paper", "A9"], ["--paper", "A9", "A4"]),
         (["markers", "x.pdf", "--diameter-mm", "30"], ["--diameter-mm", "30", "below 25"]),
-        (["markers", "x.pdf", "--spacing-mm", "400"], ["--spacing-mm", "400", "at most 285"]),
         (["stand", "none.yaml", "x.pdf"], ["none.yaml", "no such file"]),
     ],
 )

@@ -23,23 +23,16 @@ HOSTILE = {
     "aliases": (parse_yaml, ALIASES),
     "300,000 values": (parse_yaml, "a: [" + "1," * 300_000 + "]"),
     "a list in a list": (parse_yaml, "[" * N),
-    "a line in a line": (parse_yaml, "- " * (N // 2)),
     "sexagesimal digits": (parse_yaml, "a: 1" + ":59" * (N // 3 - 2)),
-    "anchors": (parse_yaml, "- &a b\n" * (N // 7)),
     "an object of Python": (parse_yaml, "a: !!python/object/apply:os.system [ls]"),
     "a day that is none": (parse_yaml, "a: 2026-99-99"),
-    "a null character": (parse_yaml, "a: \0"),
     "TOML: a list in a list": (parse_toml, "a=" + "[" * N),
-    "TOML: a name of many parts": (parse_toml, "a" + ".a" * (N // 2 - 5) + "=1"),
     "TOML: quoted parts": (parse_toml, "a" + '.","' * (N // 4 - 5) + "=1"),
     "TOML: tables in tables": (parse_toml, ("[" + "a." * 500 + "b]\n") * 900),
-    "TOML: digits": (parse_toml, "a=" + "9" * 9000),
     "JSON: a list in a list": (parse_json, "[" * N),
-    "JSON: fifty levels": (parse_json, "[" * 50 + "]" * 50),
     "JSON: digits": (parse_json, "9" * 9000),
     "XML: an element in an element": (parse_xml, "<a>" * (N // 7) + "</a>" * (N // 7)),
     "XML: entities": (parse_xml, "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"),
-    "XML: no element": (parse_xml, "words"),
 }  # fmt: skip
 
 
@@ -59,24 +52,6 @@ def test_hostile_texts_are_refused_at_once(kind):
     assert "\n" not in said
     assert len(said) < 200
     assert not any(word in said for word in ("Error", "recursion", "<class", "object at"))
-
-
-@pytest.mark.parametrize(
-    ("parse", "text"),
-    [
-        (parse_yaml, "a: [" + "1.5," * 49_900 + "]"),
-        (parse_yaml, "".join(f"k{i}: 1.5\n" for i in range(24_000))),
-        (parse_yaml, "".join(f"a{i}: 1{':59' * 3000}\n" for i in range(100))),
-        (parse_toml, "a=[" + "1," * (N // 2 - 5) + "]"),
-        (parse_toml, "[[a]]\n" * (N // 6)),
-        (parse_json, "[" + "1," * (N // 2 - 5) + "1]"),
-        (parse_xml, "<a>" + "<a/>" * (N // 4 - 5) + "</a>"),
-    ],
-)
-def test_the_largest_texts_that_are_allowed_take_no_longer(parse, text):
-    began = time.process_time()
-    parse(text)
-    assert time.process_time() - began < 2  # a second, on a machine that is not busy
 
 
 def test_a_calibration_and_a_manifest_are_read_within_these_bounds(tmp_path):

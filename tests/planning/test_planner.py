@@ -7,7 +7,6 @@ import math
 import re
 import shlex
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from command import thesis
-from scipy.optimize import differential_evolution
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -24,10 +22,9 @@ from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, report, search, structure_file
 from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
 from thesis_lib.planning.positions import Body, body_of
-from thesis_lib.planning.report import PLAN_FILES, study_of, summarise_plan, write_plan
+from thesis_lib.planning.report import PLAN_FILES, study_of, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.vision import rounding
 from thesis_lib.vision.pinhole import hemisphere_cameras
 from thesis_lib.vision.triangulation import point_covariance
 
@@ -72,11 +69,13 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
 
 
 @pytest.mark.parametrize("body", [beam(), plate()], ids=["beam", "plate"])
-def test_variance_is_that_of_triangulation(conforms, body):
+def test_variance_is_that_of_triangulation_by_cameras_of_the_hemisphere(conforms, body):
     scene = scene_of(body)
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
-    rig = positions.place_cameras(scene, layout, 640)
-    expected = point_covariance(rig.P, body.points)[2, 2]
+    P = [hemisphere_cameras(row[2], row[:1], row[1:2], 640 * row[3], (640, 360)).P[0]
+         for row in layout]  # fmt: skip
+    conforms.independent(positions.place_cameras(scene, layout, 640).P, P, rtol=1e-12)
+    expected = point_covariance(np.array(P), body.points)[2, 2]
     found = errors.normal_variances(errors.place_information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
 
@@ -101,44 +100,10 @@ def test_averaged_law_is_that_of_many_amplitudes_and_spares_narrow_pairs(
     conforms.sampled(law / noise, above=low, below=high)
 
 
-@pytest.mark.nightly
-def test_a_plan_below_the_bound_of_its_grid_says_why(made):
-    def summary(ratio):
-        options = [replace(one, bound=ratio * one.expected) for one in made.options]
-        return " ".join(summarise_plan(replace(made, options=options)))
-
-    assert "less than the bound" in summary(1.01)
-    assert "moved off the grid" in summary(1.01)
-    assert "less than" not in summary(0.9)
-
-
-def test_cameras_of_a_layout_are_those_of_the_hemisphere_whatever_their_lens(conforms):
-    scene = scene_of(beam())
-    layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7]])
-    for i, row in enumerate(layout):
-        own = hemisphere_cameras(row[2], row[:1], row[1:2], 320 * row[3], (320, 180))
-        conforms.independent(positions.place_cameras(scene, layout, 320).P[i], own.P[0], rtol=1e-12)
-
-
-def test_law_along_a_normal_is_that_of_z_in_a_turned_world(conforms):
-    rng = np.random.default_rng(1)
-    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    rig = hemisphere_cameras(1.0, np.array([0.1, 2.0, 4.0]), np.array([0.3, 0.5, 0.9]), 400.0,
-                             (640, 360))  # fmt: skip
-    rest = rng.uniform(-0.1, 0.1, (3, 7))
-    moved = rest + [[0.0], [0], [0.004]]
-    turned = rig.P.copy()
-    turned[:, :, :3] = rig.P[:, :, :3] @ turn.T
-    normals = np.repeat(turn @ [[0.0], [0], [1]], 7, axis=1)
-    expected = rounding.deflection_variance(rig.P, rest, moved)
-    found = rounding.deflection_variance(turned, turn @ rest, turn @ moved, normals=normals)
-    conforms.invariance(found, expected, rtol=1e-9)
-
-
 # Known optima.
 
 
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("count", [2, 5])
 def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
     low = np.radians(20)
     scene = scene_of(point_body(), elevations=(low, np.pi / 2), separation=0.05)
@@ -149,7 +114,7 @@ def test_one_marker_is_seen_best_from_the_lowest_cone(conforms, count):
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("count", [2, 4])
 def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     scene = scene_of(plate(), separation=0.3)
     grid = positions.candidate_positions(scene, np.radians(40))
@@ -168,24 +133,7 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_nothing_better_is_found_by_another_global_search(conforms, objective):
-    scene = scene_of(beam(), distances=(0.5, 1.5), tilt=np.radians(75), separation=0.1)
-    found = errors.layout_cost(scene, best(scene, 2, objective, 10.0), objective)
-
-    def value(x):
-        layout = np.column_stack([x.reshape(2, 3), [24 / 36] * 2])
-        return errors.layout_cost(scene, layout, objective) if errors.is_allowed(scene, layout) \
-            else 10 * found  # fmt: skip
-
-    bounds = [(-np.pi, np.pi), np.radians((5, 90)), (0.5, 1.5)] * 2
-    other = differential_evolution(value, bounds, seed=1, maxiter=60, popsize=12, tol=0)
-    conforms.independent(found, below=other.fun * (1 + 1e-6))
-
-
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_no_set_of_places_is_below_the_bound(conforms, objective):
+def test_no_set_of_places_is_below_the_bound(conforms):
     scene = scene_of(plate())
     grid = positions.candidate_positions(scene, np.radians(40))
     known = errors.place_information(scene, grid)
@@ -217,50 +165,22 @@ def test_a_mirrored_room_has_mirrored_plans_of_equal_value(conforms):
     conforms.invariance(errors.layout_cost(east, mirrored, "mean"), cost, rtol=1e-9)
 
 
-def test_errors_in_percent_do_not_depend_on_the_size_of_the_world(conforms):
-    body = plate()
-    small = scene_of(body, separation=0.2, spheres=np.array([[0.9, 0, 0.3, 0.3]]))
-    grown = replace(
-        small, body=replace(body, points=10 * body.points), peaks=(0.01, 0.01),
-        rules=replace(small.rules, distances=(10.0, 10.0), separation=2.0,
-                      spheres=10 * small.rules.spheres),
-    )  # fmt: skip
-    one, other = best(small, 3), best(grown, 3)
-    conforms.invariance(other, one * [1, 1, 10, 1], rtol=1e-4, atol=1e-4)
-    conforms.invariance(
-        errors.predict_errors(grown, one * [1, 1, 10, 1], 320),
-        errors.predict_errors(small, one, 320),
-        rtol=1e-6,
-    )
-
-
-def test_best_places_do_not_depend_on_the_resolution_and_errors_fall_with_it(conforms, made):
-    by_count = {}
-    for one in made.options:
-        by_count.setdefault(len(one.layout), []).append(one)
-    for options in by_count.values():
-        for one in options[1:]:
-            assert np.array_equal(one.layout, options[0].layout)
-            ratio = options[0].resolution[0] / one.resolution[0]
-            conforms.invariance(one.expected, options[0].expected * ratio, rtol=1e-12)
-
-
 # Limits.
 
 LIMITS = {
     "tilt": {"tilt": np.radians(60)},
     "elevation": {"elevations": np.radians((30.0, 50.0))},
-    "azimuth": {"azimuths": np.radians((-100.0, 40.0))},
     "azimuth over a turn": {"azimuths": np.radians((170.0, 250.0))},
-    "box": {"boxes": np.array([[[-2.0, 0.1], [-2, 2], [-2, 2]]])},
-    "sphere": {"spheres": np.array([[0.7, 0.0, 0.2, 0.6], [-0.7, 0, 0.2, 0.6]])},
-    "sector": {"sectors": np.radians([[60.0, 300, -90, 90]])},
-    "separation": {"separation": 0.6},
-    "distance": {"distances": (0.9, 0.95)},
+    "regions": {
+        "boxes": np.array([[[-2.0, 0.1], [-2, 2], [-2, 2]]]),
+        "spheres": np.array([[0.7, 0.0, 0.2, 0.6]]),
+        "sectors": np.radians([[60.0, 90, -90, 90]]),
+    },
+    "separation": {"separation": 0.6, "distances": (0.9, 0.95)},
 }
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_are_kept_by_an_independent_check(limit, objective):
@@ -299,51 +219,7 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
             assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
 
 
-@pytest.mark.nightly
-def test_every_limit_costs_something_or_nothing_but_never_helps():
-    free = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
-    least = errors.layout_cost(free, best(free, 3), "mean")
-    for changed in LIMITS.values():
-        own = replace(free, rules=replace(free.rules, **changed))
-        if changed.get("distances") is None:
-            assert errors.layout_cost(own, best(own, 3), "mean") >= least * (1 - 1e-3)
-
-
-@pytest.mark.nightly
-def test_more_cameras_are_never_worse():
-    scene = scene_of(plate(), distances=(0.7, 1.5), separation=0.1)
-    grid = positions.candidate_positions(scene, np.radians(20))
-    for objective in OBJECTIVES:
-        layouts = search.best_layouts(scene, grid, [2, 3, 4, 5, 6], objective, 1, 0)
-        costs = [errors.layout_cost(scene, one, objective) for one in layouts]
-        assert all(b < a for a, b in itertools.pairwise(costs))
-
-
-def test_a_choice_of_lenses_is_used_where_the_structure_fits():
-    wide, both = (24 / 36,), (24 / 36, 30 / 36)
-    scene = scene_of(plate(), focals=wide, distances=(1.2, 1.2), separation=0.1)
-    more = replace(scene, focals=both)
-    one, other = best(scene, 3), best(more, 3)
-    assert np.all(other[:, 3] == 30 / 36)
-    assert errors.layout_cost(more, other, "mean") < errors.layout_cost(scene, one, "mean")
-
-
 # The front, the cheapest, the simulation.
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_front_is_monotone_and_beaten_by_nothing(seed):
-    rng = np.random.default_rng(seed)
-    costs, errors_ = rng.integers(1, 9, 40).astype(float), rng.integers(1, 9, 40).astype(float)
-    front = pareto(costs.tolist(), errors_.tolist())
-    assert np.all(np.diff(costs[front]) > 0)
-    assert np.all(np.diff(errors_[front]) < 0)
-    for i in range(40):
-        beaten = [(costs[j] <= costs[i]) & (errors_[j] <= errors_[i]) for j in front]
-        assert any(beaten)
-        if i in front:
-            assert not np.any((costs <= costs[i]) & (errors_ < errors_[i]))
-            assert not np.any((costs < costs[i]) & (errors_ <= errors_[i]))
 
 
 @pytest.fixture(scope="module")
@@ -354,28 +230,17 @@ def made():
 def test_cheapest_reaches_the_target_and_nothing_cheaper_does(conforms, made):
     target = made.request.target_percent
     best_, found = made.options[made.chosen], made.verified[made.chosen]
-    assert best_.error <= target
     conforms.sampled(found.simulated.max(), below=target)
     assert np.all(found.band[0] <= found.simulated)
     assert np.all(found.simulated <= found.band[1])
     for one, its in zip(made.options, made.verified, strict=True):
         if one.cost < best_.cost:
             assert max(one.error, its.simulated.max()) > target
-
-
-@pytest.mark.slow
-@pytest.mark.few(2)
-@pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("body", ["beam", "plate"])
-def test_prediction_is_what_the_studies_simulate(conforms, body, objective):
-    request = plan_request({**QUICK, "body": body, "objective": objective, "trials": 400,
-                            "target_percent": None})  # fmt: skip
-    made = plan(request)
-    ratio = np.array([found.simulated / one.predicted
-                      for one, found in zip(made.options, made.verified, strict=True)])  # fmt: skip
-    wide = 0.05 if objective == "mean" else 0.15  # one marker scatters more than their mean
-    conforms.sampled(np.abs(ratio - 1), below=wide)
-    conforms.sampled(abs(np.median(ratio) - 1), below=0.03)
+    costs, errors_ = [one.cost for one in made.options], [one.error for one in made.options]
+    front = pareto(costs, errors_)
+    assert np.all(np.diff([costs[i] for i in front]) > 0)
+    for cost, error in zip(costs, errors_, strict=True):
+        assert any(costs[j] <= cost and errors_[j] <= error for j in front)
 
 
 def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
@@ -391,25 +256,6 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     )
     conforms.sampled(cube["predicted_error"].values[-1], best_.predicted, rtol=2e-2)
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
-
-
-@pytest.mark.nightly
-def test_prices_decide_what_is_cheap():
-    common = {**QUICK, "counts": [2, 4], "resolutions_px": [[640, 360], [1280, 720]],
-              "target_percent": 7}  # fmt: skip
-    few = plan(plan_request({**common, "prices": [100, 150]}))
-    many = plan(plan_request({**common, "prices": [100, 900]}))
-    assert len(few.options[few.chosen].layout) == 2
-    assert len(many.options[many.chosen].layout) == 4
-    assert many.options[many.chosen].cost == 400
-
-
-@pytest.mark.nightly
-def test_the_same_request_gives_the_same_plan(made):
-    again = plan(made.request)
-    for one, other in zip(made.options, again.options, strict=True):
-        assert np.array_equal(one.layout, other.layout)
-        assert np.array_equal(one.point, other.point)
 
 
 # Structures from files.
@@ -446,10 +292,9 @@ def test_file_gives_unit_normals_and_shapes_with_a_peak_of_one(tmp_path):
     assert structure_file.read_body(written(tmp_path, numbered), [7]).frequencies.tolist() == [55.0]
 
 
-@pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
-def test_a_file_of_the_older_format_is_the_same_structure(tmp_path, kind):
+def test_a_file_of_the_older_format_is_the_same_structure(tmp_path):
     old = tmp_path / "old.nc"
-    strip().to_netcdf(old, engine="scipy", format=kind)
+    strip().to_netcdf(old, engine="scipy", format="NETCDF3_CLASSIC")
     paths = old, written(tmp_path, strip())
     one, other = (structure_file.read_body(path, [1, 2]) for path in paths)
     np.testing.assert_array_equal(one.points, other.points)
@@ -464,23 +309,13 @@ def test_the_pages_example_of_a_file_can_be_planned_for(tmp_path, monkeypatch):
     (code,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     monkeypatch.chdir(tmp_path)
     exec(code, {})
-    body = structure_file.read_body(tmp_path / "strip.nc", [1])
-    made = plan(plan_request({**QUICK, "modes": [1], "target_percent": None}), body)
-    assert len(made.options) == 8
-
-
-def test_a_file_with_the_beam_is_the_beam(tmp_path):
-    body = beam()
-    x, y, z = body.points
-    data = xr.Dataset({
-        "x": ("point", x), "y": ("point", y), "z": ("point", z),
-        "shape": (("mode", "point"), body.shapes), "frequency": ("mode", body.frequencies),
-    })  # fmt: skip
-    found = structure_file.read_body(written(tmp_path, data), [1, 2, 3])
-    for name in ("points", "normals", "frequencies"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(body, name))
-    shapes = body.shapes / np.abs(body.shapes).max(axis=1, keepdims=True)
-    np.testing.assert_array_equal(found.shapes, shapes)
+    words = ["-pcounts=[4]", "-ptarget_percent=null", "-pmodes=[1]", "-pstep_deg=20", "-pstarts=0",
+             "-ptrials=10"]  # fmt: skip
+    done = thesis("plan", "--structure", "strip.nc", *words, "--out", "made")
+    assert done.status == 0, done.err
+    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
+        assert cube.attrs["structure_file"] == "strip.nc"
+        assert "--structure" in cube.attrs["command"]
 
 
 def test_a_turned_structure_is_measured_as_well(conforms):
@@ -517,29 +352,24 @@ def test_cameras_that_see_parts_of_a_curved_structure_are_predicted_and_simulate
 
 
 BROKEN = {
-    "no x": (strip(x=None), "x(point)"),
     "no shape": (strip(shape=None), "shape(mode, point)"),
-    "no frequency": (strip(frequency=None), "frequency(mode)"),
     "one normal": (strip(nx=None, ny=None), "none"),
-    "a normal of no length": (strip(nx=("point", np.zeros(9)), nz=("point", np.zeros(9))), "0"),
     "NaN": (strip(x=("point", [np.nan, *range(8)])), "finite"),
-    "infinite": (strip(frequency=("mode", [1.0, np.inf])), "finite"),
     "negative": (strip(frequency=("mode", [1.0, -2.0])), "-2"),
     "millimetres": (strip(x=("point", np.linspace(-300, 300, 9))), "metres"),
-    "text": (strip(x=("point", list("abcdefghi"))), "real numbers"),
-    "other dimensions": (strip(frequency=("point", np.ones(9))), "frequency(mode)"),
     "twice": (strip(x=("point", np.zeros(9)), z=("point", np.zeros(9))), "different places"),
-    "at rest": (strip(shape=(("mode", "point"), np.zeros((2, 9)))), "0 everywhere"),
-    "numbers that repeat": (strip().assign_coords(mode=[1, 1]), "mode"),
+    "modes that are not there": (strip().assign_coords(mode=[2, 3]), "mode"),
     "empty": (strip().isel(point=slice(0, 0)), "at least one"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", BROKEN)
+@pytest.mark.parametrize("what", [*BROKEN, "another kind of file"])
 def test_a_file_that_is_no_structure_is_refused_in_one_line(tmp_path, what):
-    data, words = BROKEN[what]
+    data, words = BROKEN.get(what, (strip(), ""))
     path = written(tmp_path, data)
-    with pytest.raises(structure_file.MeshError) as refused:
+    if what not in BROKEN:
+        path.write_text("solid cube\nendsolid\n")
+    with pytest.raises(ParameterError) as refused:
         structure_file.read_body(path, [1])
     text = str(refused.value)
     assert text.isprintable()
@@ -547,56 +377,17 @@ def test_a_file_that_is_no_structure_is_refused_in_one_line(tmp_path, what):
     assert str(path) in text
 
 
-@pytest.mark.parametrize("kind", ["text", "missing", "folder", "modes"])
-def test_what_is_no_netcdf_file_is_refused_in_one_line(tmp_path, kind):
-    path = tmp_path / "a.nc"
-    if kind == "text":
-        path.write_text("solid cube\nendsolid\n")
-    if kind == "folder":
-        path.mkdir()
-    if kind == "modes":
-        path = written(tmp_path, strip())
-    with pytest.raises(ParameterError) as refused:
-        structure_file.read_body(path, [3])
-    assert str(refused.value).isprintable()
-    assert str(path) in str(refused.value)
-
-
 def test_a_small_file_that_would_fill_the_memory_is_refused(tmp_path):
     path = written(tmp_path, strip(x=None))
+    huge = {"shape": (10**12,), "dtype": "f8", "chunks": (2**20,), "compression": "gzip"}
     with h5py.File(path, "a") as file:
-        x = file.create_dataset("x", (10**12,), "f8", chunks=(2**20,), compression="gzip")
-        x.make_scale("x")
+        file.create_dataset("x", **huge).make_scale("x")
     with pytest.raises(structure_file.MeshError, match=r"8e\+06 MB.*the markers"):
         structure_file.read_body(path, [1])
-
-
-def test_what_else_a_file_holds_is_left_alone(tmp_path):
     path = written(tmp_path, strip())
-    with h5py.File(path, "a") as file:
-        file.create_dataset("stress", (10**12,), "f8", chunks=(2**20,)).make_scale("stress")
+    with h5py.File(path, "a") as file:  # what is of no use here is left alone
+        file.create_dataset("stress", **huge).make_scale("stress")
     assert structure_file.read_body(path, [1]).points.shape == (3, 9)
-
-
-@pytest.mark.slow
-def test_a_plate_of_another_size_is_planned_as_its_likeness():
-    """Twice as large, twice as far and moving twice as far, everything looks the same."""
-    thesis_s = setups.thesis_plate()
-    sides = [1000 * side for side in (thesis_s.length, thesis_s.width, thesis_s.thickness)]
-    asked = {"body": "plate", "counts": [3], "resolutions_px": [[640, 360]], "step_deg": 20.0}
-    asked |= {"starts": 0, "trials": 20, "target_percent": None}
-    made = [
-        plan(
-            plan_request(asked | {"distances_mm": [500 * k, 1500 * k], "amplitude_mm": 5 * k} | own)
-        )
-        for k, own in ((1, {}), (1, {"plate_mm": sides}), (2, {"plate_mm": [2 * s for s in sides]}))
-    ]
-    same, own, twice = (one.options[0] for one in made)
-    assert np.array_equal(own.layout, same.layout)
-    np.testing.assert_allclose(own.predicted, same.predicted, rtol=1e-12)
-    # Separations of cameras are in mm, and places rounded to whole ones.
-    np.testing.assert_allclose(twice.predicted, same.predicted, rtol=0.01)
-    assert made[2].body.frequencies[0] == pytest.approx(made[0].body.frequencies[0] / 2)
 
 
 # Requests that are wrong, and plans that cannot be.
@@ -604,33 +395,16 @@ def test_a_plate_of_another_size_is_planned_as_its_likeness():
 BAD = [
     ("body", "shell", "body"),
     ("boddy", "beam", "did you mean body"),
-    ("counts", [], "counts"),
     ("counts", [1], "counts[0]"),
-    ("counts", [25], "counts[0]"),
-    ("target_percent", 0, "target_percent"),
-    ("objective", "best", "objective"),
     ("resolutions_px", [[640, 1]], "resolutions_px"),
     ("prices", [1], "prices"),
-    ("prices", [1, 2, 3, -4], "prices[3]"),
     ("frame_rates_hz", [10, 30], "276.9 Hz or more, since mode 3"),
-    ("focal_lengths_mm", [0], "focal_lengths_mm[0]"),
     ("distances_mm", [300, 1500], "more than 3"),
-    ("distances_mm", [900, 800], "distances_mm"),
     ("azimuths_deg", [-180, 181], "azimuths_deg"),
     ("elevations_deg", [50, 40], "elevations_deg"),
-    ("elevations_deg", [0, 91], "elevations_deg[1]"),
     ("forbidden_boxes_mm", [[1, 0, 0, 1, 0, 1]], "forbidden_boxes_mm"),
-    ("forbidden_spheres_mm", [[0, 0, 0, 0]], "forbidden_spheres_mm[0]"),
-    ("forbidden_sectors_deg", [[0, 361, 0, 90]], "forbidden_sectors_deg"),
-    ("tilt_deg", 0, "tilt_deg"),
-    ("in_view", 1.1, "in_view"),
-    ("in_view", 0, "in_view"),
-    ("separation_mm", -1, "separation_mm"),
     ("amplitude_mm", [1, 2], "amplitude_mm"),
-    ("amplitude_mm", "force", "amplitude_mm"),
     ("plate_mm", [600, 400, 3], 'with body "plate"'),  # the body is a beam
-    ("plate_mm", [600, 0, 3], "plate_mm[1]"),
-    ("step_deg", 1, "step_deg"),
 ]
 
 
@@ -650,11 +424,7 @@ IMPOSSIBLE = [
     ({"target_percent": 1, "resolutions_px": [[320, 180]], "elevations_deg": [75, 90]},
      ["elevations_deg=[75.0, 90.0] costs most"]),
     ({"tilt_deg": 5, "elevations_deg": [5, 30]}, ["binding", "tilt_deg=5.0"]),
-    ({"focal_lengths_mm": [200], "distances_mm": [500, 500]}, ["focal_lengths_mm=[200.0]"]),
-    ({"forbidden_sectors_deg": [[-180, 180, -90, 90]]}, ["forbidden_sectors_deg"]),
     ({"forbidden_spheres_mm": [[0, 0, 0, 2000]]}, ["forbidden_spheres_mm"]),
-    ({"forbidden_boxes_mm": [[-9e3, 9e3, -9e3, 9e3, -9e3, 9e3]]}, ["forbidden_boxes_mm"]),
-    ({"elevations_deg": [-90, -10]}, ["elevations_deg=[-90.0, -10.0]"]),
     ({"separation_mm": 50_000}, ["2 cameras find no room", "separation_mm=50000.0"]),
     ({"in_view": 0.01, "focal_lengths_mm": [400]}, ["marker 1 of 25", "two cameras must see it"]),
 ]  # fmt: skip
@@ -688,9 +458,7 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
     folder = tmp_path / "made"
     assert sorted(folder.glob("[!.]*")) == sorted(folder / name for name in PLAN_FILES)
     assert "cameras of" in done.out
-    assert "places to choose from" in done.err
     with xr.open_dataset(folder / "plan.nc") as cube:
-        assert cube.attrs["Conventions"] == "CF-1.11"
         assert all({"units", "long_name"} <= set(cube[name].attrs) for name in cube.variables)
         chosen = cube.isel(option=int(cube["chosen"]))
         text = (folder / "plan.csv").read_text(encoding="utf-8")
@@ -706,37 +474,20 @@ def test_command_writes_four_whole_files_and_says_what_it_found(tmp_path):
             assert [x, y, z] == pytest.approx([*expected, distance * math.sin(phi)], abs=0.05)
     page = (folder / "plan.html").read_text(encoding="utf-8")
     assert "http://" not in page.replace("http://www.w3.org", "")
-    assert page.count("<script") == 1  # of the image that can be turned
-    assert page.count("<figure>") == 2
-
-
-@pytest.mark.slow
-def test_command_takes_a_structure_from_a_file(checkout, tmp_path):
-    path = written(tmp_path, strip())
-    words = ["-pcounts=[4]", "-ptarget_percent=null", "-pmodes=[1,2]", "-ptilt_deg=85",
-             "-pstep_deg=20", "-pstarts=0", "-ptrials=10"]  # fmt: skip
-    done = checkout.thesis("plan", "--structure", path, *words, "--out", "made", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    with xr.open_dataset(tmp_path / "made" / "plan.nc") as cube:
-        assert cube.attrs["structure_file"] == "strip.nc"
-        assert cube.sizes["point"] == 9
-        assert "--structure" in cube.attrs["command"]
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ["-p", "tilt_deg"],
-        ["-p", "target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"],
-        ["--structure", "nothing.nc"],
-        ["--structure", "nothing.nc", "-p", "body=plate"],
-        ["--out", "."],
+        ["target_percent=0.0001", "-p", "counts=[2]", "-p", "starts=0"],
+        ["body=plate", "--structure", "nothing.nc"],
+        ["counts=[2]", "--out", "."],
     ],
-    ids=lambda words: " ".join(words)[:40],
+    ids=lambda words: words[0],
 )
 def test_command_refuses_in_one_line_and_writes_nothing(tmp_path, words):
     out = [] if "--out" in words else ["--out", "made"]
-    done = thesis("plan", *words, *out, cwd=tmp_path)
+    done = thesis("plan", "-p", *words, *out, cwd=tmp_path)
     assert (done.status, done.out) == (2, "")
     *progress, refusal = done.err.splitlines()
     assert refusal.startswith("thesis: ")
@@ -772,10 +523,3 @@ def test_a_plan_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     with pytest.raises(OSError, match="no space"):
         write_plan(request, folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-@pytest.mark.nightly
-def test_a_default_plan_is_quick():
-    start = time.process_time()
-    plan(plan_request({}))
-    assert time.process_time() - start < 30

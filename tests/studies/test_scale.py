@@ -2,14 +2,13 @@
 
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from command import refusal, thesis
+from command import thesis
 
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
@@ -17,7 +16,6 @@ from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.studies import workers
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.vision import rounding
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
 dask = pytest.importorskip("dask")
@@ -37,7 +35,7 @@ def small_blocks(monkeypatch):
 # How a study is cut.
 
 
-@pytest.mark.parametrize("trial_bytes", [1, 2**20, 5 * 2**20, 2**26])
+@pytest.mark.parametrize("trial_bytes", [1, 5 * 2**20, 2**26])
 def test_runs_of_trials_are_whole_bounded_and_in_order(trial_bytes):
     runs = list(workers.runs_of_trials(100, trial_bytes))
     assert [t for run in runs for t in range(run.start, run.stop)] == list(range(101))
@@ -46,16 +44,7 @@ def test_runs_of_trials_are_whole_bounded_and_in_order(trial_bytes):
         assert n == 1 or n * trial_bytes <= workers.BLOCK_BYTES
 
 
-def test_a_range_of_shifts_is_a_part_of_all():
-    whole = rounding.grid_shifts(7, 50, 5)
-    np.testing.assert_array_equal(rounding.grid_shifts(7, 50, 5, 20), whole[20:])
-    np.testing.assert_array_equal(rounding.grid_shifts(7, 9, 3), whole[:10, :3])
-
-
-@pytest.mark.parametrize(
-    ("estimator", "noise_px"),
-    [("least-squares", 0.0), ("analytic-centre", 0.0), ("interval", 0.0), ("interval", 0.1)],
-)
+@pytest.mark.parametrize(("estimator", "noise_px"), [("least-squares", 0.0), ("interval", 0.1)])
 def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise_px):
     few = {**ARRAYS, "trials": 15}  # of two cameras 9 fill a block
     study = validate_request("beam-arrays", {**few, "estimator": estimator, "noise_px": noise_px})
@@ -68,19 +57,10 @@ def test_smaller_blocks_change_the_last_bits_alone(monkeypatch, estimator, noise
         np.testing.assert_array_equal(cut[name], whole[name])
 
 
-def test_settings_of_the_thesis_are_one_block_each():
-    for name in ("beam-arrays", "plate-arrays"):
-        study = validate_request(name, {})
-        settings = study.settings()
-        points = 4 * study.structure.markers.shape[1]
-        blocks = list(studies._blocks(settings, study.trials, points))
-        assert len(blocks) == len(settings)
-
-
 # The same cube whoever computes it.
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cluster_with_tls_gives_the_same_cube_bit_for_bit(tmp_path, small_blocks, monkeypatch):
     """Of deflections and of sound; a worker with another library is named."""
     key, certificate = (str(tmp_path / name) for name in ("key.pem", "certificate.pem"))
@@ -132,34 +112,28 @@ def test_processes_of_this_machine_give_the_same_cube_without_a_port(small_block
 # What is refused.
 
 
-@pytest.mark.parametrize("name", ["plate-arrays", "sound-distance", "shape-l"])
-def test_a_study_that_memory_would_not_hold_is_refused_with_what_it_needs(name):
+def test_a_study_that_memory_would_not_hold_is_refused_with_what_it_needs():
     with pytest.raises(ParameterError, match=r"trials: given 1000000.* GB of memory, allowed: 2.1"):
-        validate_request(name, {"trials": 1_000_000})
+        validate_request("sound-distance", {"trials": 1_000_000})
 
 
 @pytest.mark.parametrize(
-    "given",
-    ["", "threads", "processes ", "tcp://", "tcp://host", "tcp://:8786", "tcp://host:0",
-     "tcp://host:65536", "tcp://a b:1", "http://host:1", "tcp://host:1/x", "tcp://[::1:1"],
-)  # fmt: skip
+    "given", ["threads", "tcp://host", "tcp://host:65536", "http://host:1", "tcp://[::1:1"]
+)
 def test_malformed_schedulers_are_refused(given, monkeypatch):
     with pytest.raises(ValueError, match="allowed: processes, or tcp://HOST:PORT") as caught:
         workers.check_address(given)
     assert repr(given) in str(caught.value)
-    if given:
-        monkeypatch.setenv("THESIS_SCHEDULER", given)
-        with pytest.raises(ParameterError, match="THESIS_SCHEDULER: given"):
-            notebook.study("beam-distance", {"trials": 0})
+    monkeypatch.setenv("THESIS_SCHEDULER", given)
+    with pytest.raises(ParameterError, match="THESIS_SCHEDULER: given"):
+        notebook.study("beam-distance", {"trials": 0})
 
 
-def closed_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+# The command.
 
 
-def test_who_listens_but_is_no_scheduler_is_not_waited_for(monkeypatch):
+def test_an_address_where_no_scheduler_answers_is_named(tmp_path, monkeypatch):
+    """Whether something listens there or nothing does."""
     monkeypatch.setattr(workers, "MAX_WAIT_S", 2.0)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
@@ -167,49 +141,9 @@ def test_who_listens_but_is_no_scheduler_is_not_waited_for(monkeypatch):
         address, start = f"tcp://127.0.0.1:{mute.getsockname()[1]}", time.monotonic()
         with pytest.raises(workers.SchedulerError, match=f"{address}: no scheduler answers"):
             studies.run(validate_request("beam-distance", {"trials": 0}), address)
-        assert time.monotonic() - start < 10
-
-
-def test_a_cluster_without_workers_is_named(monkeypatch):
-    monkeypatch.setattr(workers, "MAX_WAIT_S", 2.0)
-    empty = {"n_workers": 0, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
-    with distributed.LocalCluster(**empty) as own:
-        address = own.scheduler_address
-        with pytest.raises(workers.SchedulerError, match=f"{address}: it has no worker"):
-            workers.check_scheduler(address)
-
-
-def test_without_dask_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(workers.SchedulerError, match=r"pip install thesis-lib\[scale\]"):
-        workers.check_scheduler("tcp://127.0.0.1:1")
-
-
-def test_studies_without_pieces_say_so(monkeypatch, capsys):
-    monkeypatch.setenv("THESIS_SCHEDULER", "tcp://127.0.0.1:1")
-    notebook.study("cameras", {"trials": 2})  # and nothing is waited for
-    assert "cameras is not cut into pieces" in capsys.readouterr().err
-
-
-# The command.
-
-
-def test_command_names_an_address_where_nothing_answers(tmp_path, monkeypatch):
-    monkeypatch.setattr(workers, "MAX_WAIT_S", 2.0)
-    address, start = f"tcp://127.0.0.1:{closed_port()}", time.monotonic()
     done = thesis("run", "beam-distance", "--scheduler", address, "--out", "out", cwd=tmp_path)
     assert time.monotonic() - start < 30
     assert (done.status, done.out) == (1, "")
     assert done.err.startswith(f"thesis: scheduler {address}: no scheduler answers there within")
     assert len(done.err.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("names", "scheduler", "words"),
-    [(["beam-distance"], "tcp://nowhere", "given 'tcp://nowhere', allowed: processes, or tcp://"),
-     (["cameras", "claims"], "processes", "given with cameras, claims, allowed with camera and")],
-)  # fmt: skip
-def test_command_refuses_what_cannot_be(tmp_path, names, scheduler, words):
-    assert words in refusal(thesis("run", *names, "--scheduler", scheduler, cwd=tmp_path))
     assert list(tmp_path.iterdir()) == []

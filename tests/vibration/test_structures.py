@@ -14,7 +14,6 @@ from thesis_lib.vibration.structure import (
     deflection_shape,
     full_response,
     modal_coordinates,
-    modal_overlap,
     peak_deflection,
     resonance_frequency,
     single_mode_distance,
@@ -38,28 +37,13 @@ def test_natural_frequencies_of_the_thesis_beam(conforms):
     conforms.closed_form(hertz, [6.312, 39.56, 110.8], atol=[0.0005, 0.005, 0.05])
 
 
-def test_frequency_scales_with_thickness_over_length_squared(conforms):
-    other = replace(BEAM, thickness=2 * BEAM.thickness, length=3 * BEAM.length, width=0.1)
-    ratio = other.angular_frequencies(5) / BEAM.angular_frequencies(5)
-    conforms.invariance(ratio, 2 / 9, rtol=1e-13)
-
-
-def test_roots_match_the_published_table(conforms):
-    table = [1.8751, 4.6941, 7.8548, 10.9955, 14.1372]
-    conforms.closed_form(cantilever_roots(5), table, atol=5e-5)
-
-
 def test_roots_solve_the_frequency_equation(conforms):
     beta = cantilever_roots(60)
-    assert np.all(np.diff(beta) > 0)
+    table = [1.8751, 4.6941, 7.8548, 10.9955, 14.1372]  # as published
+    conforms.closed_form(beta[:5], table, atol=5e-5)
     conforms.closed_form(np.cos(beta) + 1 / np.cosh(beta), 0, atol=1e-13)
     # One root in each interval of length π: none is missed.
     conforms.closed_form(np.floor(beta / pi), np.arange(60), atol=0)
-
-
-def test_no_root_is_refused():
-    with pytest.raises(ValueError, match="n_modes"):
-        cantilever_roots(0)
 
 
 def decimal_cos_sin(x):
@@ -110,13 +94,6 @@ def test_shapes_meet_the_boundary_conditions(conforms, x, derivative):
     conforms.closed_form(values, 0, atol=1e-10)
 
 
-def test_tip_is_two_with_alternating_sign_and_is_the_peak(conforms):
-    x = np.linspace(0, BEAM.length, 4001)
-    shapes = BEAM.mode_shapes(MODES, at(*x))
-    conforms.closed_form(np.abs(shapes[:, -1]), 2, rtol=1e-12)
-    conforms.closed_form(np.max(np.abs(shapes)), below=BEAM.shape_peak(1) * (1 + 1e-12))
-
-
 @pytest.mark.parametrize("derivative", [1, 2, 3])
 def test_derivatives_are_the_limit_of_central_differences(conforms, derivative):
     x, modes = np.array([0.1, 0.3, 0.55]), [1, 2, 5]
@@ -163,13 +140,6 @@ def test_response_is_reciprocal_between_force_and_receiver(conforms):
     conforms.invariance(there, back, rtol=1e-12)
 
 
-def test_response_is_linear_in_force(conforms):
-    omega = resonance_frequency(BEAM, 2)
-    one = full_response(BEAM, BEAM.markers, omega, 10)
-    conforms.invariance(full_response(BEAM, BEAM.markers, omega, 10, 3.5), 3.5 * one, rtol=1e-7)
-    conforms.invariance(peak_deflection(BEAM, 2, 3.5), 3.5 * peak_deflection(BEAM, 2), rtol=1e-6)
-
-
 def test_a_passive_beam_takes_power_at_every_frequency(conforms):
     omega = np.geomspace(1e-2, 1e5, 2000)
     conforms.invariance(drive_point_mobility(BEAM, omega, 50).real, above=0)
@@ -212,11 +182,3 @@ def test_modal_density_counts_the_modes(conforms):
     fine = np.linspace(omega[19], omega[59], 20001)
     counted = np.sum(BEAM.modal_density((fine[1:] + fine[:-1]) / 2) * np.diff(fine))
     conforms.independent(counted, 40, rtol=1e-5)
-
-
-def test_modal_overlap_grows_with_the_root_of_frequency(conforms):
-    overlap = modal_overlap(BEAM, np.array([100.0, 400.0, 1600.0]))
-    conforms.closed_form(overlap[1:] / overlap[:-1], 2, rtol=1e-12)
-    bandwidth = 2 * BEAM.damping * 100.0
-    spacing = 1 / BEAM.modal_density(100.0)
-    conforms.closed_form(overlap[0], bandwidth / spacing, rtol=1e-6)

@@ -34,17 +34,9 @@ def test_rotations_are_right_handed_and_orthonormal(conforms, theta, phi):
     R = hemisphere_rotations(theta, phi)
     conforms.invariance(R @ R.T, np.eye(3), atol=1e-15)
     conforms.invariance(np.linalg.det(R), 1, atol=1e-14)
-
-
-@given(azimuths, elevations)
-def test_base_edge_is_level_and_known_overhead_too(conforms, theta, phi):
-    conforms.closed_form(hemisphere_rotations(theta, phi)[0], [-cos(theta), sin(theta), 0], atol=0)
-
-
-@given(azimuths, elevations)
-def test_optical_axis_points_at_the_origin(conforms, theta, phi):
-    forward = hemisphere_rotations(theta, phi)[2]
-    conforms.closed_form(forward, -hemisphere_directions(theta, phi), atol=1e-15)
+    # The base edge is level, and known overhead, too; the optical axis points at the origin.
+    conforms.closed_form(R[0], [-cos(theta), sin(theta), 0], atol=0)
+    conforms.closed_form(R[2], -hemisphere_directions(theta, phi), atol=1e-15)
 
 
 @given(cameras)
@@ -58,24 +50,12 @@ def test_azimuth_counts_from_y_towards_x_and_elevation_from_the_plane(conforms):
 
 
 @given(cameras, st.floats(1e-3, 0.05))
-def test_up_in_the_world_is_up_in_the_image(camera, height):
-    if np.hypot(*camera.centres[0, :2]) > 1e-3:  # not overhead, where Z is towards the camera
-        v = project(camera.P, [0, 0, height])[0, 1]
-        assert v < 90
-
-
-@given(cameras, st.floats(1e-3, 0.05))
-def test_right_of_the_camera_is_right_in_the_image(conforms, camera, step):
+def test_right_of_the_camera_is_right_in_the_image_and_up_is_up(conforms, camera, step):
     u, v = project(camera.P, step * camera.R_camera_world[0, 0])[0]
     assert u > 160
     conforms.closed_form(v, 90, atol=1e-9)
-
-
-def test_overhead_camera_at_azimuth_zero_sees_minus_x_right_and_minus_y_up(conforms):
-    camera = hemisphere_cameras(1.0, [0.0], [pi / 2], 200.0, SIZE)
-    right, up = (project(camera.P, p)[0] for p in ([-0.1, 0, 0], [0, -0.1, 0]))
-    conforms.closed_form(right, [180, 90], atol=1e-10)
-    conforms.closed_form(up, [160, 70], atol=1e-10)
+    if np.hypot(*camera.centres[0, :2]) > 1e-3:  # not overhead, where Z is towards the camera
+        assert project(camera.P, [0, 0, step])[0, 1] < 90
 
 
 def test_projection_is_focal_length_times_offset_over_depth(conforms):
@@ -108,11 +88,8 @@ def test_projection_of_many_is_that_of_each(conforms):
 def test_halves_go_to_even_whatever_the_noise(conforms, noise):
     halves = np.array([-1.5, -0.5, 0.5, 1.5, 2.5, 159.5, 160.5])
     conforms.invariance(pixelate(halves + noise), [-2, 0, 0, 2, 2, 160, 160], atol=0)
-
-
-def test_beside_a_half_rounding_is_ordinary(conforms):
-    uv = [0.5 - 1e-8, 0.5 + 1e-8, 2.5 + 1e-8, 3.5 - 1e-8, 7 - 1e-10, 0.25]
-    conforms.closed_form(pixelate(uv), [0, 1, 3, 3, 7, 0], atol=0)
+    beside = [0.5 - 1e-8, 0.5 + 1e-8, 2.5 + 1e-8, 3.5 - 1e-8]
+    conforms.closed_form(pixelate(beside), [0, 1, 3, 3], atol=0)
 
 
 @given(st.floats(-3000, 3000))
@@ -137,13 +114,6 @@ def test_ground_sample_distance_moves_the_image_by_one_pixel(conforms, camera):
     for axis in camera.R_camera_world[0, :2]:
         moved = project(camera.P, step * axis)[0] - project(camera.P, np.zeros(3))[0]
         conforms.closed_form(np.linalg.norm(moved), 1, rtol=1e-9)
-
-
-def test_ground_sample_distance_is_the_mean_over_cameras(conforms):
-    R = hemisphere_rotations([0.0, 1.0], [0.3, 0.3])
-    centres = np.array([[1.0], [3.0]]) * hemisphere_directions([0.0, 1.0], [0.3, 0.3])
-    array = CameraArray(np.stack([intrinsics(200, SIZE)] * 2), R, centres, SIZE)
-    conforms.closed_form(ground_sample_distance(array), (1 / 200 + 3 / 200) / 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("case", ["2b", "2d"])

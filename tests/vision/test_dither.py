@@ -7,7 +7,6 @@ from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision import rounding
 from thesis_lib.vision.dither import (
-    ONE_FRAME,
     amplitude_variance,
     deflection_variance,
     disc_variance,
@@ -30,7 +29,7 @@ def grids(n):
     return (np.arange(n) + 0.5) / n - 0.5
 
 
-@pytest.mark.parametrize("amplitude", [0.1, 0.3, 0.5, 1.0, 2.3, 7.9])
+@pytest.mark.parametrize("amplitude", [0.1, 0.5, 2.3])
 def test_motion_dithers_as_its_bessel_functions_say(conforms, amplitude):
     theta, c = phases(4000), grids(1501)[:, None]
     u = np.rint(c + amplitude * np.cos(theta)) - c
@@ -40,7 +39,7 @@ def test_motion_dithers_as_its_bessel_functions_say(conforms, amplitude):
     conforms.sampled(amplitude_variance(amplitude), fitted, rtol=0.03)
 
 
-@pytest.mark.parametrize("amplitude", [0.05, 0.2, 0.49])
+@pytest.mark.parametrize("amplitude", [0.05, 0.49])
 def test_amplitude_below_half_a_pixel_has_a_closed_form(conforms, amplitude):
     # A grid line within the motion, at d from its middle, turns it into a square wave, whose fit
     # is (2/π) √(1 − (d/a)²); one outside (1 − 2a of them) shows no motion.
@@ -49,7 +48,7 @@ def test_amplitude_below_half_a_pixel_has_a_closed_form(conforms, amplitude):
     conforms.closed_form(amplitude_variance(a), inside + (1 - 2 * a) * a**2, rtol=2e-3)
 
 
-@pytest.mark.parametrize("shake", [0.05, 0.15, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("shake", [0.05, 0.3, 1.0])
 def test_shake_dithers_as_its_characteristic_function_says(conforms, shake):
     rng, c = np.random.default_rng(0), grids(4000)[:, None]
     one = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
@@ -70,21 +69,7 @@ def test_shake_and_motion_dither_together(conforms):
     conforms.sampled(amplitude_variance(0.4, 0.15), fitted, rtol=0.1)
 
 
-def test_nothing_that_moves_leaves_one_frame(conforms):
-    conforms.closed_form(mean_variance(), ONE_FRAME, atol=5e-5)
-    conforms.closed_form(shaken_variance(1, 0.2), ONE_FRAME + 0.04, rtol=1e-6)
-    conforms.closed_form(shaken_variance(100, 0), ONE_FRAME, atol=5e-5)
-    assert amplitude_variance(0) == 0
-
-
-def test_large_motion_gains_with_its_root(conforms):
-    amplitude = np.geomspace(20, 320, 4001)  # the mean over many, as J² oscillates
-    for variance in (mean_variance(amplitude), amplitude_variance(amplitude)):
-        slope = np.polyfit(np.log(amplitude), np.log(variance), 1)[0] / 2
-        conforms.order(slope, -0.5, atol=0.08)
-
-
-@pytest.mark.parametrize("diameter", [3, 4, 6, 8.5, 12, 25, 60])
+@pytest.mark.parametrize("diameter", [3, 8.5, 25])
 def test_centroid_of_a_disc_is_as_exact_as_its_lattice_sum(conforms, diameter):
     rng, n = np.random.default_rng(0), int(diameter) // 2 + 2
     line = np.arange(-n, n + 1.0)
@@ -95,14 +80,7 @@ def test_centroid_of_a_disc_is_as_exact_as_its_lattice_sum(conforms, diameter):
     conforms.sampled(np.sqrt(disc_variance(diameter)), np.sqrt(np.mean(squared)), rtol=0.06)
 
 
-def test_centroid_gains_with_the_root_of_the_diameter(conforms):
-    diameters = np.geomspace(20, 200, 200)
-    rms = np.sqrt([disc_variance(d) for d in diameters])
-    conforms.order(np.polyfit(np.log(diameters), np.log(rms), 1)[0], -0.5, atol=0.03)
-    conforms.closed_form(np.sqrt(np.mean(rms**2 * diameters)), 0.215, rtol=0.03)
-
-
-@pytest.mark.parametrize(("distance_mm", "peak_mm"), [(500, 5.5), (500, 30), (1500, 5.5)])
+@pytest.mark.parametrize(("distance_mm", "peak_mm"), [(500, 30), (1500, 5.5)])
 def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_mm, peak_mm):
     beam = setups.thesis_beam()
     shape = deflection_shape(beam, 1, beam.markers, peak_mm / 1000)
@@ -120,20 +98,3 @@ def test_deflection_of_a_vibration_is_as_exact_as_predicted(conforms, distance_m
     conforms.sampled(expected, found, rtol=0.06)
     one_pair = rounding.deflection_variance(P, points[:, 0], points[:, 1])
     assert expected < np.sqrt(np.mean(one_pair))
-
-
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        (lambda: mean_variance(-1), "amplitude_px: given -1.0"),
-        (lambda: amplitude_variance([1, np.nan]), "amplitude_px: given nan"),
-        (lambda: mean_variance(1, np.inf), "shake_px: given inf"),
-        (lambda: shaken_variance(0, 0.1), "frames: given 0"),
-        (lambda: shaken_variance(3, -0.1), "shake_px: given -0.1"),
-        (lambda: disc_variance(1), "diameter_px: given 1"),
-        (lambda: disc_variance(np.nan), "diameter_px: given nan"),
-    ],
-)
-def test_what_is_wrong_is_named(call, named):
-    with pytest.raises(ValueError, match=named):
-        call()

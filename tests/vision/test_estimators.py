@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from thesis_lib.vision.pinhole import hemisphere_cameras, project
+from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.simulation import (
     CHECK_SIZE_PX,
     ESTIMATORS,
     deflection_errors,
-    fit_exponent,
     over_layouts,
     random_hemisphere,
 )
@@ -21,24 +20,12 @@ def cameras(distances, seed=0):
     return random_hemisphere(np.random.default_rng(seed), distances)
 
 
-def test_directions_are_even_over_the_hemisphere_at_the_distances_asked_for(conforms):
-    rig = cameras(np.linspace(0.5, 3, 20_000))
-    distance = np.linalg.norm(rig.centres, axis=1)
-    conforms.closed_form(distance, np.linspace(0.5, 3, 20_000), rtol=1e-7)
-    height = rig.centres[:, 2] / distance
-    conforms.closed_form(np.quantile(height, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.02)
-    conforms.closed_form(np.mean(rig.centres[:, :2] / distance[:, None], axis=0), 0, atol=0.02)
-
-
 # Micrometres of an independent prototype: linear, refined; nothing at equal distances. It did not
 # state its pixels; those of 1920×1080 px give its figures, as medians over the layouts.
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("distances", "linear", "refined"),
-    [([0.5, 1.5, 1.5, 3], 320, 203), ([0.3, 0.3, 3, 3], 369, 89.5)],
-)
-def test_refinement_pays_where_distances_differ(conforms, distances, linear, refined):
-    errors = deflection_errors(distances, 400, focal_px=1280, size=(1920, 1080))
+def test_refinement_pays_where_distances_differ(conforms):
+    linear, refined = 369, 89.5
+    errors = deflection_errors([0.3, 0.3, 3, 3], 200, focal_px=1280, size=(1920, 1080))
     found = 1e6 * np.median(errors, axis=0)
     conforms.independent(found[LINEAR], linear, rtol=0.15)
     conforms.independent(found[REFINED], refined, rtol=0.15)
@@ -50,7 +37,7 @@ def test_refinement_gains_nothing_at_equal_distances(conforms):
     conforms.sampled(errors[REFINED] / errors[LINEAR], 1, atol=0.01)
 
 
-@pytest.mark.parametrize("distances", [[0.75] * 4, [0.5, 1.5, 1.5, 3], [0.3, 0.3, 3, 3]])
+@pytest.mark.parametrize("distances", [[0.75] * 4, [0.3, 0.3, 3, 3]])
 def test_the_gain_predicts_the_scatter_by_noise(conforms, distances):
     P, sigma = cameras(distances).P, 0.05
     exact = project(P, np.zeros(3))[:, :, None]
@@ -62,11 +49,8 @@ def test_the_gain_predicts_the_scatter_by_noise(conforms, distances):
 def test_layouts_do_not_depend_on_how_many_there_are_or_on_noise(conforms):
     few, many = deflection_errors([0.75] * 4, 2), deflection_errors([0.75] * 4, 5)
     conforms.invariance(few, many[:2], atol=0)
-    again, other = deflection_errors([0.75] * 4, 2), deflection_errors([0.75] * 4, 2, seed=1)
-    conforms.invariance(few, again, atol=0)
-    assert not np.allclose(few, other)
-    slightly = deflection_errors([0.75] * 4, 2, noise_px=1e-12)
-    conforms.invariance(few, slightly, atol=0)
+    conforms.invariance(few, deflection_errors([0.75] * 4, 2, noise_px=1e-12), atol=0)
+    assert not np.allclose(few, deflection_errors([0.75] * 4, 2, seed=1))
 
 
 def test_errors_shrink_with_the_pixels(conforms):
@@ -74,18 +58,3 @@ def test_errors_shrink_with_the_pixels(conforms):
     size = (4 * CHECK_SIZE_PX[0], 4 * CHECK_SIZE_PX[1])
     fine = over_layouts(deflection_errors([0.75] * 8, 40, focal_px=4 * 24 / 36 * 320, size=size))
     conforms.order(coarse / fine, 4, rtol=0.1)
-
-
-def test_exponent_of_powers_is_the_power(conforms):
-    n = np.array([2.0, 5, 9])
-    conforms.closed_form(
-        fit_exponent(n, np.stack([3 / n, 7 * n**0.5], axis=1)), [-1, 0.5], rtol=1e-7
-    )
-
-
-def test_cameras_may_stand_at_several_distances(conforms):
-    angles = [0.1, 1.0, 2.0], [0.3, 0.4, 0.5]
-    rig = hemisphere_cameras([0.5, 1, 2], *angles, 200, CHECK_SIZE_PX)
-    for i, distance in enumerate([0.5, 1, 2]):
-        one = hemisphere_cameras(distance, *angles, 200, CHECK_SIZE_PX)
-        conforms.invariance(rig.P[i], one.P[i], atol=0)

@@ -1,7 +1,5 @@
 """Posterior means of noisy, rounded pixels against grids, centroids and draws; their noise."""
 
-import time
-
 import numpy as np
 import pytest
 from scenes.slabs import WRONG_SHAPES, box, faces, rig, rounded
@@ -21,7 +19,7 @@ from thesis_lib.vision.interval import (
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
-COUNTS = [2, 4, 8, 16, 32, 64]
+COUNTS = [2, 64, 4, 16]
 posterior = interval.interval_estimate
 
 
@@ -72,7 +70,7 @@ def centroid(rows):
     return mean, np.einsum("s,sab->ab", volume, second) / (20 * volume.sum())
 
 
-@pytest.mark.parametrize("n", [2, 4, 12, 40])
+@pytest.mark.parametrize("n", [2, 12])
 def test_without_noise_it_is_the_centroid_of_the_polytope(conforms, n):
     P, points = rig(n).P, box(60)
     uv = rounded(P, points)
@@ -96,7 +94,7 @@ def test_without_noise_it_is_the_centroid_of_the_polytope(conforms, n):
     assert np.mean(off**2) < 0.1 * np.mean(of_centre**2) or n == 2
 
 
-@pytest.mark.parametrize("n", [2, 5, 16])
+@pytest.mark.parametrize("n", [2, 16])
 def test_much_noise_is_least_squares(conforms, n):
     P, sigma = rig(n).P, 2.0
     uv = rounded(P, box(200), sigma)
@@ -108,7 +106,7 @@ def test_much_noise_is_least_squares(conforms, n):
     conforms.independent(found.covariance / scale, cov / scale, atol=0.002)
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.3])
+@pytest.mark.parametrize("sigma", [0.0, 0.3])
 def test_order_of_cameras_their_scale_and_whole_pixels_do_not_matter(conforms, sigma):
     rng, n = np.random.default_rng(2), 7
     P = rig(n).P
@@ -134,16 +132,12 @@ def test_points_do_not_depend_on_each_other_or_on_how_they_are_laid_out(conforms
     whole = posterior(P, uv, 0.05)
     folded = posterior(P, uv.reshape(12, 2, 30, 300), 0.05)
     conforms.invariance(folded.points.reshape(3, -1), whole.points, atol=0)
-    part = posterior(P, uv[..., 4321:4400], 0.05)
-    conforms.invariance(part.points, whole.points[:, 4321:4400], atol=1e-12)
     holed = uv[..., :50].copy()
     holed[3, 1, 7] = np.nan
     found, others = posterior(P, holed, 0.05), np.arange(50) != 7
     assert np.isnan(found.points[:, 7]).all()
     assert not found.feasible[7]
     conforms.invariance(found.points[:, others], whole.points[:, :50][:, others], atol=1e-12)
-    assert posterior(P, uv[..., :0]).points.shape == (3, 0)
-    assert posterior(P, uv[..., 0]).covariance.shape == (3, 3)
 
 
 def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
@@ -163,7 +157,7 @@ def test_pixels_that_contradict_the_noise_leave_least_squares(conforms):
 # Draws.
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])
 def test_scatter_of_draws_is_the_covariance(conforms, n, sigma):
@@ -181,43 +175,30 @@ def test_scatter_of_draws_is_the_covariance(conforms, n, sigma):
         conforms.sampled(scatter, above=0.85, below=1.03)
 
 
-def drawn(n, sigma, rules, layouts=12, markers=150):
-    """Squared deflection errors over random layouts, of each rule, and their least expectation."""
+@pytest.mark.few(3)
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1, 0.3, 0.5])
+def test_never_worse_than_the_better_of_both_others_and_near_the_bound(conforms, n, sigma):
+    """By three per cent; nine tenths of what the bound allows from a third of a pixel on."""
     squares, least = [], []
-    for seed in range(layouts):
+    rules = ("interval", "least-squares", "analytic-centre")
+    for seed in range(12):
         rng = np.random.default_rng([seed, n])
         azimuth = 2 * np.pi * np.arange(n) / n + rng.uniform(0, 1.5, n)
-        elevation = rng.uniform(0.3, 1.2, n)
-        cameras = hemisphere_cameras(
-            0.75, azimuth, elevation, simulation.CHECK_FOCAL_PX, simulation.CHECK_SIZE_PX
-        )
-        points = simulation.move_markers(rng, markers)
-        uv = project(cameras.P, points)
+        focal, size = simulation.CHECK_FOCAL_PX, simulation.CHECK_SIZE_PX
+        P = hemisphere_cameras(0.75, azimuth, rng.uniform(0.3, 1.2, n), focal, size).P
+        points = simulation.move_markers(rng, 400 if sigma >= 0.3 else 150)
+        uv = project(P, points)
         uv = np.rint(uv + sigma * rng.standard_normal(uv.shape))
-        z = simulation.estimate_points(cameras.P, uv, rules, sigma)[:, 2]
+        z = simulation.estimate_points(P, uv, rules, sigma)[:, 2]
         squares.append((z[:, 1] - z[:, 0] - points[2, 1] + points[2, 0]) ** 2)
         if sigma:
-            cov = least_covariance(cameras.P, points, sigma)
-            least.append(cov[2, 2].sum(axis=0))
-    return np.stack(squares, axis=1), np.array(least)
-
-
-@pytest.mark.few(6)
-@pytest.mark.parametrize("n", COUNTS)
-@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1, 0.3])
-def test_never_worse_than_the_better_of_both_others_by_three_percent(conforms, n, sigma):
-    rules = ("interval", "least-squares", "analytic-centre")
-    squares, _ = drawn(n, sigma, rules)
+            least.append(least_covariance(P, points, sigma)[2, 2].sum(axis=0))
+    squares = np.stack(squares, axis=1)
     mine, *others = np.sqrt(np.mean(squares, axis=(1, 2)))
     conforms.sampled(mine / min(others), below=1.03)
-
-
-@pytest.mark.few(4)
-@pytest.mark.parametrize("n", COUNTS)
-@pytest.mark.parametrize("sigma", [0.3, 0.5])
-def test_nine_tenths_of_what_the_bound_allows_from_a_third_of_a_pixel_on(conforms, n, sigma):
-    squares, least = drawn(n, sigma, ("interval",), layouts=20, markers=400)
-    conforms.sampled(1 / np.mean(squares[0] / least), above=0.9, below=1.05)
+    if sigma >= 0.3:
+        conforms.sampled(1 / np.mean(squares[0] / np.array(least)), above=0.9, below=1.05)
 
 
 def test_joint_means_share_x_and_y_and_are_better(conforms):
@@ -236,7 +217,7 @@ def test_joint_means_share_x_and_y_and_are_better(conforms):
 # The mass of a pixel.
 
 
-@pytest.mark.parametrize("deviation", [0.02, 0.2, 1.0, 30.0])
+@pytest.mark.parametrize("deviation", [0.02, 1.0, 30.0])
 def test_mass_and_slopes_are_those_of_a_truncated_normal(conforms, deviation):
     away = np.linspace(0, 0.5 + 4 * deviation, 40) * np.array([[1], [-1]])
     log_mass, G, H = pixel_mass(away, deviation**2)
@@ -245,18 +226,11 @@ def test_mass_and_slopes_are_those_of_a_truncated_normal(conforms, deviation):
     mean, variance = truncnorm.stats(low, high, moments="mv")
     conforms.independent(G * deviation, mean, atol=1e-9)
     conforms.independent(1 - H * deviation**2, variance, rtol=1e-6, atol=1e-12)
-
-
-def test_mass_and_slopes_hold_far_out_and_for_narrow_pixels(conforms):
-    away, deviation = np.array([10.0, 30, 100]), 0.1
-    log_mass, G, H = pixel_mass(away, deviation**2)
-    out = (away - 0.5) / deviation
+    out = np.array([10.0, 30, 100]) / 0.1 - 5  # far out, of a narrow pixel
+    log_mass, G, H = pixel_mass(np.array([10.0, 30, 100]), 0.01)
     conforms.closed_form(log_mass, log_ndtr(-out), rtol=1e-12)
-    conforms.closed_form(G * deviation, out + 1 / out, rtol=1e-3)
-    conforms.closed_form((1 - H * deviation**2) * out**2, 1, rtol=0.02)
-    _, G, H = pixel_mass(np.array([0.0, 3.0]), 1e4)
-    conforms.closed_form((1 - H * 1e4) * 1e4, 1 / 12, rtol=1e-4)
-    conforms.closed_form(G * 1e4, [0, 3], atol=1e-3)
+    conforms.closed_form(G * 0.1, out + 1 / out, rtol=1e-3)
+    conforms.closed_form((1 - H * 0.01) * out**2, 1, rtol=0.02)
 
 
 ESTIMATES = (posterior, joint_interval, analytic_centre, joint_centre)
@@ -272,39 +246,11 @@ def test_a_wrong_shape_is_named(P, uv, named):
             joint(P[:1].repeat(2, 0), np.ones((2, 2)))
 
 
-@pytest.mark.parametrize(
-    ("estimates", "name", "given"),
-    [(ESTIMATES[:2], "sigma_px", -0.1), (ESTIMATES[:2], "sigma_px", np.nan),
-     (ESTIMATES[:2], "sigma_px", np.inf), (ESTIMATES[2:], "half_width_px", 0.0),
-     (ESTIMATES[2:], "half_width_px", np.nan), (ESTIMATES[2:], "half_width_px", np.inf)],
-)  # fmt: skip
-def test_noise_or_a_width_that_cannot_be_is_named(estimates, name, given):
-    for estimate in estimates:
-        with pytest.raises(ValueError, match=f"{name}: given {given}"):
-            estimate(np.ones((2, 3, 4)), np.ones((2, 2, 1, 5)), given)
-
-
-def test_as_fast_as_the_analytic_centre_within_a_factor_of_two():
-    P = rig(12).P
-    uv = rounded(P, box(4000))
-    least = {analytic_centre: np.inf, posterior: np.inf}
-    for turn in range(1, 61):  # of which the fastest is the least disturbed
-        for call in least:
-            start = time.process_time()
-            call(P, uv)
-            least[call] = min(least[call], time.process_time() - start)
-        if turn >= 12 and least[posterior] < 2 * least[analytic_centre]:
-            break
-    else:
-        pytest.fail(f"{least[posterior] / least[analytic_centre]:.2f} times as long")
-
-
 # How much noise there is.
 
 
-@pytest.mark.parametrize("sigma", [0.05, 0.3, 1.0])
-def test_information_is_that_of_all_pixels_averaged_over_places(conforms, sigma):
-    place, h = np.linspace(-0.5, 0.5, 2001)[:-1, None] + 0.00025, 1e-4
+def test_information_is_that_of_all_pixels_averaged_over_places(conforms):
+    place, h, sigma = np.linspace(-0.5, 0.5, 2001)[:-1, None] + 0.00025, 1e-4, 0.3
     m = np.arange(-8, 9)
 
     def chance(u):
@@ -314,26 +260,14 @@ def test_information_is_that_of_all_pixels_averaged_over_places(conforms, sigma)
     p = chance(place)
     each = np.where(p > 1e-250, slope**2 / np.maximum(p, 1e-250), 0)
     conforms.independent(np.mean(each.sum(axis=1)), pixel_information(sigma), rtol=1e-3)
-
-
-def test_information_has_its_limits(conforms):
     wide = np.array([1.0, 3.0])
     conforms.closed_form([pixel_information(s) * (s**2 + 1 / 12) for s in wide], 1, atol=1e-3)
-    narrow = np.array([1e-4, 1e-3, 1e-2])
-    scaled = [pixel_information(s) * s for s in narrow]
-    conforms.invariance(scaled, scaled[0], rtol=1e-6)
-    third = pixel_information(0.3) * (0.3**2 + 1 / 12)
-    conforms.closed_form(third, above=1.0, below=1.025)
-
-
-def test_least_covariance_is_that_of_least_squares_for_much_noise(conforms):
-    P, points = rig(5).P, box(4)
-    expected = point_covariance(P, points, np.sqrt(4 + 1 / 12))
-    conforms.closed_form(least_covariance(P, points, 2.0), expected, rtol=1e-4)
+    scaled = [pixel_information(s) * s for s in (1e-4, 1e-2)]
+    conforms.invariance(scaled[1], scaled[0], rtol=1e-6)
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("n", "sigma"), [(3, 0.3), (4, 0.1), (12, 0.02), (12, 0.1), (12, 0.4)])
 def test_noise_is_found_again(conforms, n, sigma):
     P = rig(n).P
@@ -345,15 +279,6 @@ def test_noise_is_found_again(conforms, n, sigma):
         within += found.least <= sigma <= found.most
     if sigma >= 0.1:
         assert within >= 3  # 95 % of the intervals are meant to hold it
-
-
-def test_what_pixels_cannot_tell_is_said():
-    P = rig(2).P
-    few = estimate_noise(P, rounded(P, box(3), 0.1))
-    assert few.least == 0
-    assert few.most > 0.2
-    clean = estimate_noise(P, rounded(P, box(300)))
-    assert clean.least == 0
 
 
 def test_points_that_are_not_seen_are_left_out_and_without_any_it_is_refused(conforms):

@@ -48,33 +48,23 @@ def lenses(draw):
 @given(lenses())
 def test_undistortion_undoes_distortion(conforms, distortion):
     xy = field()
-    conforms.invariance(
-        pinhole.undistort_coordinates(pinhole.distort_coordinates(xy, distortion), distortion),
-        xy,
-        atol=1e-12,
-    )
-
-
-@given(lenses())
-def test_distortion_undoes_undistortion(conforms, distortion):
-    xy = field(seed=1)
+    there = pinhole.distort_coordinates(xy, distortion)
+    conforms.invariance(pinhole.undistort_coordinates(there, distortion), xy, atol=1e-12)
     back = pinhole.distort_coordinates(pinhole.undistort_coordinates(xy, distortion), distortion)
     inside = np.isfinite(back[0])
     assert inside[np.hypot(*xy) < 0.5].all()
     conforms.invariance(back[:, inside], xy[:, inside], atol=1e-9)
 
 
-@pytest.mark.parametrize("k1", [-0.3, -0.1])
-def test_what_is_beyond_the_fold_has_no_undistorted_counterpart(k1):
+def test_what_is_beyond_the_fold_has_no_undistorted_counterpart():
     # x (1 + k₁x²) is largest at x² = −1 / 3k₁, where it is 2x / 3.
-    fold = np.sqrt(-1 / (3 * k1))
-    turn = np.array([[np.cos(0.7)], [np.sin(0.7)]])
-    found = pinhole.undistort_coordinates(
-        turn * np.linspace(0, 0.99, 50) * 2 * fold / 3, [k1, 0, 0, 0, 0]
-    )
+    lens = [-0.3, 0, 0, 0, 0]
+    fold = np.sqrt(1 / 0.9)
+    most = np.array([[np.cos(0.7)], [np.sin(0.7)]]) * 2 * fold / 3
+    found = pinhole.undistort_coordinates(most * np.linspace(0, 0.99, 50), lens)
     assert np.all(np.hypot(*found) < fold)
-    assert np.isnan(pinhole.undistort_coordinates(turn * np.linspace(1.001, 9, 3000) * 2 * fold / 3,
-                                   [k1, 0, 0, 0, 0])).all()  # fmt: skip
+    beyond = pinhole.undistort_coordinates(most * np.linspace(1.001, 9, 3000), lens)
+    assert np.isnan(beyond).all()
 
 
 @given(lenses(), st.integers(0, 2**32 - 1))
@@ -109,24 +99,7 @@ def test_without_distortion_a_camera_is_that_of_the_other_chapters(conforms):
     np.testing.assert_array_equal(pinhole.projection_matrices([own, own])[1], own.P)
 
 
-def test_undistorted_pixels_are_those_of_the_projection_matrix(conforms):
-    own = camera()
-    seen = pinhole.project_points(own, box())
-    ideal = ideal_project(own.P[None], box())[0]
-    assert np.abs(seen - ideal).max() > 10
-    conforms.independent(pinhole.undistort_pixels(own, seen), ideal, atol=1e-8)
-
-
-def test_pixels_and_normalised_coordinates_are_each_other_s_inverse(conforms):
-    K = camera().K
-    xy = field()
-    conforms.closed_form(
-        pinhole.to_pixels(K, xy), (K @ np.vstack([xy, np.ones(200)]))[:2], atol=1e-9
-    )
-    conforms.invariance(pinhole.from_pixels(K, pinhole.to_pixels(K, xy)), xy, atol=1e-14)
-
-
-@pytest.mark.parametrize("size", [(960, 540), (1280, 720), (640, 360), (480, 1080)])
+@pytest.mark.parametrize("size", [(960, 540), (480, 1080)])
 def test_resized_images_scale_about_their_corner(conforms, size):
     own, small = camera(), pinhole.resize_camera(camera(), size)
     scale = np.array(size) / SIZE
@@ -139,31 +112,10 @@ def test_resized_images_scale_about_their_corner(conforms, size):
     conforms.invariance(pinhole.resize_camera(small, SIZE).K, own.K, rtol=1e-15)
 
 
-def test_points_behind_the_camera_have_no_image():
-    own = camera()
-    ahead = -own.centre
-    points = np.stack([own.centre - 0.3 * ahead, own.centre + 0.3 * ahead, own.centre], axis=1)
-    np.testing.assert_array_equal(
-        np.isnan(pinhole.project_points(own, points)), [[True, False, True]] * 2
-    )
-
-
-def test_any_shape_of_points_is_kept(conforms):
-    own, points = camera(), box(24)
-    flat = pinhole.project_points(own, points)
-    conforms.invariance(
-        pinhole.project_points(own, points.reshape(3, 2, 3, 4)),
-        flat.reshape(2, 2, 3, 4),
-        rtol=1e-14,
-    )
-    again = pinhole.undistort_pixels(own, flat.reshape(2, 2, 12))
-    conforms.invariance(again.reshape(2, 24), pinhole.undistort_pixels(own, flat), rtol=1e-14)
-
-
 # The board.
 
 
-@pytest.mark.parametrize(("columns", "rows"), [(9, 9), (7, 5)])
+@pytest.mark.parametrize(("columns", "rows"), [(7, 5)])
 def test_a_board_has_its_corners_where_four_tiles_meet(conforms, columns, rows):
     board = Board(columns, rows, tile=0.02, margin=0.03)
     nx, ny = board.shape
@@ -175,14 +127,3 @@ def test_a_board_has_its_corners_where_four_tiles_meet(conforms, columns, rows):
     for corner in board.corners[:2].T:  # two dark tiles touch each inner corner
         touching = np.isclose(board.dark_tiles, corner, atol=1e-12).all(axis=2).any(axis=1)
         assert np.count_nonzero(touching) == 2
-
-
-def test_a_board_s_tiles_fill_half_of_it_within_the_margin(conforms):
-    board = Board()
-    assert len(board.dark_tiles) == 41  # of 81, the corners dark
-    conforms.closed_form(board.dark_tiles.min(axis=(0, 1)), -4.5 * 0.045, rtol=1e-7)
-    conforms.closed_form(board.dark_tiles.max(axis=(0, 1)), 4.5 * 0.045, rtol=1e-7)
-    conforms.closed_form(board.outline[2], [5.5 * 0.045] * 2, rtol=1e-7)
-    x, y = board.dark_tiles.transpose(2, 0, 1)
-    areas = 0.5 * np.sum(x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1), axis=1)
-    conforms.closed_form(areas, 0.045**2, rtol=1e-7)

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes.slabs import SIZE, box, faces, moved_world, rig, rounded
-from scipy.optimize import linprog, minimize
+from scenes.slabs import box, faces, moved_world, rig, rounded
+from scipy.optimize import linprog
 
-from benchmarks import own
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision import simulation
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
-from thesis_lib.vision.pinhole import CameraArray, pixelate, project
+from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulate
 
 STUDIES = [
@@ -37,11 +36,6 @@ def deepest(rows):
     return -found.fun
 
 
-def close(conforms, one, other, tolerance):
-    conforms.invariance(one.points, other.points, atol=tolerance)
-    np.testing.assert_array_equal(one.feasible, other.feasible)
-
-
 seeds = st.integers(0, 2**32 - 1)
 counts = st.integers(2, 12)
 
@@ -58,30 +52,7 @@ def test_every_estimate_is_in_all_of_its_slabs_and_at_their_centre(conforms, n, 
         conforms.closed_form(decrement(rows[:, :3], rows[:, 3], centre.points[:, i]), below=1e-7)
 
 
-@pytest.mark.parametrize("n", [2, 5, 12])
-def test_centre_is_what_scipy_finds(conforms, n):
-    P = rig(n).P
-    uv = rounded(P, box(6))
-    centre = analytic_centre(P, uv)
-    for i in range(6):
-        rows = faces(P, uv[:, :, i])
-        A, b = rows[:, :3], rows[:, 3]
-        start = linprog([0, 0, 0, -1], A_ub=np.c_[-A, np.linalg.norm(A, axis=1)], b_ub=b,
-                        bounds=[(None, None)] * 3 + [(0, None)])  # fmt: skip
-        size = start.x[3]  # radius of the largest ball inside
-        # in units of the ball, or the tolerances of the minimiser mean nothing
-
-        def barrier(y, A=A, b=b, x=start.x[:3], size=size):
-            s = A @ (x + size * y) + b
-            return -np.sum(np.log(s)) if np.all(s > 0) else np.inf
-
-        found = minimize(barrier, np.zeros(3), method="Nelder-Mead",
-                         options={"xatol": 1e-9, "fatol": 1e-13, "maxfev": 5000})  # fmt: skip
-        expected = start.x[:3] + size * found.x
-        conforms.independent(centre.points[:, i], expected, atol=1e-5 * size)
-
-
-@pytest.mark.parametrize(("n", "noise"), [(2, 0.3), (2, 3.0), (4, 0.3), (12, 0.1), (40, 0.02)])
+@pytest.mark.parametrize(("n", "noise"), [(2, 0.3), (12, 0.1), (40, 0.02)])
 def test_empty_polytopes_are_those_of_linear_programming_and_fall_back(conforms, n, noise):
     P = rig(n).P
     uv = rounded(P, box(100), noise)
@@ -95,16 +66,6 @@ def test_empty_polytopes_are_those_of_linear_programming_and_fall_back(conforms,
     conforms.invariance(centre.points[:, empty], triangulate(P, uv)[:, empty], atol=0)
 
 
-def test_polytope_without_an_inside_falls_back(conforms):
-    # A parallel pair sees one row of pixels; moved by a whole slab, two slabs share a face.
-    P = np.array([[[100.0, 0, 0, 0], [0, 100, 0, 0], [0, 0, 1, 1]]] * 2)
-    P[1, 0, 3] = -20
-    touching = np.array([[[3.0, 5.0], [2.0, 3.0]], [[-17.0, -15.0], [3.0, 3.0]]])
-    centre = analytic_centre(P, touching)
-    assert centre.feasible.tolist() == [False, True]
-    conforms.invariance(centre.points[:, 0], triangulate(P, touching)[:, 0], atol=0)
-
-
 def test_images_that_are_missing_spoil_their_own_point_only(conforms):
     P = rig(4).P
     whole = rounded(P, box(50))
@@ -113,30 +74,19 @@ def test_images_that_are_missing_spoil_their_own_point_only(conforms):
     found, others = analytic_centre(P, holed), np.arange(50) != 7
     assert np.isnan(found.points[:, 7]).all()
     assert found.feasible.tolist() == others.tolist()
-    conforms.invariance(
-        found.points[:, others], analytic_centre(P, whole).points[:, others], atol=1e-13
-    )
-    nothing = analytic_centre(P, np.full((4, 2, 3), np.nan))
-    assert np.isnan(nothing.points).all()
-    assert not nothing.feasible.any()
+    expected = analytic_centre(P, whole).points[:, others]
+    conforms.invariance(found.points[:, others], expected, atol=1e-13)
 
 
-@given(counts, seeds)
-def test_centre_moves_with_the_world(conforms, n, seed):
+@given(counts, seeds, st.floats(0.1, 10))
+def test_centre_moves_and_scales_with_the_world(conforms, n, seed, factor):
     R, t, back = moved_world(seed)
     P = rig(n, seed).P
     uv = rounded(P, box())
     here, there = analytic_centre(P, uv), analytic_centre(P @ back, uv)
     conforms.invariance(there.points, R @ here.points + t[:, None], atol=1e-9)
-
-
-@given(counts, seeds, st.floats(0.1, 10))
-def test_centre_scales_with_the_world(conforms, n, seed, factor):
-    P = rig(n, seed).P
-    uv = rounded(P, box())
     grown = analytic_centre(P * np.array([1, 1, 1, factor]), uv)
-    expected = factor * analytic_centre(P, uv).points
-    conforms.invariance(grown.points, expected, atol=1e-9 * factor)
+    conforms.invariance(grown.points, factor * here.points, atol=1e-9 * factor)
 
 
 @given(counts, seeds)
@@ -145,52 +95,9 @@ def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, n,
     P, order = rig(n, seed).P, rng.permutation(n)
     uv = rounded(P, box())
     here = analytic_centre(P, uv)
-    close(conforms, analytic_centre(P[order], uv[order]), here, 1e-9)
-    close(conforms, analytic_centre(P * rng.uniform(0.1, 10, (n, 1, 1)), uv), here, 1e-9)
-
-
-def test_a_shifted_grid_is_a_shifted_principal_point(conforms):
-    camera = rig(5)
-    shift = np.random.default_rng(2).uniform(-0.5, 0.5, (5, 2))
-    K = camera.K.copy()
-    K[:, :2, 2] += shift
-    shifted = CameraArray(K, camera.R_camera_world, camera.centres, SIZE)
-    uv = np.rint(project(shifted.P, box()))
-    close(
-        conforms,
-        analytic_centre(shifted.P, uv),
-        analytic_centre(camera.P, uv - shift[:, :, None]),
-        1e-9,
-    )
-
-
-def test_a_camera_listed_twice_leaves_the_polytope_alone(conforms):
-    P = rig(4).P
-    uv = rounded(P, box(), 0.3)
-    once = analytic_centre(P, uv)
-    all_twice = analytic_centre(np.tile(P, (2, 1, 1)), np.tile(uv, (2, 1, 1)))
-    np.testing.assert_array_equal(all_twice.feasible, once.feasible)
-    inside = once.feasible
-    assert 0 < inside.sum() < len(inside)
-    conforms.invariance(all_twice.points[:, inside], once.points[:, inside], atol=1e-9)
-    one_twice = analytic_centre(np.concatenate([P, P[:1]]), np.concatenate([uv, uv[:1]]))
-    np.testing.assert_array_equal(one_twice.feasible, inside)
-    conforms.closed_form(np.max(np.abs(project(P, one_twice.points) - uv)[:, :, inside]), below=0.5)
-    assert np.max(np.abs(one_twice.points - once.points)[:, inside]) > 1e-6  # its centre is another
-
-
-def test_any_shape_of_points_is_kept_and_blocks_do_not_show(conforms):
-    P, points = rig(12).P, box(9000)
-    uv = rounded(P, points)
-    whole = analytic_centre(P, uv)
-    folded = analytic_centre(P, uv.reshape(12, 2, 30, 300))
-    conforms.invariance(folded.points.reshape(3, -1), whole.points, atol=1e-13)
-    assert folded.feasible.shape == (30, 300)
-    for part in (slice(0, 1), slice(2990, 3020), slice(8999, 9000)):
-        close(conforms, analytic_centre(P, uv[..., part]),
-              type(whole)(whole.points[:, part], whole.feasible[part]), 1e-12)  # fmt: skip
-    assert analytic_centre(P, uv[..., 0]).points.shape == (3,)
-    assert analytic_centre(P, uv[..., :0]).points.shape == (3, 0)
+    other = analytic_centre((P * rng.uniform(0.1, 10, (n, 1, 1)))[order], uv[order])
+    conforms.invariance(other.points, here.points, atol=1e-9)
+    np.testing.assert_array_equal(other.feasible, here.feasible)
 
 
 def test_narrower_slabs_hold_what_is_rounded_finer(conforms):
@@ -224,16 +131,6 @@ def test_joint_centre_shares_x_and_y_and_is_stationary_in_all_four(conforms, n, 
         A = np.block([[rest[:, :3], none], [motion[:, :2], none, motion[:, 2:3]]])
         x = np.append(joint.points[:, 0, i], joint.points[2, 1, i])
         conforms.closed_form(decrement(A, np.append(rest[:, 3], motion[:, 3]), x), below=1e-7)
-
-
-def test_joint_centre_of_equal_images_is_that_of_one(conforms):
-    P = rig(5).P
-    uv = rounded(P, box())
-    one = analytic_centre(P, uv)
-    for frames in (1, 2, 7):
-        joint = joint_centre(P, np.repeat(uv[:, :, None], frames, axis=2))
-        for k in range(frames):
-            conforms.invariance(joint.points[:, k], one.points, atol=1e-9)
 
 
 def test_joint_fallback_is_least_squares_frame_by_frame(conforms):
@@ -272,8 +169,7 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
 # Four cameras depend much on the layout, of which the prototype had few.
 @pytest.mark.parametrize(
     ("n", "least_squares", "centre", "within"),
-    [(4, 1083, 1030, 0.2), (8, 627, 530, 0.07), (12, 538, 400, 0.07), (16, 462, 317, 0.09),
-     (64, 227, 87, 0.07)],
+    [(4, 1083, 1030, 0.2), (12, 538, 400, 0.07), (64, 227, 87, 0.07)],
 )  # fmt: skip
 def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares, centre, within):
     drawn = simulation.deflection_errors([0.75] * n, layouts=max(20, 480 // n))
@@ -305,28 +201,10 @@ def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_th
 @pytest.mark.slow
 def test_pixel_noise_takes_the_gain_away(conforms):
     gain = []
-    for noise in (0.0, 0.05, 0.1, 0.2, 0.3):
+    for noise in (0.0, 0.1, 0.3):
         errors = simulation.deflection_errors([0.75] * 12, 40, noise_px=noise)
         _, least_squares, centre, _ = simulation.over_layouts(errors)
         gain.append(1 - centre / least_squares)
     conforms.sampled(gain[0], above=0.22)
-    assert gain[0] > gain[1] > gain[2] > gain[3]
-    conforms.sampled(np.abs(gain[3:]).max(), below=0.03)
-
-
-# The bound of 50 µs a point at 12 cameras is 3 times what the direct way to a least-squares point
-# takes; measured side by side, as machines differ and are busy.
-def test_twelve_cameras_take_less_than_three_times_a_batched_svd():
-    centre, _, _, by_svd, _ = own.centre_calls(12, 10_000).values()
-    centre()
-    ratios = [own.time_call(centre) / own.time_call(by_svd) for _ in range(3)]
-    assert np.median(ratios) < 3
-    assert own.peak_memory(centre) < 64
-
-
-def test_rounded_points_are_always_in_their_own_slabs(conforms):
-    P, points = rig(3).P, box(200)
-    uv = pixelate(project(P, points))
-    conforms.closed_form(np.max(np.abs(project(P, points) - uv)), below=0.5 + 1e-9)
-    error = np.abs(analytic_centre(P, uv).points - points)
-    conforms.closed_form(np.max(error), below=0.05)
+    assert gain[0] > gain[1] > gain[2]
+    conforms.sampled(np.abs(gain[2]), below=0.03)

@@ -1,7 +1,5 @@
 """Triangulation against independent methods, exact images, invariances and sampled statistics."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -21,7 +19,6 @@ from thesis_lib.vision.triangulation import (
     image_jacobian,
     point_covariance,
     triangulate,
-    triangulation_gain,
 )
 
 SIZE = (320, 180)
@@ -80,99 +77,54 @@ def noisy(P, points, sigma=0.3, seed=1):
 @given(rigs())
 def test_exact_images_give_back_the_points(conforms, rig):
     points = box()
-    conforms.closed_form(triangulate(rig.P, project(rig.P, points)), points, atol=1e-12)
+    exact = project(rig.P, points)
+    conforms.closed_form(triangulate(rig.P, exact), points, atol=1e-12)
+    conforms.closed_form(triangulate(rig.P, exact, steps=0), points, atol=1e-11)  # linear start
 
 
-@given(rigs())
-def test_linear_start_alone_is_exact_for_exact_images(conforms, rig):
-    points = box()
-    linear = triangulate(rig.P, project(rig.P, points), steps=0)
-    conforms.closed_form(linear, points, atol=1e-11)
-
-
-@pytest.mark.parametrize("skew", [0.0, 0.2])
-@pytest.mark.parametrize("aspect", [1.0, 1.7])
-def test_intrinsics_may_be_skewed_and_stretched(conforms, skew, aspect):
+def test_intrinsics_may_be_skewed_and_stretched(conforms):
     rig = ring(3)
-    K = np.stack([intrinsics(f, SIZE, skew, aspect) for f in (200, 300, 500)])
+    K = np.stack([intrinsics(f, SIZE, 0.2, 1.7) for f in (200, 300, 500)])
     P = CameraArray(K, rig.R_camera_world, rig.centres, SIZE).P
     conforms.closed_form(triangulate(P, project(P, box())), box(), atol=1e-12)
     images = np.rint(project(P, box()))
     conforms.independent(triangulate(P, images), svd_triangulate(P, images), atol=1e-9)
 
 
-def test_any_shape_of_points_is_kept(conforms):
-    P, points = pair().P, box(24)
-    uv = noisy(P, points)
-    flat = triangulate(P, uv)
-    conforms.invariance(triangulate(P, uv.reshape(2, 2, 2, 3, 4)), flat.reshape(3, 2, 3, 4), atol=0)
-    # Alone a point may take another path through the matrix product: equal up to its last bits.
-    conforms.invariance(triangulate(P, uv[:, :, 5]), flat[:, 5], atol=1e-14)
-    assert triangulate(P, uv[:, :, :0]).shape == (3, 0)
-
-
-def test_blocks_do_not_show(conforms):
-    rig = ring(12)
-    points = box(20_001)
-    uv = noisy(rig.P, points)
-    whole = triangulate(rig.P, uv)
-    for start in range(0, 20_001, 667):  # pieces that are no divisor of any round block
-        part = slice(start, start + 667)
-        conforms.invariance(whole[:, part], triangulate(rig.P, uv[:, :, part]), atol=1e-13)
-
-
-@given(rigs(), st.integers(0, 2**32 - 1))
-def test_result_moves_with_the_world(conforms, rig, seed):
+@given(rigs(), st.floats(0.1, 10), st.integers(0, 2**32 - 1))
+def test_result_moves_and_scales_with_the_world(conforms, rig, factor, seed):
     R, t, back = moved_world(seed)
     uv = noisy(rig.P, box())
-    moved = R @ triangulate(rig.P, uv, steps=8) + t[:, None]
+    here = triangulate(rig.P, uv, steps=8)
+    moved = R @ here + t[:, None]
     conforms.invariance(triangulate(rig.P @ back, uv, steps=8), moved, atol=1e-10)
-
-
-@given(rigs(), st.floats(0.1, 10))
-def test_result_scales_with_the_world(conforms, rig, factor):
-    uv = noisy(rig.P, box())
-    shrunk = rig.P * np.array([1, 1, 1, factor])
-    expected = factor * triangulate(rig.P, uv)
-    conforms.invariance(triangulate(shrunk, uv), expected, atol=1e-10 * factor)
-
-
-@given(rigs(), st.randoms(use_true_random=False))
-def test_order_of_cameras_does_not_matter(conforms, rig, random):
-    order = random.sample(range(len(rig)), len(rig))
-    uv = noisy(rig.P, box())
-    one, other = triangulate(rig.P, uv), triangulate(rig.P[order], uv[order])
-    conforms.invariance(other, one, atol=1e-11)
+    grown = triangulate(rig.P * np.array([1, 1, 1, factor]), uv, steps=8)
+    conforms.invariance(grown, factor * here, atol=1e-10 * factor)
 
 
 @given(rigs(), st.integers(0, 2**32 - 1))
-def test_scale_of_each_projection_matrix_does_not_matter(conforms, rig, seed):
-    rng = np.random.default_rng(seed)
-    factors = rng.uniform(0.01, 100, len(rig)) * rng.choice([-1, 1], len(rig))
+def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, rig, seed):
+    rng, n = np.random.default_rng(seed), len(rig)
+    order, factors = rng.permutation(n), rng.uniform(0.01, 100, n) * rng.choice([-1, 1], n)
     uv = noisy(rig.P, box())
-    expected = triangulate(rig.P, uv)
-    conforms.invariance(triangulate(factors[:, None, None] * rig.P, uv), expected, atol=1e-11)
+    other = triangulate((factors[:, None, None] * rig.P)[order], uv[order])
+    conforms.invariance(other, triangulate(rig.P, uv), atol=1e-11)
 
 
 @pytest.mark.parametrize(
     "rig",
-    [pair(), pair(8, 10), pair(distance=1.5), ring(4), ring(12), unequal_ring(4), unequal_ring(12)],
+    [pair(), pair(8, 10), pair(distance=1.5), ring(12), unequal_ring(4), unequal_ring(12)],
 )
 def test_whole_pixels_give_what_svd_and_gauss_newton_give(conforms, rig):
-    images = np.rint(project(rig.P, box(500)))
-    conforms.independent(triangulate(rig.P, images), svd_triangulate(rig.P, images), atol=1e-9)
-
-
-@pytest.mark.parametrize("n", [4, 12])
-def test_one_bad_point_does_not_loosen_the_others(conforms, n):
-    # Steps are taken for whole blocks: what one point needs must not cost another its accuracy.
-    rig = unequal_ring(n)
-    images = noisy(rig.P, box(500))
-    images[:, :, 3] += 200 * np.random.default_rng(0).normal(size=(n, 2))
-    reference = svd_triangulate(rig.P, images)
+    """However many points there are, of whatever shape, and though one of them is bad."""
+    images = np.rint(project(rig.P, box(20_001)))
+    images[:, :, 3] += 200 * np.random.default_rng(0).normal(size=(len(rig), 2))
+    whole = triangulate(rig.P, images)
     others = np.arange(500) != 3
-    found = triangulate(rig.P, images)
-    conforms.independent(found[:, others], reference[:, others], atol=1e-9)
+    few = images[:, :, :500][:, :, others]
+    conforms.independent(whole[:, :500][:, others], svd_triangulate(rig.P, few), atol=1e-9)
+    folded = triangulate(rig.P, images[:, :, 667:1267].reshape(-1, 2, 20, 30))
+    conforms.invariance(folded.reshape(3, -1), whole[:, 667:1267], atol=1e-13)
 
 
 @settings(max_examples=50)
@@ -196,8 +148,6 @@ def test_no_neighbour_fits_better(conforms, rig):
     [
         pair(),
         pair(8, 10),
-        pair(distance=1.5),
-        hemisphere_cameras(0.5, [np.pi / 2, -np.pi / 2], [0.35, 0.35], 213.3, SIZE),  # 2b
         hemisphere_cameras(0.5, [0.0, np.pi], [0.35, 0.35], 213.3, SIZE),  # 2d
     ],
 )
@@ -209,12 +159,6 @@ def test_two_cameras_reach_the_global_optimum_of_hartley_and_sturm(conforms, rig
     conforms.independent(found, optimum, rtol=1e-7, atol=1e-9)
     best = cost(rig.P, uv, optimum)
     conforms.independent(cost(rig.P, uv, found), best, rtol=1e-9, atol=1e-12)
-
-
-def test_hartley_and_sturm_meet_exact_images(conforms):
-    rig = pair()
-    uv = project(rig.P, box())
-    conforms.closed_form(hartley_sturm(*rig.P, uv), box(), atol=1e-9)
 
 
 @given(rigs())
@@ -231,34 +175,6 @@ def test_jacobian_is_the_derivative_of_projection(conforms, rig):
     conforms.independent(errors[2], below=1e-3 * np.max(np.abs(J)))
 
 
-@settings(max_examples=20)
-@given(rigs(most=4))
-def test_gain_is_the_derivative_of_triangulation(conforms, rig):
-    points = box(4)
-    exact, G, h = project(rig.P, points), triangulation_gain(rig.P, points), 1e-3
-    for camera in range(len(rig)):
-        for axis in range(2):
-            step = np.zeros_like(exact)
-            step[camera, axis] = h
-            both = [triangulate(rig.P, exact + s, steps=8) for s in (step, -step)]
-            numerical = (both[0] - both[1]) / (2 * h)
-            conforms.independent(numerical, G[:, camera, axis], atol=1e-5 * np.max(np.abs(G)))
-
-
-def test_jacobian_and_gain_keep_the_shape_of_the_points(conforms):
-    P, points = ring(3).P, box(6).reshape(3, 2, 3)
-    assert image_jacobian(P, points).shape == (3, 2, 3, 2, 3)
-    assert triangulation_gain(P, points).shape == (3, 3, 2, 2, 3)
-    assert point_covariance(P, points).shape == (3, 3, 2, 3)
-    conforms.invariance(
-        triangulation_gain(P, points[:, 1, 2]), triangulation_gain(P, points)[..., 1, 2], rtol=1e-7
-    )
-    inverse = np.einsum(
-        "kni...,nij...->kj...", triangulation_gain(P, points), image_jacobian(P, points)
-    )
-    conforms.closed_form(inverse[..., 0, 0], np.eye(3), atol=1e-12)
-
-
 @given(st.integers(3, 12), st.floats(0.1, 1.4), st.floats(0.3, 3), st.floats(0.1, 2))
 def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
     conforms, n, from_normal, distance, sigma
@@ -270,16 +186,6 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
     normal = distance * sigma / (f * np.sqrt(n) * np.sin(from_normal))
     conforms.closed_form(np.sqrt(np.diag(C)), [across, across, normal], rtol=1e-12)
     conforms.closed_form(C - np.diag(np.diag(C)), 0, atol=1e-12 * np.max(C))
-
-
-@pytest.mark.parametrize("copies", [2, 5])
-def test_copies_of_a_pair_divide_the_covariance(conforms, copies):
-    P = pair().P
-    conforms.invariance(
-        point_covariance(np.concatenate([P] * copies), box()),
-        point_covariance(P, box()) / copies,
-        rtol=1e-10,
-    )
 
 
 @pytest.mark.parametrize("rig", [pair(), ring(4), unequal_ring(12)])
@@ -310,25 +216,10 @@ def test_missing_image_spoils_its_own_point_only(conforms):
     ("P", "uv", "named"),
     [
         (np.ones((1, 3, 4)), np.ones((1, 2, 5)), "P: given shape"),
-        (np.ones((2, 4, 3)), np.ones((2, 2, 5)), "P: given shape"),
-        (np.ones((3, 4)), np.ones((2, 2, 5)), "P: given shape"),
         (np.ones((2, 3, 4)), np.ones((3, 2, 5)), "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones((2, 3, 5)), "uv: given shape"),
         (np.ones((2, 3, 4)), np.ones(2), "uv: given shape"),
     ],
 )
 def test_wrong_shapes_are_named(P, uv, named):
     with pytest.raises(ValueError, match=named):
         triangulate(P, uv)
-
-
-def test_memory_beside_images_and_points_stays_small():
-    rig = ring(12)
-    uv = noisy(rig.P, box(100_000))
-    tracemalloc.start()
-    try:
-        points = triangulate(rig.P, uv)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert points.nbytes < peak < points.nbytes + 64 * 2**20
