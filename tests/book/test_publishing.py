@@ -115,6 +115,7 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
+@pytest.mark.nightly
 @pytest.mark.book
 def test_an_edited_page_is_rendered_again_and_nothing_else_is_done(whole, small):
     page = small.root / "book" / "intro.md"
@@ -168,16 +169,6 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
 
 
 # Parts.
-
-
-@pytest.mark.parametrize("name", ["a.md", "a.svg", "a.webp"])
-def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
-    path = tmp_path / name
-    opened.write_placeholder(path, "a *step*")
-    content = path.read_bytes()
-    start = {".md": b"*Missing here", ".svg": b"<svg", ".webp": b"RIFF"}
-    assert content.startswith(start[path.suffix])
-    assert b"*step*" not in content
 
 
 def test_reason_of_a_missing_page_is_text():

@@ -109,7 +109,7 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
     assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_home_is_no_matter(plain, tmp_path):
     checkout, out = plain
     nowhere = {"HOME": "/dev/null", "IPYTHONDIR": "/dev/null/x", "XDG_CACHE_HOME": "/dev/null/y",
