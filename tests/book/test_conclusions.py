@@ -12,7 +12,6 @@ from thesis_lib.book.pieces import conclusions, factors
 from thesis_lib.book.pieces import factors as conclusions_figure
 from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.book.pieces.factors import FACTORS
-from thesis_lib.book.pieces.opened import Opened
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.experiment import compute as experiment
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -179,12 +178,6 @@ def test_the_figure_draws_what_there_is_and_is_the_same_each_time(small, tmp_pat
     assert (tmp_path / conclusions_figure.FIGURE_FILE).read_bytes() == first
 
 
-def test_half_the_error_costs_what_the_exponent_says():
-    cube = power_law("beam-resolution", "finer", -1.0)
-    text = conclusions.PIECES["conclusions-costs"]({"beam-resolution": cube})
-    assert "| finer pixels | beam | W ×2.00 | ×4.0 |" in text
-
-
 def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
     found = {(one.structure, one.case): one for one in conclusions.equal_pixels()}
     assert len(found) == 12
@@ -204,14 +197,3 @@ def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
     assert worse == [("beam", "4b")]
     text = " ".join(conclusions.tabulate_equal_pixels({}).split())
     assert "1 is worse by more than 10%, beam 4b" in text
-
-
-def test_what_is_remembered_counts_as_used(tmp_path) -> None:
-    """A piece that asks again is made anew when its cubes change."""
-    opened = Opened([], [])
-    assert factors.estimate_effects(opened, FACTORS["closer"]) == []
-    wanted = opened.wanted
-    assert wanted == {name for _, name, *_ in FACTORS["closer"].sources}
-    opened.forget()
-    factors.estimate_effects(opened, FACTORS["closer"])
-    assert opened.wanted == wanted

@@ -23,20 +23,6 @@ TEXTS = {
 }
 PAGE = "".join(TEXTS.values())
 SOURCES = project_root() / "src" / "thesis_lib"
-FAMILIES = {
-    "BoardNotFound", "CalibrationError", "ChainError", "ForceError", "FrequencyError",
-    "MediaError",
-    "ModalError", "SynchronisationError", "TrackingError",
-}  # fmt: skip
-OF_RECORDINGS = {"validation.py", "steps.py", "listen.py"}  # with manifest and recordings
-SIZES = "…, allowed: … …"  # of an image, each as … × … px
-# What no manifest leads to: mistakes of a caller, and errors that only pass another one on.
-INTERNAL = {
-    "…", "……", "…: …", "…: frame 0: …; …", "…: no frames to write",
-    "…: given the ending …, allowed: .mkv", "given … recordings, allowed: at least 2",
-    "…: …: …", "cameras[…].video: …", "cameras[…].board_images: …", "force.file: …",
-    "board: given … by … corners, needs … by … or more",
-}  # fmt: skip
 
 
 def terms(part):
@@ -44,56 +30,8 @@ def terms(part):
     return re.findall(r"^(\S.*)\n: (.*(?:\n  .*)*)", part, flags=re.MULTILINE)
 
 
-def section(title):
-    """A section of the page, down to the next of its rank."""
-    (text,) = re.findall(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, flags=re.MULTILINE | re.DOTALL)
-    return text
-
-
-def literal(node):
-    """A message as it stands in the source, with dots for what is put in."""
-    if isinstance(node, ast.Constant):
-        return str(node.value)
-    if isinstance(node, ast.JoinedStr):
-        return "".join(map(literal, node.values))
-    return "…"
-
-
 def nodes(path):
     return ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-
-
-def messages():
-    """Every message of the families, with where it is raised."""
-    found = {}
-    for path in sorted(SOURCES.rglob("*.py")):
-        family = FAMILIES | ({"ManifestError"} if path.name in OF_RECORDINGS else set())
-        for node in nodes(path):
-            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-                name = ast.unparse(node.exc.func).split(".")[-1]
-                text = literal(node.exc.args[0]) if name in family else ""
-                if text and text not in INTERNAL and "of shape …" not in text:
-                    found[text] = f"{path.name}:{node.lineno}"
-    return found | lines_of(SOURCES / "measure" / "recordings" / "validation.py")
-
-
-def lines_of(path):
-    """Lines that a module collects in lists, yields, or returns in a list, with where it does."""
-    found = {}
-    for node in nodes(path):
-        if isinstance(node, ast.Yield):
-            said = [node.value]
-        elif isinstance(node, ast.Return) and isinstance(node.value, ast.List):
-            said = node.value.elts
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".append"):
-            said = node.args
-        else:
-            continue
-        for one in said:
-            text = literal(one).replace(SIZES, "… px, allowed: … px as the manifest says")
-            if text not in INTERNAL:
-                found[text] = f"{path.name}:{node.lineno}"
-    return found
 
 
 def made():
@@ -162,16 +100,6 @@ def test_the_book_lists_every_message_once_with_meaning_limit_and_remedy():
         assert np.isnan(message.limit) or f" {message.limit:g}" in term
         assert message.meaning.endswith(".")
         assert message.remedy.endswith(".")
-
-
-def test_the_page_explains_every_error():
-    listed = [one for term, _ in terms(section("When it stops")) for one in term.split(" · ")]
-    told = [re.sub(r":? …$", "", one) for one in listed]
-    texts = messages()
-    assert len(texts) > 40
-    assert [one for one in told if not any(one in text for text in texts)] == []
-    left = {text: where for text, where in texts.items() if not any(one in text for one in told)}
-    assert left == {}
 
 
 def test_the_manifest_on_the_page_is_valid_and_brings_no_warning(tmp_path):

@@ -273,19 +273,6 @@ def test_commands_say_what_the_form_holds(
         assert opened.trouble == []
 
 
-def test_numbers_are_written_as_python_writes_them(chromium: Browser, path: Path) -> None:
-    numbers = ["1e22", "1e16", "9999999999999999", "123456789.125", "1e15", "2.50", "1E+2",
-               "3", "1.7976931348623157e308", "12345678901234567890.0"]  # fmt: skip
-    small = ["5e-324", "1e-5", "0.0001", "1.5e-7", "0.00001234", "1e-10"]
-    with open_offline(chromium, path) as opened:
-        cases = [("lab-elevation", {"frequency_hz": text}) for text in numbers]
-        cases += [(DISTANCE, {"focal_length_mm": text}) for text in small]
-        for (_, texts), said in zip(cases, fill(opened, *cases), strict=True):
-            ((key, text),) = texts.items()
-            word = f"{key}={json.dumps(float(text))}"
-            assert said["commands"][0].endswith(f" -p {shlex.quote(word)}")
-
-
 def test_a_chapters_command_reaches_each_set(
     chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,7 +1,6 @@
 """The index of the thesis has every item once, and all that it points to is there."""
 
 import ast
-import csv
 import pkgutil
 import re
 from functools import cache
@@ -12,7 +11,7 @@ import xarray as xr
 import yaml
 
 from thesis_lib import files
-from thesis_lib.facts import claims, setups
+from thesis_lib.facts import claims
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import STUDIES
 
@@ -137,30 +136,3 @@ def names_in(file):
 def test_tests_exist(test):
     file, name = test.split("::")
     assert name in names_in(file)
-
-
-# What cannot be read is refused.
-
-
-def changed(monkeypatch, folder, line, edit):
-    """Let the index be one of which `edit` has changed a line, as a list of its cells."""
-    with (setups.data_folder() / "index.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))
-    rows[line - 1] = edit(rows[line - 1])
-    with (folder / "index.csv").open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows(rows)
-    monkeypatch.setattr(claims, "data_folder", lambda: folder)
-
-
-def test_neither_something_nor_a_reason_is_refused_and_both_are(monkeypatch, tmp_path):
-    for row in (
-        ["figure 1.6", "a microphone", "", "", "", "", "", ""],
-        ["figure 1.6", "a microphone", "beam", "", "", "", "none", ""],
-        ["figure 1.6", "a microphone", "", "", "", "tests/test_x.py::test_x", "none", ""],
-    ):
-        changed(monkeypatch, tmp_path, 7, lambda _, row=row: row)
-        with pytest.raises(ValueError, match=r"^index\.csv, figure 1\.6: reason: given '"):
-            claims.read_index()
-
-
-# The page.

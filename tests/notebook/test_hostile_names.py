@@ -123,21 +123,3 @@ def test_no_name_becomes_a_script_or_a_link_in_a_browser(chromium, tmp_path):
         assert not [link for link in links if "javascript" in link], name
         assert page.evaluate("document.querySelectorAll('mjx-container').length") == 1, name
         page.close()
-
-
-@pytest.mark.nightly
-def test_equations_make_no_links(chromium, tmp_path):
-    if not (pages.mathjax_path()).is_file():
-        pytest.skip("no build/assets: render the book first")
-    tex = [r"\href{javascript:hit()}{x}", r"\require{html}\href{javascript:hit()}{x}",
-           r"\class{tl-fragment}{x}", r"\cssId{main}{x}", r"\style{position:fixed}{x}"]  # fmt: skip
-    body = "".join(pages._format_equation(one, {}) for one in [*tex, r"\frac{a}{b}"])
-    text = pages.mathjax_path().read_text(encoding="utf-8").replace("</script", "<\\/script")
-    path = tmp_path / "p.html"
-    path.write_text(pages._frame_page("x", body, text), encoding="utf-8")
-    page = chromium.new_page()
-    page.goto(f"file://{quote(str(path))}")
-    page.wait_for_function("document.querySelectorAll('mjx-container').length == 6")
-    assert page.evaluate("document.querySelectorAll('a, .tl-fragment, #main, [href]').length") == 1
-    assert page.evaluate("document.querySelectorAll('mjx-container [data-mml-node=mfrac]').length")
-    page.close()

@@ -10,14 +10,12 @@ import xarray as xr
 from nbval.plugin import get_sanitize_patterns
 
 from conftest import until_study
-from thesis_lib.figure_sets.design_law import compute as law
 from thesis_lib.figure_sets.display import list_captions
-from thesis_lib.figure_sets.planner import compute as planned
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
 from thesis_lib.runs import postprocess
-from thesis_lib.studies.request import ParameterError, Study
+from thesis_lib.studies.request import ParameterError
 
 PROJECT = Path(__file__).parents[2]
 SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
@@ -122,51 +120,21 @@ OTHERWISE = {
     "experiment-resolution": [{"cases": ["literal"], "widths_px": [1280]},
                               {"cases": ["aligned"]}, {"cases": ["harmonic"], "trials": 0}],
     "cameras": [{"distances_mm": [900.123456789, 600]}, {"f_numbers": [22], "circle_mm": 0.3}],
-    "design-law": [{}, {"focal_length_mm": 50}],
-    "planner": [{}, {"beam_amplitude_mm": 0.3}],
 }  # fmt: skip
 CHEAP = {
     "sound-distance": {"distances_mm": [650], "plane_shape": [15, 10]},
     "experiment-resolution": {"widths_px": [640]},
-    "design-law": {"counts": [2], "frame_rates_hz": [60]},
-    "planner": {"counts": [2], "resolutions_px": [[320, 180]], "step_deg": 45, "starts": 0},
 }
 
 
-def of_the_steps(asked: Study) -> xr.Dataset:
-    """The cube; of the two that take minutes, what is not made in steps is left out."""
-    if asked.name == "design-law":
-        empty = {
-            law: ["_cone", "summarise_law"],
-            law.sweeps: ["fit_findings", "fit_arrays", "pair_errors"],
-            law.shares: ["equal_pixels", "noisy_shares", "simulate_estimators", "simulate_dither"],
-        }
-        with pytest.MonkeyPatch.context() as patch:
-            for module, parts in empty.items():
-                for part in parts:
-                    patch.setattr(module, part, lambda *_: {})
-            patch.setattr(law, "CHAPTER_PARTS", ("distance",))
-            return law.run(asked)
-    if asked.name == "planner":
-        names = (*planned.THESIS_QUESTIONS.values(), planned.READABLE_QUESTION)
-        own = {name: asked.questions[name] for name in names}
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(type(asked), "questions", own)
-            return planned.run(asked)
-    return cube_of(asked)
-
-
 @pytest.mark.slow
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("name", "values"),
     [(name, values) for name, every in OTHERWISE.items() for values in every],
     ids=str,
 )
-def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(
-    name, values, capsys, monkeypatch
-):
-    monkeypatch.setattr(notebook, "cube_of", of_the_steps)
+def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(name, values, capsys):
     namespace = {}
     for cell in committed(name):
         if "result" in namespace and "-step-" not in cell.id:

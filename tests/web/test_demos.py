@@ -78,24 +78,6 @@ def test_a_marker_is_drawn_as_the_library_draws_it(show: Show) -> None:
         assert said(opened) == "A motion of 2 px is measured without error on every grid."
 
 
-def test_marker_and_grid_follow_the_pointer(show: Show) -> None:
-    with show("rounding_marker", 390) as opened:
-        box = opened.page.get_by_test_id("panel-a").bounding_box()
-        pixel = box["width"] / 5.5
-        mouse, y = opened.page.mouse, box["y"] + 74
-        mouse.move(box["x"] + 2.5 * pixel, y)  # 0.2 + 1.3 px from the left end at −1
-        mouse.down()
-        mouse.move(box["x"] + 3.5 * pixel, y)
-        mouse.up()
-        assert run(opened, "return demo.state.motion") == pytest.approx(2.3, abs=0.02)
-        mouse.move(box["x"] + 0.3 * pixel, y)
-        mouse.down()
-        mouse.move(box["x"] + 0.5 * pixel, y)
-        mouse.up()
-        assert run(opened, "return demo.state.shift") == pytest.approx(-0.2, abs=0.02)
-        assert run(opened, "return demo.state.motion") == pytest.approx(2.3, abs=0.02)
-
-
 def test_two_cameras_have_the_law_of_the_library(show: Show) -> None:
     angles = np.radians([[90, 40], [-90, 40]])
     cameras = hemisphere_cameras(0.5, *angles.T, 24 / 36 * 320, (320, 180))

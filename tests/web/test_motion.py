@@ -74,28 +74,6 @@ def moves(opened: Opened) -> bool:
     return any(later(opened) for _ in range(40))
 
 
-def frames(opened: Opened) -> dict[str, Any]:
-    """How many frames a second, and what scripts take of each, in ms."""
-    session = opened.page.context.new_cdp_session(opened.page)
-    session.send("Performance.enable")
-
-    def spent() -> float:
-        found = session.send("Performance.getMetrics")["metrics"]
-        return next(float(one["value"]) for one in found if one["name"] == "ScriptDuration")
-
-    before = spent()
-    count, seconds = opened.page.evaluate("""() => new Promise(done => {
-      let count = 0;
-      const start = performance.now(), step = () => {
-        const gone = performance.now() - start;
-        if (gone > 2000) return done([count, gone / 1000]);
-        count += 1;
-        requestAnimationFrame(step);
-      };
-      requestAnimationFrame(step); })""")
-    return {"rate": count / seconds, "script_ms": 1000 * (spent() - before) / count}
-
-
 @pytest.mark.few(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KINDS, "explorer"])
@@ -130,32 +108,6 @@ def test_it_moves_pauses_and_rests_for_readers_who_want_no_movement(show: Show, 
         assert not later(opened)
         button.click()
         assert moves(opened)
-
-
-def test_it_rests_out_of_sight_and_in_print_at_its_largest(show: Show) -> None:
-    with show("beam") as opened:
-        assert moves(opened)
-        opened.page.emulate_media(media="print")
-        opened.page.wait_for_timeout(100)
-        assert not later(opened)
-        assert opened.page.get_by_test_id("phase").input_value() == "0"
-        assert not opened.page.get_by_test_id("play").is_visible()
-        opened.page.emulate_media(media="screen")
-        assert moves(opened)
-        opened.page.evaluate("document.body.style.paddingTop = '4000px'")
-        opened.page.wait_for_timeout(100)
-        assert not later(opened)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("kind", ["holes", "explorer"])  # with most markers
-def test_it_is_fluid(show: Show, kind: str) -> None:
-    with show(kind) as opened:
-        opened.page.wait_for_timeout(1500)
-        found = frames(opened)
-        print(kind, found)
-        assert found["script_ms"] < 8  # half of a frame, also on a busy machine
-        assert found["rate"] > 20
 
 
 SEEN = """([angle, camera]) => {
