@@ -20,7 +20,6 @@ from thesis_lib.cli import RENAMED_COMMANDS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import describe_parameters
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")
@@ -93,17 +92,6 @@ def test_list_names_sets_and_chapters():
     for chapter, names in CHAPTER_SETS.items():
         line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
-
-
-def test_list_of_a_chapter_shows_every_parameter():
-    done = thesis("list", "ch3")
-    assert (done.status, done.err) == (0, "")
-    for set_ in CHAPTER_SETS["ch3"]:
-        shown = done.out.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
-        for row in describe_parameters(STUDIES[set_]):
-            first, second = (f"{row['name']} = {row['default']}", row["allowed"])
-            assert f"{first} {row['unit']}".strip() + "\n" in shown
-            assert f"    {row['meaning']}: {second}\n" in shown
 
 
 def test_json_lists_sets_and_parameters():

@@ -159,26 +159,6 @@ def test_the_image_is_the_librarys_in_whole_pixels(
             np.testing.assert_array_equal(here[clear], there[clear])
 
 
-def test_the_explorers_image_is_the_librarys(show: Show) -> None:
-    from thesis_lib.facts import setups
-    from thesis_lib.vibration.structure import deflection_shape, world_points
-
-    beam = setups.thesis_beam()
-    shape = deflection_shape(beam, 3, beam.markers, 5.5e-3)
-    query = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
-    with show("explorer", query=query, still=True) as opened:
-        opened.page.wait_for_timeout(300)
-        for angle in (0, 45, 130):
-            pixels, lit, count = opened.page.evaluate(SEEN, [angle, 1])
-            assert (lit, count) == (True, 2)
-            angles = np.radians([[-60], [40]])
-            rig = hemisphere_cameras(0.5, *angles, 24 / 36 * 320, (320, 180))
-            points = world_points(beam, shape * np.cos(np.radians(angle)))
-            np.testing.assert_array_equal(
-                np.array(pixels).reshape(2, -1), pixelate(project(rig.P, points)[0])
-            )
-
-
 # --- the address
 
 RUBBISH = [
