@@ -2,7 +2,6 @@
 
 import re
 from io import BytesIO
-from pathlib import Path
 
 import pytest
 
@@ -10,7 +9,7 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 import axe
 from book.test_book_pages import BOOK, needs_book
-from browser import open_offline, server
+from browser import open_offline
 from PIL import Image
 from playwright.sync_api import Browser
 
@@ -94,31 +93,6 @@ def test_a_first_tap_shows_and_a_second_goes(chromium: Browser) -> None:
         link.tap()
         page.wait_for_url("**/beam-aperture.html#fig-3-8")
         assert opened.trouble == []
-
-
-@needs_book
-@pytest.mark.nightly
-def test_a_page_that_is_saved_alone_has_its_text_and_figures(
-    chromium: Browser, tmp_path: Path
-) -> None:
-    """Saved by the browser as one file from where it is served, and opened when that is gone."""
-    loaded = """() => [...document.querySelectorAll('.bd-article img')]
-        .every((one) => one.complete && one.naturalWidth)"""
-    with (
-        server(BOOK) as address,
-        open_offline(chromium, RESULTS, served=f"{address}/executed/beam-aperture.html") as opened,
-    ):
-        opened.page.wait_for_function(loaded, timeout=120_000)
-        text = opened.page.locator(".bd-article p").all_text_contents()
-        session = opened.page.context.new_cdp_session(opened.page)
-        saved = session.send("Page.captureSnapshot", {"format": "mhtml"})["data"]
-        session.detach()
-    file = tmp_path / "saved.mhtml"
-    file.write_bytes(saved.encode())
-    with open_offline(chromium, file, fresh=True) as opened:
-        opened.page.wait_for_function(loaded)
-        assert opened.page.locator(".bd-article img").count() > 10
-        assert opened.page.locator(".bd-article p").all_text_contents() == text
 
 
 @needs_book

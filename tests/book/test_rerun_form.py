@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from browser import Opened, focused, open_offline, tab_through, write_page
+from browser import Opened, open_offline, write_page
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
@@ -165,23 +165,6 @@ def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) 
             assert said["status"] == f"thesis: {line}"
             assert said["commands"] == []
         assert opened.trouble == []
-
-
-def test_the_status_is_what_the_command_says_first(chromium: Browser, path: Path) -> None:
-    cases = [
-        (DISTANCE, {"seed": "-1", "azimuth_deg": "x", "modes": "0"}),
-        (SOUND, {"plane_shape": "1, 1", "rest": "known", "trials": "-1", "grid": "0, 0"}),
-        ("ch3", {"seed": "-1", "widths_px": "1", "half_apertures_deg": "x"}),
-    ]
-    with open_offline(chromium, path) as opened:
-        for (name, texts), said in zip(cases, fill(opened, *cases), strict=True):
-            values = parse_assignments([f"{key}={text}" for key, text in texts.items()])
-            values |= {key: json.loads(f"[{text}]") for key, text in texts.items()
-                       if key in ("modes", "grid", "plane_shape", "widths_px")}  # fmt: skip
-            with pytest.raises(Refused) as caught:
-                requests_of([name], values)
-            assert said["status"] == f"thesis: {caught.value.message}"
-            assert len(said["problems"]) == len(texts) - ("rest" in texts)
 
 
 def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> None:
@@ -355,27 +338,6 @@ def test_copying_with_a_clipboard_and_without(chromium: Browser, path: Path) -> 
         assert page.evaluate("getSelection().toString()") == (
             "papermill notebooks/beam-distance.ipynb beam-distance-out.ipynb -p trials 20"
         )
-        assert opened.trouble == []
-
-
-def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path, query="set=claims") as opened:
-        page = opened.page
-        page.get_by_label("Figure set or chapter").focus()
-        seen = tab_through(opened, 25)
-        assert {"Reset", "Copy link", "readings", "trials", "seed", "Copy the command"} < {*seen}
-        assert "no outline" not in seen
-        page.get_by_role("checkbox", name="1 N", exact=True).focus()
-        page.keyboard.press("Space")
-        assert "1 N" not in page.locator("pre code").first.inner_text()
-        page.get_by_label("trials").focus()
-        page.keyboard.press("Control+A")
-        page.keyboard.type("1")
-        problem = page.locator("[data-parameter=trials] .tl-rerun-problem")
-        assert problem.inner_text().startswith("trials: given 1, allowed: ")
-        described = page.get_by_label("trials").get_attribute("aria-describedby") or ""
-        assert problem.get_attribute("id") in described.split()
-        assert focused(opened) == "trials"
         assert opened.trouble == []
 
 

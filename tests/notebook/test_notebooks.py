@@ -275,16 +275,6 @@ def short(tmp_path_factory, checkout):
     return checkout
 
 
-@pytest.mark.nightly
-def test_papermill_is_refused_like_the_command(short, tmp_path):
-    given = ["-p", "distance_mms", "500", "-p", "cube", str(tmp_path / "out.nc")]
-    done = papermill(short, tmp_path, "beam-distance", *given)
-    assert done.returncode == 1
-    words = "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)"
-    assert words in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
-
-
 def test_a_value_given_to_papermill_is_refused_like_the_commands():
     injected = {"In": ["# Parameters\nelevation_deg = 91\n"], "elevation_deg": 91}
     with pytest.raises(ParameterError, match="beam-distance: elevation_deg: given 91, allowed: "):

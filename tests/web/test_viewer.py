@@ -341,23 +341,3 @@ def test_one_live_viewer_takes_any_kind(chromium: Browser, beams: Path) -> None:
         assert found[3] == 0
         opened.page.wait_for_timeout(100)
         assert opened.trouble == []
-
-
-@pytest.mark.parametrize("pages", ["beams", "plates", "sounds"])
-def test_it_fits_a_phone(chromium: Browser, request: pytest.FixtureRequest, pages: str) -> None:
-    with open_offline(chromium, request.getfixturevalue(pages), width=390) as opened:
-        viewer = viewers(opened)[0]
-        viewer.get_by_test_id("case").select_option("2c")
-        viewer.get_by_test_id("mode-2").click()
-        assert opened.sideways_px() <= 0
-        for node in viewer.locator("figure svg, figure canvas, figure button, figure input").all():
-            box = node.bounding_box()
-            assert box is not None
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= 390
-        if pages == "plates":
-            viewer.locator("[data-testid=map-1] .tl-cells rect").nth(80).tap()
-            assert "reference" in viewer.get_by_test_id("readout-c").inner_text()
-        viewer.locator(".tl-bar").nth(2).tap()
-        assert words(viewer).startswith("Pinned: Mode 2, case 2c, 110°")
-        assert opened.trouble == []
