@@ -322,13 +322,6 @@ def test_plan_as_json_has_the_cameras_of_its_table(tmp_path):
     assert made["page"] == str(tmp_path / "out" / "plan.html")
 
 
-def test_a_plan_out_of_reach_gives_every_error_its_unit(tmp_path):
-    done = thesis(*PLAN, "-p", "target_percent=0.1", "--out", "out", cwd=tmp_path)
-    assert (done.status, done.out) == (2, "")
-    line = done.err.splitlines()[-1]
-    assert re.search(r"given 0\.1 %, .* reaches [\d.]+ %; .*\(without it about [\d.]+ %\)$", line)
-
-
 # Two cubes.
 
 

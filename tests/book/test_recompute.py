@@ -15,7 +15,6 @@ from browser import Opened, open_offline, write_page
 from refused import refusal
 
 from thesis_lib.book import explorer
-from thesis_lib.facts import setups
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
@@ -398,12 +397,3 @@ def test_rubbish_in_the_address_shows_the_published_run(chromium: Browser, dista
             assert shown(opened) == usual
             assert said(opened, STATUS) == "As published, no parameter changed:"
         assert opened.trouble == []
-
-
-def test_the_settings_are_those_of_the_facts() -> None:
-    """What the page's settings are made from, against what the library makes them from."""
-    assert set(COMPUTED_SETS) == {f"{s}-{k}" for s in ("beam", "plate") for k in (
-        "distance", "aperture", "resolution", "arrays")}  # fmt: skip
-    facts = explorer.form_data()["here"]
-    assert facts["pairs"] == setups.camera_pairs()
-    assert set(facts["sets"]) == set(COMPUTED_SETS)

@@ -164,8 +164,6 @@ def test_captions_come_from_the_data(name):
         assert list(list_captions(STUDIES[name](), cell.source)), cell.source
         assert cell.metadata.tags == ["hide-input", "nbval-ignore-output"]
     for one in found:
-        assert re.fullmatch(r"fig-[a-z0-9-]+", one.name)
-        assert one.text.endswith(".")
         assert "{" not in one.name + one.text + one.alt
         assert one.alt or FIGURE_SETS[name].figure  # of which the panels tell
 
@@ -209,70 +207,30 @@ def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind(monke
 # nbval.
 
 
-def nbval(checkout, folder: Path, *options: str) -> dict[str, list[str]]:
-    """Outcome of every cell of the notebooks below `folder`, by notebook."""
-    done = checkout.python(
-        "-m", "pytest", *options, "-v", "-p", "no:cacheprovider", "-p", "no:xdist", folder,
-        cwd=folder, timeout=200,
-    )  # fmt: skip
-    assert done.returncode in (0, 1), done.stdout + done.stderr
-    outcomes: dict[str, list[str]] = {}
-    for stem, outcome in re.findall(
-        r"([\w-]+)\.ipynb::Cell \d+ (PASSED|FAILED|SKIPPED|ERROR)", done.stdout
-    ):
-        outcomes.setdefault(stem, []).append(outcome)
-    assert (done.returncode == 1) == any("FAILED" in each for each in outcomes.values())
-    return outcomes
-
-
-@pytest.fixture(scope="module")
-def doctored(checkout):
-    """A folder with the start of a notebook as committed, and with one digit of it changed."""
-    shutil.copytree(PROJECT / "tests", checkout.root / "tests")
-    shutil.copy(PROJECT / "conftest.py", checkout.root)
-    folder = checkout.root / "doctored"
-    folder.mkdir()
+@pytest.mark.nightly
+def test_one_changed_digit_fails(own_checkout):
+    """Of the first cells of a notebook that nbval executes one fails, and all others pass."""
+    shutil.copytree(PROJECT / "tests", own_checkout.root / "tests")
+    shutil.copy(PROJECT / "conftest.py", own_checkout.root)
     document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
     marked = next(cell for cell in document.cells if cell.id == "beam-distance-06")
     assert MARK in marked.source.splitlines()
     document.cells = document.cells[: document.cells.index(marked) + 1]
-    nbformat.write(document, folder / "untouched.ipynb")
     data = marked.outputs[0].data
     before = data["text/markdown"]
     found = re.search(r"\d+\.(\d) ·", before)
     digit = str((int(found[1]) + 1) % 10)
     data["text/markdown"] = before[: found.start(1)] + digit + before[found.end(1) :]
-    assert sum(a != b for a, b in zip(before, data["text/markdown"], strict=True)) == 1
+    folder = own_checkout.root / "doctored"
+    folder.mkdir()
     nbformat.write(document, folder / "changed.ipynb")
-    return folder
-
-
-@pytest.mark.nightly
-def test_one_changed_digit_fails(checkout, doctored):
-    outcomes = nbval(checkout, doctored, "--nbval")
-    assert set(outcomes) == {"untouched", "changed"}
-    assert set(outcomes["untouched"]) == {"PASSED"}
-    assert outcomes["changed"].count("FAILED") == 1
-    number = len(cells(doctored / "changed.ipynb"))
-    assert len(outcomes["untouched"]) == len(outcomes["changed"]) == number
+    words = ["-m", "pytest", "--nbval", "-p", "no:cacheprovider", "-p", "no:xdist", folder]
+    done = own_checkout.python(*words, cwd=folder, timeout=200)
+    others = len(cells(folder / "changed.ipynb")) - 1
+    assert f"1 failed, {others} passed" in done.stdout, done.stdout
 
 
 # papermill without the command.
-
-
-def papermill(checkout, cwd: Path, name: str, *parameters: str):
-    notebook = checkout.notebook(name)
-    return checkout.python(
-        "-m", "papermill", notebook, cwd / "out.ipynb", *parameters,
-        "--no-progress-bar", "--log-level", "ERROR", cwd=cwd,
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def short(tmp_path_factory, checkout):
-    """Notebooks that end with their study: what papermill injects is checked there."""
-    checkout.change("beam-distance", until_study)
-    return checkout
 
 
 def test_a_value_given_to_papermill_is_refused_like_the_commands():
@@ -286,11 +244,13 @@ def test_a_value_given_to_papermill_is_refused_like_the_commands():
 
 
 @pytest.mark.slow
-def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(short, tmp_path):
+def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(checkout, tmp_path):
+    checkout.change("beam-distance", until_study)
     given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-p", "distances_mm", "[600]"]
-    done = papermill(short, tmp_path, "beam-distance", *given)
+    words = ["-m", "papermill", checkout.notebook("beam-distance"), tmp_path / "out.ipynb"]
+    done = checkout.python(*words, *given, "--no-progress-bar", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
-    with xr.open_dataset(short.root / "made" / "out.nc") as cube:
+    with xr.open_dataset(checkout.root / "made" / "out.nc") as cube:
         assert cube["value"].values.tolist() == [600]
         assert cube.sizes["trial"] == 3

@@ -161,30 +161,6 @@ def test_the_image_is_the_librarys_in_whole_pixels(
 
 # --- the address
 
-RUBBISH = [
-    "mode=NaN", "compare=%3Cb%3E", "setting=-1", "%FF=%FF&case=%E0%A4%A",
-    "case=__proto__&mode=constructor&setting=null", "w=0x0&f=-1&d=1e99&plan=-3&cameras=1.5",
-]  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.few(1)
-@pytest.mark.parametrize("kind", ["beam", "explorer"])
-def test_rubbish_in_the_address_gives_the_default_view(show: Show, kind: str) -> None:
-    said = "() => document.querySelector('.tl-viewer [role=status], .tl-summary').textContent"
-    state = "() => [...document.querySelectorAll('select')].map(one => one.value)"
-    settled = "() => !document.querySelector('[aria-busy=true]')"
-    with show(kind, still=True) as opened:
-        opened.page.wait_for_function(settled)
-        address = opened.page.url.partition("?")[0]
-        words, chosen = opened.page.evaluate(said), opened.page.evaluate(state)
-        for query in RUBBISH:
-            opened.page.goto(f"{address}?{query}")
-            opened.page.wait_for_function(settled)
-            assert opened.page.evaluate(state) == chosen, query
-            assert opened.page.evaluate(said) == words, query
-            assert opened.trouble == []
-
 
 def test_a_viewer_keeps_its_state_in_the_address(show: Show) -> None:
     with show("beam", query="other=1") as opened:
