@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline, write_page
+from browser import Opened, focused, open_offline, tab_through, write_page
 from refused import refusal
 
 from thesis_lib.book import explorer
@@ -396,4 +396,18 @@ def test_rubbish_in_the_address_shows_the_published_run(chromium: Browser, dista
             opened.page.reload()
             assert shown(opened) == usual
             assert said(opened, STATUS) == "As published, no parameter changed:"
+        assert opened.trouble == []
+
+
+def test_it_is_used_by_keyboard(chromium: Browser, distance: Path) -> None:
+    with open_offline(chromium, distance) as opened:
+        seen = tab_through(opened, 12)
+        assert {"azimuth_deg", "Copy the command", "Reset"} < {*seen}
+        assert "no outline" not in seen
+        opened.page.get_by_label("azimuth_deg").focus()
+        opened.page.keyboard.press("Control+A")
+        opened.page.keyboard.type("50")
+        until(opened, "drawn")
+        assert focused(opened) == "azimuth_deg"  # not moved by what is drawn
+        assert "azimuth_deg=50.0" in said(opened, CODE)
         assert opened.trouble == []
