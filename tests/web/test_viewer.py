@@ -31,7 +31,8 @@ NODAL = "nodal plane: no reference pressure"
 
 @cache
 def computed(kind: str) -> dict[str, Any]:
-    more = {"plane_shape": [15, 10], "modes": [1, 2]} if kind == "sound" else {}
+    few = {"plane_shape": [15, 10], "modes": [1, 2], "cases": ["2a"], "half_apertures_deg": [8, 80]}
+    more = few if kind == "sound" else {}
     return dict(show.viewer(cube_of(validate_request(f"{kind}-aperture", PAIRS | more))).data)
 
 
