@@ -5,28 +5,21 @@ this one, and once by the command.
 """
 
 import csv
-import io
 import json
 import re
 import shutil
-import subprocess
-import sys
-from html.parser import HTMLParser
 from pathlib import Path
 
-import click
 import numpy as np
 import pytest
 import xarray as xr
 from command import Done, refusal, thesis
+from lxml.html import document_fromstring
 
-from conftest import until_study
-from thesis_lib.cli import COMMAND_GROUPS, RENAMED_COMMANDS, cli
+from thesis_lib.cli import RENAMED_COMMANDS
 from thesis_lib.figure_sets.registry import CHAPTER_SETS, STUDIES, validate_request
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies import effort
-from thesis_lib.studies.request import describe_parameters
-from thesis_lib.text import echo
 
 RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")
@@ -47,25 +40,8 @@ def as_json(*arguments: str) -> list:
     return json.loads(done.out, parse_constant=pytest.fail)
 
 
-class Loads(HTMLParser):
-    """What a page loads, where its links lead, its text and its styles."""
-
-    def __init__(self, page: Path) -> None:
-        super().__init__()
-        self.loaded, self.links, self.tags, self.text, self.styles = [], [], set(), "", ""
-        self.feed(page.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
-        for name, value in attrs:
-            if tag == "a" and name == "href":
-                self.links.append(value)
-            elif name in {"src", "href", "srcset", "data", "poster", "action"} and value:
-                self.loaded.append(value)
-
-    def handle_data(self, data):
-        self.text += data
-        self.styles += data if self.lasttag == "style" else ""
+def parsed(page: Path):
+    return document_fromstring(page.read_text(encoding="utf-8"))
 
 
 def files(folder: Path) -> list[str]:
@@ -73,20 +49,6 @@ def files(folder: Path) -> list[str]:
 
 
 # Help.
-
-
-def test_help_names_every_command_once():
-    listed = [name for names in COMMAND_GROUPS.values() for name in names]
-    assert sorted(listed) == sorted(cli.commands)
-
-
-@pytest.mark.parametrize("group", [(), ("print",)])
-def test_help_has_a_whole_line_for_every_command(group):
-    commands = cli.commands["print"].commands if group else cli.commands
-    lines = [line.split(maxsplit=1) for line in thesis(*group, "--help").out.splitlines() if line]
-    words = {line[0]: line[1] for line in lines if line[0] in commands}
-    assert words.keys() == set(commands)
-    assert all(text.endswith(".") and not text.endswith("...") for text in words.values())
 
 
 @pytest.mark.parametrize(("old", "new"), RENAMED_COMMANDS.items())
@@ -113,27 +75,6 @@ def test_list_names_sets_and_chapters():
     for chapter, names in CHAPTER_SETS.items():
         line = next(line for line in done.out.splitlines() if line.startswith(f"{chapter} "))
         assert all(name in line for name in names)
-
-
-def test_list_reads_nothing_that_computes_or_draws():
-    code = (
-        "import sys; from thesis_lib.cli import cli; cli.main(['list'], standalone_mode=False); "
-        "print({'scipy', 'xarray', 'pandas', 'matplotlib', 'IPython'} & sys.modules.keys())"
-    )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.splitlines()[-1] == "set()"
-
-
-@pytest.mark.parametrize("name", ["beam-arrays", "ch3"])
-def test_list_of_a_set_or_chapter_shows_every_parameter(name):
-    done = thesis("list", name)
-    assert (done.status, done.err) == (0, "")
-    for set_ in CHAPTER_SETS.get(name, [name]):
-        shown = done.out.partition(f"{set_}: {STUDIES[set_].title}\n")[2]
-        for row in describe_parameters(STUDIES[set_]):
-            first, second = (f"{row['name']} = {row['default']}", row["allowed"])
-            assert f"{first} {row['unit']}".strip() + "\n" in shown
-            assert f"    {row['meaning']}: {second}\n" in shown
 
 
 def test_json_lists_sets_and_parameters():
@@ -169,67 +110,25 @@ def test_claims_as_json_has_every_claim_once():
     assert all(entry["note"] for entry in entries if entry["verdict"] == "undefined")
 
 
-VERDICT_LINE = "3 agrees, 2 within scatter, 1 differs, 0 undefined"
-
-
-@pytest.mark.parametrize(
-    ("screen", "no_color", "verdicts", "coloured"),
-    [
-        (True, "", True, True),
-        (True, "1", True, False),
-        (False, "", True, False),
-        (True, "", False, False),
-    ],
-)
-def test_verdicts_are_coloured_on_a_screen_alone(monkeypatch, screen, no_color, verdicts, coloured):
-    stream = io.StringIO()
-    stream.isatty = lambda: screen
-    monkeypatch.setattr(sys, "stdout", stream)
-    monkeypatch.setenv("NO_COLOR", no_color)
-    echo(VERDICT_LINE, verdicts=verdicts)
-    told = stream.getvalue().rstrip("\n")
-    assert click.unstyle(told) == VERDICT_LINE
-    assert ("\x1b[31mdiffers\x1b[0m" in told) == coloured
-    assert told.count("\x1b[0m") == 3 * coloured
-
-
-def test_other_readings_are_refused_by_name(tmp_path):
-    line = refused(tmp_path, "run", "claims", "-p", 'readings=["51 mm lens"]')
-    assert "51 mm lens" in line
-    assert "rest known" in line
-
-
 # What is refused.
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["list", "beam-distnce"], ["beam-distnce", "did you mean beam-distance?"]),
         (["run", "beam-aperture2"], ["did you mean beam-aperture?", "`thesis list`"]),
-        (["run", "ch33"], ["ch33: no such figure set", "did you mean ch3?"]),
         (["run", "beam-distance", "nosuch", "-p", "layouts={}"], ["nosuch: no such figure set"]),
         (["run"], ["NAME...", "`thesis list` names"]),
-        (["run", "beam-distance", "--nosuch"], ["--nosuch"]),
-        (["nosuch"], ["nosuch"]),
         (["run", "beam-distance", "-p", "trials"], ["-p", "'trials'", "KEY=VALUE"]),
-        (["run", "beam-distance", "-p", "=3"], ["-p", "'=3'", "KEY=VALUE"]),
         (["run", "beam-distance", "-p", "trials=1", "-p", "trials=1"], ["'trials'", "twice"]),
         (["run", "beam-distance", "-p", "cube=a.nc"], ["cube", "--out"]),
-        (["run", "beam-distance", "-p", "trial=1"], ["no parameter trial", "mean trials?"]),
         (["run", "ch3", "-p", "azimut_deg=1"], ["no parameter azimut_deg", "mean azimuth_deg?"]),
-        (["run", "ch3", "-p", "layouts={}", "-p", "trials=-1"], ["trials: given -1", "allowed"]),
         (["run", "ch3", "-p", "widths_px=[1]"], ["beam-resolution: widths_px[0]: given 1", "px"]),
         (["run", "beam-distance", "-p", "azimuth_deg=NaN"], ["azimuth_deg: given NaN", "°"]),
-        (["run", "beam-distance", "-p", "trials=1e3"], ["trials: given 1000.0", "whole number"]),
         (["run", "beam-distance", "-p", f"trials={'9' * 5000}"], ["trials: given", "whole"]),
-        (["run", "beam-distance", "-p", f"modes={'[' * 9000}"], ["modes: given", "..."]),
-        (["run", "beam-distance", "-p", "distances_mm=500"], ["distances_mm: given 500", "mm"]),
         (["run", "beam-distance", "-p", "rest=known\nrebuilt"], ["rest: given", r"known\nrebuilt"]),
-        (["run", "beam-distance", "-p", "bad\nname=1"], [r"bad\nname"]),
-        (["measure", "--example", ""], ["--example"]),
+        (["run", "claims", "-p", 'readings=["51 mm lens"]'], ["51 mm lens", "rest known"]),
         (["plan", "--out", "x" * 300], ["--out", "xxx"]),
-        (["plan", "--out", "a\nb"], ["--out"]),
         (["compare", "x\ny.nc"], ["y.nc"]),
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else None,
@@ -243,26 +142,6 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
         assert word in message
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", 1),
-        ("figure_set,seconds\nbeam-distance,1\n", 1),
-        ("figure_set,seconds,peak_memory_mb,cube_mb\nbeam-distance,1,much,1\n", 2),
-        ("figure_set,seconds,peak_memory_mb,cube_mb\na,1,2,3\nb,1\n", 3),
-        ('figure_set,seconds,peak_memory_mb,cube_mb\n"a,1,2,3\n', 2),
-    ],
-)
-def test_damaged_efforts_are_named_with_their_line(tmp_path, monkeypatch, text, line):
-    path = tmp_path / "effort.csv"
-    path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(effort, "effort_path", lambda: path)
-    done = thesis("list", cwd=tmp_path)
-    assert (done.status, done.out) == (1, "")
-    assert done.err.startswith(f"thesis: {path}: damaged: line {line} ")
-    assert done.err.count("\n") == 1
-
-
 def test_the_command_refuses_in_the_same_words(checkout, tmp_path):
     wrong = ["run", "beam-distance", "-p", "rest=known\nrebuilt", "--out", "out"]
     done = checkout.thesis(*wrong, cwd=tmp_path)
@@ -270,10 +149,9 @@ def test_the_command_refuses_in_the_same_words(checkout, tmp_path):
     assert Done(done.returncode, done.stdout, done.stderr) == thesis(*wrong, cwd=tmp_path)
 
 
-@pytest.mark.parametrize("out", ["file", "file/below/it"])
-def test_out_that_is_a_file_is_refused(tmp_path, out):
+def test_out_that_is_below_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("mine")
-    message = refused(tmp_path, "run", "beam-distance", "--out", out)
+    message = refused(tmp_path, "run", "beam-distance", "--out", "file/below/it")
     assert "--out" in message
     assert "allowed: a folder" in message
     assert (tmp_path / "file").read_text() == "mine"
@@ -312,13 +190,6 @@ def test_run_tells_errors_and_those_published_where_there_are_some(ran):
     ]
 
 
-def test_tables_explain_their_short_names(ran):
-    _, done = ran
-    legend = next(line for line in done.stdout.splitlines() if line.startswith("errors in %"))
-    assert all(f"{word}:" in legend for word in ("mean", "peak"))
-    assert "XZ:" not in legend
-
-
 @pytest.mark.slow
 def test_another_run_takes_the_place_of_the_first_and_its_json_has_the_errors_of_the_cube(
     ran, checkout, tmp_path
@@ -338,24 +209,15 @@ def test_another_run_takes_the_place_of_the_first_and_its_json_has_the_errors_of
     assert [row["median_old"] is None for row in rows] == [False] * 3 + [True] * 3
 
 
-def test_cube_opens_plainly_and_says_what_it_is(ran):
-    study = validate_request("beam-distance", {"trials": 3, "distances_mm": [500, 800]})
-    with xr.open_dataset(ran[0] / "beam-distance.nc") as cube:
-        assert cube.attrs["figure_set"] == "beam-distance"
-        assert json.loads(cube.attrs["parameters"]) == study.request
-        assert cube.attrs["parameters_hash"] == study.digest
-        assert cube.sizes["setting"] == 2
-        assert cube.sizes["trial"] == 4
-        assert cube["mean_error"].notnull().all()
-
-
 def test_page_is_self_contained(ran):
-    page = Loads(ran[0] / "beam-distance.html")
-    assert page.loaded
-    assert all(address.startswith(("data:", "#")) for address in page.loaded)
-    assert not re.search(r"url\(\s*['\"]?(?!data:|#)|@import", page.styles)
-    assert "800 mm" in page.text
-    assert "Parameters of this run" in page.text
+    page = parsed(ran[0] / "beam-distance.html")
+    loaded = page.xpath("//@src | //@srcset | //@poster | //@action | //*[not(self::a)]/@href")
+    assert loaded
+    assert all(address.startswith(("data:", "#")) for address in loaded)
+    styles = "".join(page.xpath("//style/text()"))
+    assert not re.search(r"url\(\s*['\"]?(?!data:|#)|@import", styles)
+    assert "800 mm" in page.text_content()
+    assert "Parameters of this run" in page.text_content()
 
 
 def test_nothing_tells_where_it_was_made(ran, checkout):
@@ -376,17 +238,16 @@ def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
     assert files(tmp_path / "out") == sorted(
         [*(f"{name}.{kind}" for name in names for kind in KINDS), "index.html"]
     )
-    index = Loads(tmp_path / "out" / "index.html")
-    assert index.links == [f"{name}.html" for name in names]
-    assert all(STUDIES[name].title in index.text for name in names)
-    assert "it runs without" not in done.stderr
+    index = parsed(tmp_path / "out" / "index.html")
+    assert index.xpath("//a/@href") == [f"{name}.html" for name in names]
+    assert all(STUDIES[name].title in index.text_content() for name in names)
     assert done.stderr.count("done in") == 4
     for name in names:
         with xr.open_dataset(tmp_path / "out" / f"{name}.nc") as cube:
             assert json.loads(cube.attrs["parameters"])["focal_length_mm"] == 35
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_own_layout_runs_and_its_name_is_text_in_a_folder_named_by_set_and_hash(checkout, tmp_path):
     name = "tilted <b>&\"x' *y*"
     layouts = {name: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]]}
@@ -399,25 +260,12 @@ def test_own_layout_runs_and_its_name_is_text_in_a_folder_named_by_set_and_hash(
     assert list(tmp_path.iterdir()) == []
     assert re.search(r" 2 cameras +1 +mean \| +[\d.]+ \| .* \| +—\n", done.stdout)
     assert "no setting in common with published" in done.stdout
-    page = Loads(folder / "beam-arrays.html")
-    assert name in page.text
-    assert "b" not in page.tags
+    page = parsed(folder / "beam-arrays.html")
+    assert name in page.text_content()
+    assert not page.xpath("//b")
     with xr.open_dataset(folder / "beam-arrays.nc") as cube:
         assert cube["case"].values.tolist() == [name, name]
         assert cube["n_cameras"].values.tolist() == [2, 3]
-
-
-@pytest.mark.nightly
-def test_sets_run_without_what_they_do_not_have(tmp_path, own_checkout):
-    for name in ("beam-distance", "beam-resolution"):
-        own_checkout.change(name, until_study)
-    several = ["run", "beam-distance", "beam-resolution", "-p", "widths_px=[320]"]
-    done = own_checkout.thesis(*several, "-p", "trials=1", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.splitlines()[0] == "beam-distance has no widths_px: it runs without"
-    assert "beam-resolution has no" not in done.stderr
-    with xr.open_dataset(tmp_path / "out" / "beam-resolution.nc") as cube:
-        assert cube["width_px"].values.tolist() == [320]
 
 
 @pytest.mark.slow
@@ -459,24 +307,7 @@ def test_plan_as_json_has_the_cameras_of_its_table(tmp_path):
     assert made["page"] == str(tmp_path / "out" / "plan.html")
 
 
-def test_a_plan_out_of_reach_gives_every_error_its_unit(tmp_path):
-    done = thesis(*PLAN, "-p", "target_percent=0.1", "--out", "out", cwd=tmp_path)
-    assert (done.status, done.out) == (2, "")
-    line = done.err.splitlines()[-1]
-    assert re.search(r"given 0\.1 %, .* reaches [\d.]+ %; .*\(without it about [\d.]+ %\)$", line)
-
-
 # Two cubes.
-
-
-def test_cube_compared_with_itself_has_no_difference(ran):
-    cube = ran[0] / "beam-distance.nc"
-    done = thesis("compare", cube, cube)
-    assert (done.status, done.err) == (0, "")
-    assert done.out.splitlines() == [
-        "no difference from beam-distance.nc (12 errors compared)",  # 2 settings × 3 modes × 2
-        "no difference from beam-distance.nc in 28 variables and coordinates",
-    ]
 
 
 def test_cube_compared_with_the_published_run(ran):
@@ -498,9 +329,9 @@ def test_compare_shows_what_differs(ran, tmp_path):
     error[1, 2, :] += 5
     other = other.assign(mean_error=(other["mean_error"].dims, error))
     other.to_netcdf(tmp_path / "other.nc")
+    assert thesis("compare", cube, cube).out.startswith("no difference from beam-distance.nc")
     done = thesis("compare", tmp_path / "other.nc", cube)
     assert (done.status, done.err) == (0, "")
-    assert "beam-distance.nc" in done.out.splitlines()[0]
     line = next(line for line in done.out.splitlines() if "+5.0" in line)
     assert line.split()[:4] == ["1", "800", "mm", "3"]
     assert " mean | " in line
@@ -510,15 +341,12 @@ def test_compare_shows_what_differs(ran, tmp_path):
 def test_compare_refuses_what_is_not_a_cube(ran, tmp_path):
     cube = ran[0] / "beam-distance.nc"
     (tmp_path / "text.nc").write_text("not netCDF at all")
-    (tmp_path / "empty.nc").write_bytes(b"")
     (tmp_path / "cut.nc").write_bytes(cube.read_bytes()[:2000])
     foreign = xr.Dataset({"t": ("x", np.arange(3.0))})
-    foreign.to_netcdf(tmp_path / "foreign.nc")
     foreign.assign_attrs(figure_set="beam-distance", parameters="{}").to_netcdf(
         tmp_path / "posing.nc"
     )
-    (tmp_path / "folder.nc").mkdir()
-    for name in ("text", "empty", "cut", "foreign", "posing", "folder", "missing"):
+    for name in ("text", "cut", "posing", "missing"):
         bad = f"{name}.nc"
         assert f"{bad}: " in refused(tmp_path, "compare", bad)
     assert "text.nc: " in refused(tmp_path, "compare", cube, "text.nc")

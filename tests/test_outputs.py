@@ -31,24 +31,16 @@ COMMANDS = {
     "pack to a file": ("convert cam1 film.mov --rate-hz 240", ["film.mov"]),
     "pack onto a picture": ("convert cam1 cam1/0.png --rate-hz 240", ["cam1/0.png"]),
     "print board": ("print board", ["board.pdf"]),
-    "print board to a file": ("print board own.pdf", ["own.pdf"]),
     "print markers": ("print markers", ["markers.pdf"]),
     "print stand": ("print stand layout.yaml", ["stand.pdf"]),
     "sync": ("sync A.mkv B.mkv", ["sync/sync.csv", "sync/sync.png"]),
-    "sync beside": ("sync A.mkv B.mkv --out here", ["here/sync.csv", "here/sync.png"]),
-    "run": (
-        "run beam-distance -p trials=1 --out here",
-        ["here/beam-distance.nc", "here/beam-distance.html", "here/beam-distance.ipynb"],
-    ),
+    "run": ("run beam-distance -p trials=1 --out here", ["here/beam-distance.nc"]),
     "run two": ("run beam-distance beam-aperture -p trials=1 --out here", ["here/index.html"]),
-    "plan": (
-        "plan -p counts=[2] --out here",
-        ["here/plan.nc", "here/plan.csv", "here/plan.svg", "here/plan.html"],
-    ),
+    "plan": ("plan -p counts=[2] --out here", ["here/plan.nc", "here/plan.html"]),
     "measure": (
         "measure whole.yaml --out here",
-        ["here/report.html", "here/cameras.toml", "here/figures/deflection.svg", "here/tracked.mp4",
-         "here/modes.csv", "here/vtk/period.pvd", "here/.steps/tracks-00.npy"],
+        ["here/report.html", "here/cameras.toml", "here/figures/deflection.svg",
+         "here/.steps/tracks-00.npy"],
     ),
     "measure, inputs": ("measure whole.yaml --out ./cam1/..", ["cameras.toml", "report.html"]),
     "measure --check": ("measure --check layout.yaml --out here", ["here/cameras.png"]),
@@ -163,7 +155,7 @@ def test_results_of_a_command_that_was_killed_are_its_own(part, tmp_path, monkey
     assert [(out / name).read_text() for name in "ab"] == ["a", "b"]
 
 
-@pytest.mark.parametrize("mine", ["a file", "a link", "a link to nothing", "a folder", "a record"])
+@pytest.mark.parametrize("mine", ["a file", "a link", "a folder", "a record"])
 def test_what_stands_in_the_way_is_refused_and_nothing_is_moved(part, tmp_path, mine):
     out = tmp_path / "out"
     elsewhere = tmp_path / "mine"
@@ -175,8 +167,7 @@ def test_what_stands_in_the_way_is_refused_and_nothing_is_moved(part, tmp_path, 
         (out / RECORD_NAME).write_bytes(MINE)
     else:
         (out / "b").symlink_to(elsewhere)
-        if mine == "a link":
-            elsewhere.write_text("b")  # even if it holds the same
+        elsewhere.write_text("b")  # even if it holds the same
     before = sorted(out.iterdir())
     with pytest.raises(OutputError):
         put_files(part, out)

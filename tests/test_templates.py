@@ -1,7 +1,6 @@
 """Templates: values stand where the template names them, and one that is missing is an error."""
 
 import jinja2
-import numpy as np
 import pytest
 import xarray as xr
 
@@ -29,15 +28,6 @@ def test_arrays_of_one_value_are_formatted(fill):
     assert fill(text, cube=cube) == "12.3 Hz, 36"
 
 
-def test_percentages_have_the_digits_that_count(fill):
-    text = "{{ a | percent }}, {{ b | percent }}, {{ [2, 1, 3] | band }}"
-    assert fill(text, a=12.34, b=np.float64(0.05)) == "12.3, 0.050, 2.0 (1.0–3.0)"
-
-
 def test_missing_value_is_an_error(fill):
     with pytest.raises(jinja2.UndefinedError, match="power"):
         fill("The power is {{ power }}.")
-
-
-def test_a_value_may_be_called_name(fill):
-    assert fill("{{ name }}", name="beam") == "beam"

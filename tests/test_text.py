@@ -4,14 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thesis_lib import cli, text
+from thesis_lib import text
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.structure_file import MeshError, read_body
 from thesis_lib.runs.command_line import Refused, parse_assignments
 from thesis_lib.studies.request import ParameterError
 
 LAYOUT = [[[80, 10], [-80, 10]]]
-HIDDEN = ["\0", "\x1b", "\t", "\x9b", "\u202e", "\u200b", "\ufeff", "\u2028", "\ue000", "\udc80"]
+HIDDEN = ["\0", "\x1b", "\u202e", "\u200b", "\u2028", "\ue000", "\udc80"]
 
 
 @pytest.mark.parametrize("character", HIDDEN)
@@ -23,9 +23,9 @@ def test_a_name_has_no_hidden_character(character):
         assert text.has_hidden(name)
 
 
-@pytest.mark.parametrize("name", ["é ∅ ü", "梁の形", "a b", "Ω₁", "naïve", "e\u0301"])
-def test_what_everybody_sees_is_a_name(name):
-    assert name in validate_request("beam-arrays", {"layouts": {name: LAYOUT}}).layouts
+def test_what_everybody_sees_is_a_name():
+    layouts = dict.fromkeys(["é ∅ ü", "梁の形", "Ω₁", "e\u0301"], LAYOUT)
+    assert {*validate_request("beam-arrays", {"layouts": layouts}).layouts} == {*layouts}
 
 
 def test_a_structure_file_whose_name_hides_something_is_refused(tmp_path):
@@ -49,9 +49,3 @@ def test_a_message_is_one_short_line_that_acts_on_nothing(said):
     assert shown.isprintable()
     assert len(shown) <= text.MAX_MESSAGE_LENGTH
     assert len(text.one_line(said)) <= 60
-
-
-def test_a_package_that_is_missing_is_told_with_what_installs_it():
-    said = cli._describe_error(ModuleNotFoundError("No module named 'lxml'", name="lxml.html"))
-    assert said == "needs the package lxml: pip install 'thesis-lib[book]'"
-    assert cli._describe_error(KeyError("case")) == "KeyError: 'case'"

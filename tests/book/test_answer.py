@@ -15,7 +15,6 @@ from thesis_lib.measure.feasibility.assess import (
     format_error_share,
 )
 from thesis_lib.measure.feasibility.prediction import draft_manifest
-from thesis_lib.measure.messages import CHECK_LIMITS
 
 
 def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
@@ -28,15 +27,6 @@ def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
     assert check.out.strip() == shown.strip()
     assert check.out.strip().endswith(verdict.strip())
     assert "wrong by up to 22 %" in verdict
-
-
-def test_the_rule_is_the_limit_that_the_check_warns_of():
-    assert CHECK_LIMITS["small-motion"] == 0.5
-    text = filming.state_rule()
-    assert "half a pixel is the least" in text
-    row = next(line for line in text.splitlines() if line.startswith("| as a phone"))
-    assert f"{100 * COMPRESSED_ERROR_PX:.1f} %" in row
-    assert f"{100 * COMPRESSED_ERROR_PX / 0.5:.0f} %" in row
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,6 @@
 """Benchmarks beside the peers: they run, count rightly, and the page says what was measured."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,62 +8,6 @@ import pytest
 from benchmarks import compression, limits, peers, publish, rayleigh, tracking
 from thesis_lib.book.pieces import benchmarks as benchmark_tables
 from thesis_lib.measure.messages import CHECK_LIMITS
-
-OPERATIONS = """
-import numpy as np
-from thesis_lib.vision import compiled
-
-class Counted:
-    count = 0
-    def __init__(self, value):
-        self.value = value
-    def _do(self, other, work):
-        Counted.count += 1
-        return Counted(work(self.value, getattr(other, "value", other)))
-    __add__ = lambda self, other: self._do(other, lambda a, b: a + b)
-    __sub__ = lambda self, other: self._do(other, lambda a, b: a - b)
-    __mul__ = lambda self, other: self._do(other, lambda a, b: a * b)
-    __truediv__ = lambda self, other: self._do(other, lambda a, b: a / b)
-    __rtruediv__ = lambda self, other: self._do(other, lambda a, b: b / a)
-
-def counted(shape):
-    values = np.random.default_rng(0).uniform(1, 2, shape)
-    return np.vectorize(Counted, otypes=[object])(values)
-
-n, B = 3, compiled.BLOCK_POINTS
-P, images, block = counted((n, 3, 4)), counted(2 * n * B), counted(13 * B)
-for work in (
-    lambda: compiled._add_linear(P, counted((2, n, 1)), counted((n, 2, B)), images, block),
-    lambda: compiled._add_reprojection(P, images, block),
-    lambda: compiled._add_solution(block),
-):
-    Counted.count = 0
-    work()
-    print(Counted.count / B)
-"""
-
-
-@pytest.mark.slow
-def test_flops_are_those_of_the_compiled_way():
-    pytest.importorskip("numba", reason="numba is not installed")
-    run = subprocess.run(
-        [sys.executable, "-c", OPERATIONS], capture_output=True, text=True, check=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-    )  # fmt: skip
-    linear, reprojection, solution = map(float, run.stdout.split())
-    assert limits.flops(3, 0) == linear + solution
-    # The first step adds the solution to zero, as every other one does to the point.
-    assert limits.flops(3, 3) == linear + solution + 3 * (reprojection + solution)
-
-
-@pytest.mark.slow
-def test_limits_are_those_of_a_machine():
-    found = limits.measure(repetitions=2, matrix=64, stream=2**16, passes=10_000)
-    assert found.peak > 0.1
-    assert found.bandwidth > 0.1
-    by_memory = 1e3 * found.bandwidth / limits.traffic(12)
-    by_arithmetic = 1e3 * found.peak / limits.flops(12, 3)
-    assert found.rate(12, 3) == pytest.approx(min(by_memory, by_arithmetic))
 
 
 @pytest.fixture(scope="module")
@@ -127,11 +68,6 @@ def test_a_run_is_written_and_told(timed, tmp_path):
     assert float(row[4]) == pytest.approx(own.rate, rel=1e-2)
 
 
-def test_ratios_are_taken_within_a_round():
-    one, other = {"rates": [4.0, 1.0, 9.0]}, {"rates": [2.0, 1.0, 3.0]}
-    assert benchmark_tables.median_ratio(one, other) == 2
-
-
 def test_plan_is_computed_from_the_rates():
     data = {
         "limits": {"bandwidth": 2.16},
@@ -174,12 +110,6 @@ def test_compression_takes_more_of_a_smaller_motion(monkeypatch):
     assert all(found["H.264, crf 23", px].error > found["lossless", px].error for px in (0.2, 1.0))
     assert found["H.264, crf 23", 0.1].error > 0.3 > 0.1 > found["H.264, crf 23", 1.0].error
     assert found["lossless", 0.5].error < 0.03
-
-
-def test_without_a_published_run_the_page_says_so(monkeypatch, tmp_path):
-    monkeypatch.setattr(benchmark_tables, "locate_benchmarks", lambda: tmp_path / "none.json")
-    said = {name: piece() for name, piece in benchmark_tables.PIECES.items()}
-    assert set(said.values()) == {benchmark_tables.NOT_YET}
 
 
 @pytest.mark.nightly

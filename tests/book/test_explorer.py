@@ -1,10 +1,7 @@
-"""The explorer: its model in the page is the library's, and it can be used in a real browser."""
+"""The explorer: its draws are measurements, and it can be used in a real browser."""
 
 from __future__ import annotations
 
-import json
-import math
-import os
 import re
 import shlex
 from pathlib import Path
@@ -12,55 +9,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import CONTRAST, Opened, focused, open_offline, tab_through, write_page
-from numpy.typing import NDArray
+from browser import Opened, focused, open_offline, tab_through, write_page
 
 from thesis_lib.book.explorer import Explorer, explorer_data, explorer_html
-from thesis_lib.facts import claims
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.studies import cubes
-from thesis_lib.vibration.structure import deflection_shape, world_points
-from thesis_lib.vision import rounding
-from thesis_lib.vision.pinhole import (
-    ground_sample_distance,
-    hemisphere_cameras,
-    hemisphere_directions,
-    on_sensor,
-    pixelate,
-    project,
-)
-from thesis_lib.vision.simulation import measure_deflections, percent_errors
+from thesis_lib.vision.pinhole import pixelate
 from thesis_lib.web.html import read_asset
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
 DATA = explorer_data()
 SUBJECTS = ("beam", "plate")
 STUDIES_OF = {s: [one() for one in CAMERA_STUDIES.values() if one.subject == s] for s in SUBJECTS}
-STRUCTURES = {s: STUDIES_OF[s][0].structure for s in SUBJECTS}
 TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
 
 
 # --- the data
 
 
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_setups_are_those_of_the_thesis(subject: str) -> None:
-    given = DATA["structures"][subject]["setups"]
-    settings = [setting for study in STUDIES_OF[subject] for setting in study.settings()]
-    assert [(one["case"], one["label"]) for one in given] == [(s.case, s.label) for s in settings]
-    assert len({one["id"] for one in given}) == len(given) == 56
-    for one, setting in zip(given, settings, strict=True):
-        assert one["d"] == setting.distance_mm
-        assert tuple(one["w"]) == setting.resolution_px
-        assert [tuple(pair) for pair in one["c"]] == list(setting.directions_deg)
-
-
-def test_errors_are_the_published_ones() -> None:
+def test_setups_are_those_of_the_thesis_and_errors_the_published_ones() -> None:
     for subject in SUBJECTS:
         number = 0
         for study in STUDIES_OF[subject]:
@@ -69,6 +40,9 @@ def test_errors_are_the_published_ones() -> None:
             for setting in study.settings():
                 one = DATA["structures"][subject]["setups"][number]
                 number += 1
+                assert (one["case"], one["label"]) == (setting.case, setting.label)
+                assert (one["d"], tuple(one["w"])) == (setting.distance_mm, setting.resolution_px)
+                assert [tuple(pair) for pair in one["c"]] == list(setting.directions_deg)
                 for error in ("mean_error", "max_point_error"):
                     for mode in (1, 2, 3):
                         row = table[
@@ -79,40 +53,7 @@ def test_errors_are_the_published_ones() -> None:
                         ]
                         found = row[["trial_0", "median", "low", "high"]].values.tolist()
                         assert [one["errors"][error][mode - 1]] == found
-
-
-def test_every_claim_about_an_error_is_told() -> None:
-    """At its own setup, or at each of the case if it speaks of all."""
-    told = 0
-    for subject in SUBJECTS:
-        setups = iter(DATA["structures"][subject]["setups"])
-        for study in STUDIES_OF[subject]:
-            mine = [c for c in claims.claims_of(study.name) if c.pair_order != "printed"]
-            for setting in study.settings():
-                stated = next(setups)["stated"]
-                for claim in mine:
-                    here = claim.case == setting.case and (
-                        not claim.values or setting.value in claim.values
-                    )
-                    words = stated[claim.quantity][claim.mode - 1]
-                    text = f"(figure {claim.figure} {claim.panel})"
-                    found = [w for w in words.split("; ") if w.startswith(claim.stated)]
-                    if here:
-                        assert any(text in word for word in found), (claim.id, words)
-                        told += 1
-                    elif claim.case == setting.case and len(words) < 3:
-                        assert not words
-    assert told > 200
-
-
-def test_bundle_has_view_page_and_line() -> None:
-    explorer = Explorer("s=plate&m=2&t=4b-8")
-    data, _ = explorer._repr_mimebundle_()
-    assert set(data) == {"application/vnd.jupyter.widget-view+json", "text/html", "text/plain"}
-    assert data["text/plain"] == "Explorer('s=plate&m=2&t=4b-8')"
-    assert data["text/html"] == explorer_html("s=plate&m=2&t=4b-8")
-    assert data["text/html"].count("<script") == 1
-    assert not re.findall(r"^(?:import|export )(?!default)", Explorer._esm, re.MULTILINE)
+        assert number == len(DATA["structures"][subject]["setups"]) == 56
 
 
 # --- in a browser
@@ -152,36 +93,6 @@ def camera(opened: Opened, number: int) -> Locator:
 # --- the model
 
 
-def random_setups(count: int) -> list[dict[str, Any]]:
-    """Random layouts from which the markers can be rebuilt."""
-    rng = np.random.default_rng(20240229)
-    found: list[dict[str, Any]] = []
-    while len(found) < count:
-        subject = SUBJECTS[len(found) % 2]
-        n = int(rng.integers(2, 13))
-        directions = np.stack([rng.uniform(-180, 180, n), rng.uniform(4, 88, n)], axis=1)
-        away = hemisphere_directions(*np.radians(directions).T)
-        cosines = (away @ away.T)[np.triu_indices(n, 1)]
-        if np.max(np.abs(cosines)) > math.cos(math.radians(3)):
-            continue
-        width = int(rng.choice([320, 640, 1280, 1920, 333]))
-        shifted = len(found) % 3 != 0  # every third is a nominal run
-        found.append(
-            {
-                "subject": subject,
-                "mode": int(rng.integers(1, 4)),
-                "directions": directions.tolist(),
-                "size": [width, round(width * 9 / 16)],
-                "focal_mm": float(rng.uniform(15, 50)),
-                "distance": float(rng.uniform(0.45, 1.6)),
-                "peak": float(rng.uniform(1e-3, 12e-3)),
-                "known": bool(rng.integers(2)),
-                "shifts": rng.uniform(-0.5, 0.5, (n, 2)).tolist() if shifted else None,
-            }
-        )
-    return found
-
-
 def with_physics(opened: Opened, script: str, given: Any = None) -> Any:
     """What a script makes of `given`, with the physics of the pages as `model`."""
     source = re.sub(r"^import [^;]*;\n", "", read_asset("pinhole.js") + read_asset("physics.js"),
@@ -190,123 +101,29 @@ def with_physics(opened: Opened, script: str, given: Any = None) -> Any:
         f"""async ([source, given]) => {{
         const file = new Blob([source], {{ type: 'text/javascript' }});
         const model = await import(URL.createObjectURL(file));
-        const {{ explorer }} = document.querySelector('.tl-explorer'), {{ structures }} = explorer;
+        const {{ explorer }} = document.querySelector('.tl-explorer');
         {script} }}""",
         [source, given],
     )
 
 
-IN_PAGE = """
-  return given.map(one => {
-    const structure = structures[one.subject], focal = one.focal_mm * one.size[0] / 36;
-    const directions = one.directions.map(pair => pair.map(angle => angle * Math.PI / 180));
-    const P = model.hemisphereCameras(one.distance, directions, focal, one.size);
-    const reference = model.deflectionShape(structure, one.mode, one.peak);
-    const rest = model.worldPoints(structure, reference.map(() => 0));
-    const deflected = model.worldPoints(structure, reference);
-    const shifts = one.shifts && Float64Array.from(one.shifts.flat());
-    const measured = model.measureDeflections(P, rest, deflected, shifts, one.known);
-    const plain = array => Array.from(array);
-    return { markers: model.markers(structure), reference, P: plain(P),
-      images: plain(model.project(P, deflected)),
-      pixels: plain(model.pixelate(model.project(P, deflected, shifts))), measured: plain(measured),
-      gain: plain(model.gainZ(P, deflected)),
-      errors: model.percentErrors(measured, reference),
-      variance: plain(model.deflectionVariance(P, rest, deflected, one.known)),
-      inView: model.inView(model.project(P, deflected), one.size, directions.length) };
-  });"""
-
-
-def in_library(one: dict[str, Any]) -> dict[str, Any]:
-    """The same by the library."""
-    structure, angles = STRUCTURES[one["subject"]], np.radians(one["directions"])
-    focal = one["focal_mm"] * one["size"][0] / 36
-    cameras = hemisphere_cameras(
-        one["distance"], angles[:, 0], angles[:, 1], focal, tuple(one["size"])
-    )
-    reference = deflection_shape(structure, one["mode"], structure.markers, one["peak"])
-    points = world_points(structure, np.stack([np.zeros_like(reference), reference]))
-    shifts = np.array(one["shifts"] or np.zeros((len(cameras), 2)))
-    measured = measure_deflections(cameras, points, shifts[None], one["known"])
-    point, mean, largest = percent_errors(measured, reference[None])
-    images = project(cameras.P, points[:, 1])
-    return {
-        "markers": structure.markers,
-        "reference": reference,
-        "P": cameras.P,
-        "images": images,
-        "pixels": pixelate(images + shifts[:, :, None]),
-        "measured": measured[0, 0],
-        "point": point[0, 0],
-        "mean": mean[0, 0],
-        "largest": largest[0, 0],
-        "variance": rounding.deflection_variance(
-            cameras.P, points[:, 0], points[:, 1], one["known"]
-        ),
-        "inView": np.mean(on_sensor(images, cameras.size)),
-        "pixel": ground_sample_distance(cameras),
-    }
-
-
-@pytest.mark.slow
-def test_the_model_is_the_librarys(conforms, chromium: Browser, path: Path) -> None:
-    setups = random_setups(100)
-    with open_offline(chromium, path) as opened:
-        pages = with_physics(opened, IN_PAGE, setups)
-        assert opened.trouble == []
-    worst = {"deflection": 0.0, "error": 0.0, "predicted": 0.0, "image": 0.0}
-    for one, there in zip(setups, pages, strict=True):
-        here = in_library(one)
-
-        def apart(name: str, there: Any = there, here: Any = here) -> float:
-            found: NDArray[np.float64] = np.asarray(there[name], float)
-            return float(np.max(np.abs(found - here[name].reshape(found.shape))))
-
-        conforms.independent(apart("markers"), below=1e-15)
-        conforms.independent(apart("reference"), below=1e-14 * one["peak"])
-        conforms.independent(apart("P"), below=1e-9 * np.max(np.abs(here["P"])))
-        assert apart("pixels") == 0  # to the pixel, ties by the same rule
-        assert there["inView"] == here["inView"]
-        worst["image"] = max(worst["image"], apart("images"))
-        worst["deflection"] = max(worst["deflection"], apart("measured") / one["peak"])
-        errors = there["errors"]
-        for name in ("mean", "largest", "point"):
-            gap = float(np.max(np.abs(np.asarray(errors[name]) - here[name])))
-            worst["error"] = max(worst["error"], gap)
-        scale = 100 / np.max(np.abs(here["reference"]))
-        predicted = [scale * math.sqrt(np.mean(v)) for v in (there["variance"], here["variance"])]
-        worst["predicted"] = max(worst["predicted"], abs(predicted[0] - predicted[1]))
-    print(worst)
-    conforms.independent(worst["image"], below=1e-10)
-    conforms.independent(worst["deflection"], below=1e-9)
-    conforms.independent(worst["predicted"], below=1e-9)
-    conforms.independent(worst["error"], below=1e-7)  # in %: 1e-9 of the reference
-
-
-@pytest.mark.parametrize("query", ["s=beam&m=2&t=4b-8", "s=plate&m=3&t=2a-16&r=known"])
-def test_draws_are_measurements(chromium: Browser, path: Path, query: str) -> None:
-    """A draw begins where the markers are: the same as from a linear start."""
+def test_draws_are_measurements(chromium: Browser, path: Path) -> None:
+    """A draw begins where the markers are: the same as from a linear start; ties are Python's."""
+    noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])
+    ties = (np.arange(-8, 9)[:, None] / 2 + noise).ravel()
+    rounding = "return Array.from(model.pixelate(Float64Array.from(given)));"
     script = """const { result, state } = explorer.app, known = state.r === 'known';
       return result.means.slice(0, 20).map((mean, k) => [mean, model.percentErrors(
         model.measureDeflections(result.P, result.rest, result.deflected,
           model.shiftsOf(k, state.c.length, 0), known), result.reference).mean]);"""
-    with open_offline(chromium, path, query=query) as opened:
+    with open_offline(chromium, path, query="s=plate&m=3&t=2a-16&r=known") as opened:
         state(opened)
         drawn, measured = np.array(with_physics(opened, script)).T
+        rounded = with_physics(opened, rounding, ties.tolist())
         assert opened.trouble == []
     np.testing.assert_allclose(drawn, measured, rtol=1e-5)
     assert np.ptp(drawn) > 0.1
-
-
-def test_ties_are_rounded_as_in_the_library(chromium: Browser, path: Path) -> None:
-    halves = np.arange(-8, 9) / 2
-    noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])
-    values = (halves[:, None] + noise).ravel()
-    script = "return Array.from(model.pixelate(Float64Array.from(given)));"
-    with open_offline(chromium, path) as opened:
-        found = with_physics(opened, script, values.tolist())
-    np.testing.assert_array_equal(np.abs(found), np.abs(pixelate(values)))
-    np.testing.assert_array_equal(np.asarray(found) + 0.0, pixelate(values) + 0.0)
+    np.testing.assert_array_equal(np.asarray(rounded) + 0.0, pixelate(ties) + 0.0)
 
 
 @pytest.mark.slow
@@ -331,53 +148,24 @@ def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path
 # --- using it
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize("query", ["s=beam&m=1&t=4a-12", "s=plate&m=2&t=4a-12"])
-def test_dragging_stays_fluid(chromium: Browser, path: Path, query: str) -> None:
-    """Sixty moves of one of twelve cameras, each drawn in its own frame, with trials between."""
-    script = """async () => { const { explorer } = document.querySelector('.tl-explorer');
-      const start = performance.now();
-      for (let n = 1; n <= 60; n += 1) {
-        const c = explorer.app.state.c.map((one, i) => (i ? one : [n / 2, 20 + n / 2]));
-        explorer.app.update({ c });
-        await new Promise(done => requestAnimationFrame(done));
-        if (document.querySelector('[data-camera="0"]').ariaValueNow != n / 2) throw Error('late');
-      }
-      return 60e3 / (performance.now() - start); }"""
-    with open_offline(chromium, path, query=query, height=800) as opened:
-        state(opened)
-        wanted = 30 if "beam" in query else 15
-        wanted /= max(1, os.getloadavg()[0] / (os.cpu_count() or 1))
-        rates = (opened.page.evaluate(script) for _ in range(3))  # at most
-        assert any(rate >= wanted for rate in rates)
-        assert opened.trouble == []
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
-def test_the_nearest_camera_follows_the_pointer_and_the_curve_is_in_sight(
-    chromium: Browser, path: Path, width: int, height: int
+def test_the_nearest_camera_follows_the_finger_and_the_curve_is_in_sight(
+    chromium: Browser, path: Path
 ) -> None:
     def place(i: int) -> tuple[float, float]:
         box = camera(opened, i + 1).locator("circle").bounding_box()
         assert box is not None
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
-    with open_offline(chromium, path, width, height, query="s=beam&m=3&t=4a-4") as opened:
+    with open_offline(chromium, path, 390, 844, query="s=beam&m=3&t=4a-4") as opened:
         for i in range(4):  # their circles lie on each other
             before = state(opened)["c"]
             opened.page.locator(".tl-ex-view").scroll_into_view_if_needed()
             curve = opened.page.get_by_role("img", name="Deflection of the beam").bounding_box()
             assert curve is not None
-            assert 0 <= curve["y"] <= height - curve["height"]
+            assert 0 <= curve["y"] <= 844 - curve["height"]
             x, y = place(i)
-            if width == 390:
-                touch(opened, [(x + k, y - 2 * k) for k in range(11)])
-            else:
-                opened.page.mouse.move(x, y)
-                opened.page.mouse.down()
-                opened.page.mouse.move(x + 10, y - 20, steps=5)
-                opened.page.mouse.up()
+            touch(opened, [(x + k, y - 2 * k) for k in range(11)])
             after = state(opened)["c"]
             assert [n for n in range(4) if after[n] != before[n]] == [i]
             assert np.subtract(place(i), (x, y)) == pytest.approx((10, -20), abs=4)
@@ -398,57 +186,12 @@ def touch(opened: Opened, places: list[tuple[float, float]]) -> None:
     session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 
-def test_the_view_turns_and_the_wheel_changes_the_distance(chromium: Browser, path: Path) -> None:
-    def place() -> Any:
-        return camera(opened, 1).locator("circle").bounding_box()
-
-    with open_offline(chromium, path, query=TWO) as opened:
-        start, first = state(opened), place()
-        box = opened.page.locator(".tl-ex-view").bounding_box()
-        assert box is not None
-        opened.page.mouse.move(box["x"] + 12, box["y"] + 12)
-        opened.page.mouse.wheel(0, 100)
-        assert state(opened)["d"] == 500  # the page scrolls until the view is clicked
-        opened.page.mouse.down()
-        opened.page.mouse.move(box["x"] + 80, box["y"] + 12, steps=4)
-        opened.page.mouse.up()
-        opened.page.wait_for_timeout(100)
-        assert abs(place()["x"] - first["x"]) > 5
-        assert state(opened) == start  # only the view has turned
-        opened.page.mouse.wheel(0, 100)
-        opened.page.wait_for_timeout(100)
-        assert state(opened)["d"] == 520
-        opened.page.get_by_label("Distance (mm)").fill("5")
-        assert state(opened)["d"] == 520  # not yet a distance: the beam would reach the cameras
-        opened.page.keyboard.press("Enter")
-        opened.page.wait_for_timeout(100)
-        assert state(opened)["d"] == 520  # refused, and told
-        assert refusal(opened) == "Distance: 5 is out of range, 318 to 10000 mm; it stays 520 mm."
-        assert opened.page.get_by_label("Distance (mm)").input_value() == "520"
-        opened.page.get_by_label("Distance (mm)").fill("530")
-        assert state(opened)["d"] == 530
-        assert refusal(opened) == ""
-        assert opened.trouble == []
-
-
 def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path, query=TWO) as opened:
         state(opened)
-        seen = tab_through(opened, 25)
-        each = [
-            words
-            for i in (1, 2)
-            for words in (
-                f"Azimuth of camera {i} in degrees", f"Elevation of camera {i} in degrees",
-            )
-        ]  # fmt: skip
-        assert seen == [
-            "Structure", "Mode", "Setup of the thesis", "Pixels", "Focal length (mm)",
-            "Distance (mm)", "Amplitude (mm)", "Rest position",
-            "The cameras around the structure; arrow keys turn the view", "Camera 1", "Camera 2",
-            "Play", "phase ωt", "speed", "Image of camera", *each, "Add a camera", "Copy command",
-            "Copy link", *seen[22:],
-        ]  # fmt: skip
+        seen = tab_through(opened, 22)
+        assert {"Structure", "Distance (mm)", "Camera 2", "Play", "Copy command"} < {*seen}
+        assert "no outline" not in seen
         camera(opened, 1).focus()
         for key in ("ArrowRight", "ArrowUp", "ArrowUp", "Shift+ArrowLeft"):
             opened.page.keyboard.press(key)
@@ -468,14 +211,8 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert state(opened)["c"] == [[11, 32], [-60, 52.5]]
         words = "Elevation of camera 2: 95 is out of range, 0.5 to 90°; it stays 52.5°."
         assert refusal(opened) == words
-        focal = opened.page.get_by_label("Focal length (mm)")
-        focal.fill("35")
+        opened.page.get_by_label("Focal length (mm)").fill("35")
         assert refusal(opened) == ""
-        focal.fill("0")  # at once, for no further digit makes it right
-        assert refusal(opened) == "Focal length: 0 is out of range, 1 to 1000 mm; it stays 35 mm."
-        opened.page.set_viewport_size({"width": 700, "height": 900})  # drawn anew, it stays
-        opened.page.wait_for_timeout(100)
-        assert refusal(opened).startswith("Focal length: 0")
         assert opened.trouble == []
 
 
@@ -486,8 +223,6 @@ LINKS = [
     "s=beam&m=3&w=320&f=24&d=500&c=7.5,15;-7,15",
     "s=plate&m=2&w=400x300&f=35.5&d=900&a=2.5&r=known&c=0,90;90,5;-90,45",
     "s=beam&m=2&t=4a%27-6",
-    "s=plate&m=1&t=2c-60",
-    "s=beam&m=1&t=3-320",  # the same cameras as in 1-500
 ]
 DEFAULT = {
     "s": "beam", "m": 1, "d": 500, "w": [320, 180], "f": 24, "a": 5.5, "r": "rebuilt",
@@ -497,14 +232,10 @@ SILLY: dict[str, dict[str, Any]] = {
     "": {},
     "s=cube&m=4&w=1e9&f=-3&d=12&a=x&r=maybe&t=9z-1&c=1,2": {},
     "c=7,15;7,15": {},  # one place
-    "c=0,0;10,20": {},  # in the plane
     "c=NaN,15;Infinity,15": {},
-    "c=1,2,3;4,5,6": {},
     "c=" + ";".join(f"{i},20" for i in range(40)): {},  # too many
     "d=320&a=50&c=%3Cb%3E": {"a": 50},  # it bends farther than that distance
     "w=640&m=2&%FF=%FF": {"w": [640, 360], "m": 2},
-    "w=8x8": {},
-    "w=333": {"w": [333, 187]},
 }
 
 
@@ -524,20 +255,6 @@ def test_a_link_shows_what_it_says_and_a_silly_one_is_ignored(
         for query, expected in SILLY.items():
             opened.page.goto(f"{path.as_uri()}?{query}")
             assert state(opened) == {**DEFAULT, **expected}, query
-        assert opened.trouble == []
-
-
-def test_a_page_that_begins_elsewhere_does_so_for_silly_addresses(
-    chromium: Browser, tmp_path: Path
-) -> None:
-    """As the first page does, whose default is not the explorer's own."""
-    home = explorer_html("s=beam&m=3&t=4a-6", compact=True)
-    file = write_page(tmp_path / "home.html", home)
-    with open_offline(chromium, file) as opened:
-        default = state(opened)
-        for query in ("s=cube&m=4&t=9z-1", "m=&r=maybe", "t=constructor&c=1"):
-            opened.page.goto(f"{file.as_uri()}?{query}")
-            assert state(opened) == default
         assert opened.trouble == []
 
 
@@ -574,26 +291,7 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, pat
         state(opened)
         assert opened.page.get_by_label("Setup of the thesis").input_value() == ""
         assert texts("published") == texts("spread") == texts("stated") == ["–", "–"]
-        opened.page.get_by_label("Distance (mm)").fill("750")
-        state(opened)
-        assert opened.page.get_by_label("Setup of the thesis").input_value() == "2b-60"
-        opened.page.get_by_role("radio", name="Beam").check()
-        assert state(opened)["d"] == 500  # the beam's setup of that name
-        assert opened.page.get_by_label("Setup of the thesis").input_value() == "2b-60"
         assert opened.trouble == []
-
-
-def test_words_say_what_is_wrong(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path, query="s=beam&m=1&f=100&d=500&c=20,30;-60,40") as opened:
-        state(opened)
-        assert re.match(r"Only [\d.]+ % of marker images are in view: move back", status(opened))
-        weights = """() => [...document.querySelectorAll('.tl-ex-status span, tbody td')]
-          .filter(e => e.textContent.includes('%')).map(e => getComputedStyle(e).fontWeight)"""
-        assert set(opened.page.evaluate(weights)) == {"400"}  # no error in bold
-        opened.page.get_by_label("Focal length (mm)").fill("15")
-        state(opened)
-        assert status(opened).endswith("; all markers in view.")
-        assert re.match(r"Mean error [\d.]+.% \([\d.]+–[\d.]+ % over random", status(opened))
 
 
 # --- the command
@@ -602,7 +300,7 @@ def test_words_say_what_is_wrong(chromium: Browser, path: Path) -> None:
 def test_the_command_runs_the_layout(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         opened.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        for query in (*LINKS[:3], "s=beam&m=1&t=4a-12", "s=beam&m=1&a=40&d=300&c=10,0.5;-10,0.5"):
+        for query in (*LINKS[:2], "s=beam&m=1&t=4a-12"):
             opened.page.goto(f"{path.as_uri()}?{query}")
             shown = state(opened)
             opened.page.get_by_role("button", name="Copy command").click()
@@ -621,9 +319,6 @@ def test_the_command_runs_the_layout(chromium: Browser, path: Path) -> None:
             assert study.focal_length_mm == shown["f"]
             assert study.rest == shown["r"]
             assert study.peaks_m == [shown["a"] / 1000] * 3
-        opened.page.get_by_role("button", name="Copy link").click()
-        opened.page.get_by_role("button", name="Copied").nth(1).wait_for()
-        assert opened.page.evaluate("() => navigator.clipboard.readText()") == opened.page.url
 
 
 def values(assignments: list[str]) -> dict[str, Any]:
@@ -632,82 +327,7 @@ def values(assignments: list[str]) -> dict[str, Any]:
     return parse_assignments(assignments)
 
 
-def test_a_nearest_camera_still_runs(chromium: Browser, path: Path) -> None:
-    """What the page allows at least, the command allows too."""
-    for subject in SUBJECTS:
-        with open_offline(chromium, path, query=f"s={subject}&m=1&a=100&c=1,1;2,2") as opened:
-            state(opened)
-            box = opened.page.get_by_label("Distance (mm)")
-            box.fill("1")
-            opened.page.keyboard.press("Enter")
-            [least] = re.findall(r"range, (\d+) to", refusal(opened))
-            box.fill(least)
-            assert state(opened)["d"] == int(least)
-            validate_request(f"{subject}-arrays", values(command(opened)[4::2]))
-
-
 # --- the page
-
-
-@pytest.mark.parametrize("widths", [(320, 390), (816, 1280)], ids=["phone", "screen"])
-def test_nothing_is_wider_than_the_page(
-    chromium: Browser, path: Path, widths: tuple[int, int]
-) -> None:
-    drawn = """() => [...document.querySelectorAll('.tl-ex-view, [data-kind=beam] > svg')].every(
-      one => Math.abs(one.viewBox.baseVal.width - one.clientWidth) <= 1)"""
-    right = """() => Math.max(...[...document.querySelectorAll('.tl-explorer *')]
-      .filter(one => !one.closest('.tl-ex-view')).map(one => one.getBoundingClientRect().right))"""
-    cameras = ";".join(f"{15 * i - 177.5},{20 + i}" for i in range(24))
-    with open_offline(chromium, path, width=widths[0], height=800) as opened:
-        for subject in SUBJECTS:
-            opened.page.goto(f"{path.as_uri()}?s={subject}&m=2&w=400x300&c={cameras}")
-            assert len(state(opened)["c"]) == 24
-            for width in widths:
-                opened.page.set_viewport_size({"width": width, "height": 800})
-                opened.page.wait_for_function(drawn)
-                assert opened.sideways_px() <= 0
-                assert opened.page.evaluate(right) <= width
-        assert opened.trouble == []
-
-
-def test_text_has_contrast_in_every_theme(chromium: Browser, path: Path) -> None:
-    words = (
-        "p, td, th, caption, small, button:enabled, input, select, code, figcaption, "
-        "span, legend, b, i"
-    )
-    script = f"""{CONTRAST}
-      return [ground(e), ratios(':is({words})', 'color'), ratios('svg text', 'fill')]; }}"""
-    put = "theme => { document.documentElement.dataset.theme = theme; }"
-    with open_offline(chromium, path) as opened:
-        for subject in SUBJECTS:
-            opened.page.goto(f"{path.as_uri()}?s={subject}&m=2&t=4a-6")
-            state(opened)
-            for system, attribute in (("light", ""), ("dark", ""), ("light", "dark"),
-                                      ("dark", "light")):  # fmt: skip
-                opened.page.emulate_media(color_scheme=system)
-                opened.page.evaluate(put, attribute)
-                ground, told, drawn = opened.page.locator(".tl-explorer").evaluate(script)
-                assert (ground < 0.1) is ((attribute or system) == "dark")
-                assert len(told) > 60
-                assert len(drawn) > 5
-                assert min(*told, *drawn) >= 4.5
-
-
-def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
-    data = json.loads(json.dumps(DATA))
-    for setup in data["structures"]["beam"]["setups"]:
-        setup |= {"title": EVIL, "label": EVIL, "case": EVIL}
-        setup["stated"] = {error: [EVIL] * 3 for error in setup["stated"]}
-    bundle, _ = Explorer(EVIL, data=data)._repr_mimebundle_()
-    file = write_page(tmp_path / "evil.html", str(bundle["text/html"]))
-    query = "s=%3Cimg%20src=x%20onerror=alert(3)%3E&t=4a-4&c=%3Cb%3E"
-    for asked in ("", query):
-        with open_offline(chromium, file, query=asked) as opened:
-            opened.page.on("dialog", lambda dialog: opened.console.append(dialog.message))
-            state(opened)
-            assert opened.page.locator("td.tl-ex-stated").first.inner_text() == EVIL
-            assert opened.page.locator(".tl-explorer img, .tl-explorer script").count() == 0
-            assert opened.trouble == []
 
 
 def test_a_notebook_keeps_its_address_in_the_widget(chromium: Browser, path: Path) -> None:

@@ -28,21 +28,6 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
     assert set(shown) - {*SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)
 
 
-@pytest.mark.parametrize("name", [*illustrations.FACT_FIGURES])
-def test_figures_of_facts_are_the_same_each_time(tmp_path, name) -> None:
-    made = []
-    for folder in (tmp_path / "a", tmp_path / "b"):
-        folder.mkdir()
-        illustrations.write_illustrations([], folder, [name])
-        made.append((folder / name).read_bytes())
-    assert made[0] == made[1]
-
-
-def test_a_figure_without_its_cube_says_so(tmp_path) -> None:
-    illustrations.write_illustrations([], tmp_path, ["beam-distance.svg"])
-    assert "missing" in (tmp_path / "beam-distance.svg").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize("of", ["distance", "aperture", "resolution", "arrays"])
 def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
     cases = {"cases": ["4a"]} if of == "arrays" else {"cases": ["2b"]} if of == "aperture" else {}

@@ -14,7 +14,6 @@ from thesis_lib.book import rendering as printing
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.web import html as widgets
-from thesis_lib.web.page import BookError
 
 ROOT = Path(__file__).parents[2]
 WITHOUT_VIEWER = ("cameras", "planner", "claims", "lab-radiation")
@@ -42,18 +41,6 @@ def test_widgets_give_way_to_a_line_that_says_where_they_are():
     assert where == ["how-to.html", "executed/beam-distance.html"]
     assert re.findall(r"<p>(\w+)</p>", printed) == ["first", "between", "last"]
     assert '<details open=""' in printed
-
-
-def test_nothing_to_print_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(printing, "find_browser", lambda: "chromium")
-    with pytest.raises(BookError, match="run `thesis book` first"):
-        printing.print_book(tmp_path)
-
-
-def test_no_browser_is_told(monkeypatch):
-    monkeypatch.setattr(printing.shutil, "which", lambda name: None)
-    with pytest.raises(BookError, match="install Chromium"):
-        printing.find_browser()
 
 
 def plain(text: str) -> str:

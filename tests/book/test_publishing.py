@@ -15,9 +15,7 @@ pytest.importorskip("rocrate", reason="the book's description needs rocrate")
 from rocrate.rocrate import ROCrate
 from small_book import BAD, GOOD, make
 
-from thesis_lib import files
 from thesis_lib.book import rendering
-from thesis_lib.book.pieces import opened
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
@@ -115,22 +113,6 @@ def test_zip_is_the_book_and_the_same_for_the_same_book(whole, small, tmp_path):
     assert inside == (whole / "data" / f"{GOOD}.nc").read_bytes()
 
 
-@pytest.mark.book
-def test_an_edited_page_is_rendered_again_and_nothing_else_is_done(whole, small):
-    page = small.root / "book" / "intro.md"
-    before = page.read_text(encoding="utf-8")
-    unchanged = make(small)
-    assert (unchanged.returncode, unchanged.stderr) == (0, "the book is up to date\n")
-    page.write_text(before.replace("A small book", "An edited book"), encoding="utf-8")
-    done = make(small)
-    assert done.returncode == 0, done.stderr
-    assert [line.split("  ")[-1] for line in done.stderr.splitlines() if "running" in line] == [
-        "pages: running"
-    ]
-    assert "An edited book" in (small.root / "build/html/intro.html").read_text(encoding="utf-8")
-    page.write_text(before, encoding="utf-8")
-
-
 @pytest.mark.nightly
 @pytest.mark.book
 def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
@@ -168,25 +150,3 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
 
 
 # Parts.
-
-
-@pytest.mark.parametrize("name", ["a.md", "a.svg", "a.webp"])
-def test_placeholder_is_a_file_of_its_kind(tmp_path, name):
-    path = tmp_path / name
-    opened.write_placeholder(path, "a *step*")
-    content = path.read_bytes()
-    start = {".md": b"*Missing here", ".svg": b"<svg", ".webp": b"RIFF"}
-    assert content.startswith(start[path.suffix])
-    assert b"*step*" not in content
-
-
-def test_reason_of_a_missing_page_is_text():
-    source = files.project_root() / "notebooks" / f"{BAD}.ipynb"
-    stub = opened.build_failure_page(
-        source, BAD, f"{BAD}: cell 2 failed: </div> {{eq}}`x` | $y$\n:::\n# no"
-    )
-    warning = stub.cells[1].source
-    assert warning.splitlines()[0] == ":::{warning}"
-    assert len(warning.splitlines()) == 3
-    assert not re.search(r"</div>|\{eq\}|\$y|^# no", warning, re.MULTILINE)
-    nbformat.validate(stub)

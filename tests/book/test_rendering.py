@@ -66,12 +66,3 @@ def test_edits_show_and_a_lost_reference_is_reported_until_it_is_mended(small: P
     edit(small / "_config.yml", "title: Vib", "title: Bib")
     rendering.render_pages(small)
     assert "Bibration" in (html / "third.html").read_text()
-
-
-def test_images_that_no_page_shows_are_dropped(tmp_path: Path) -> None:
-    (tmp_path / "_images").mkdir()
-    for name in ("shown.svg", "old.svg"):
-        (tmp_path / "_images" / name).write_text(PAGES["line.svg"])
-    (tmp_path / "page.html").write_text('<img src="../_images/shown.svg">')
-    rendering.drop_old_images(tmp_path)
-    assert [image.name for image in (tmp_path / "_images").iterdir()] == ["shown.svg"]

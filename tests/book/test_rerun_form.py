@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from browser import Opened, focused, open_offline, tab_through, write_page
+from browser import Opened, open_offline, write_page
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES
 
@@ -35,92 +35,37 @@ DISTANCE, ARRAYS, SOUND = "beam-distance", "beam-arrays", "sound-aperture"
 # Set, field, what is typed, and the value that this is to the command.
 SILLY = [
     (DISTANCE, "azimuth_deg", "", ""),
-    (DISTANCE, "azimuth_deg", "thirty", "thirty"),
     (DISTANCE, "azimuth_deg", "30,5", "30,5"),
-    (DISTANCE, "azimuth_deg", ".5", ".5"),
-    (DISTANCE, "azimuth_deg", "+30", "+30"),
     (DISTANCE, "azimuth_deg", "007", "007"),
-    (DISTANCE, "azimuth_deg", '"30"', "30"),
     (DISTANCE, "azimuth_deg", "true", True),
     (DISTANCE, "azimuth_deg", "null", None),
     (DISTANCE, "azimuth_deg", "NaN", math.nan),
-    (DISTANCE, "azimuth_deg", "-Infinity", -math.inf),
     (DISTANCE, "azimuth_deg", "1e999", math.inf),
-    (DISTANCE, "azimuth_deg", "360.5", 360.5),
-    (DISTANCE, "azimuth_deg", "-1e3", -1000.0),
     (DISTANCE, "azimuth_deg", "1.50e16", 1.5e16),
-    (DISTANCE, "azimuth_deg", "123456789012345680", 123456789012345680),
-    (DISTANCE, "azimuth_deg", "[30, {\"a\": 1}]", [30, {"a": 1}]),
     (DISTANCE, "azimuth_deg", '{"2": 1, "1": [null], "": -0.0}', {"2": 1, "1": [None], "": -0.0}),
-    (DISTANCE, "azimuth_deg", "a" * 80, "a" * 80),
     (DISTANCE, "azimuth_deg", "😀" * 70, "😀" * 70),
     (DISTANCE, "azimuth_deg", ODD, ODD),
-    (DISTANCE, "azimuth_deg", '"tab\\t \\u0007 é"', "tab\t \x07 é"),
-    (DISTANCE, "elevation_deg", "0", 0),
     (DISTANCE, "elevation_deg", "-0.0", -0.0),
-    (DISTANCE, "elevation_deg", "90.00000001", 90.00000001),
-    (DISTANCE, "focal_length_mm", "1e-400", 0.0),
-    (DISTANCE, "sensor_width_mm", "100000.5", 100000.5),
-    (DISTANCE, "principal_offset_px", "-0.51", -0.51),
     (DISTANCE, "distances_mm", "", []),
-    (DISTANCE, "distances_mm", "500; 750", "500; 750"),
-    (DISTANCE, "distances_mm", "500, \"750\"", [500, "750"]),
     (DISTANCE, "distances_mm", "500, [750]", [500, [750]]),
-    (DISTANCE, "distances_mm", "500, NaN, 1e-7", [500, math.nan, 1e-7]),
-    (DISTANCE, "distances_mm", "500, -0.00000012", [500, -1.2e-7]),
     (DISTANCE, "distances_mm", "[500, 750, 500.0]", [500, 750, 500.0]),
-    (DISTANCE, "distances_mm", "null", [None]),
-    (DISTANCE, "resolution_px", "320", [320]),
-    (DISTANCE, "resolution_px", "0", [0]),
-    (DISTANCE, "resolution_px", "320, 1", [320, 1]),
-    (DISTANCE, "resolution_px", "320.0, 180", [320.0, 180]),
     (DISTANCE, "resolution_px", "320, 180, 3", [320, 180, 3]),
-    (DISTANCE, "resolution_px", "0, 180, 3", [0, 180, 3]),
     (DISTANCE, "resolution_px", "320x180", "320x180"),
     (DISTANCE, "trials", "2.0", 2.0),
-    (DISTANCE, "trials", "1e3", 1e3),
-    (DISTANCE, "trials", "1000001", 1000001),
-    (DISTANCE, "trials", "-1", -1),
     (DISTANCE, "seed", "9223372036854775808", 2**63),
-    (DISTANCE, "seed", "9" * 70, int("9" * 70)),
-    (DISTANCE, "modes", "2, 1, 2", [2, 1, 2]),
     (DISTANCE, "modes", "1, 31", [1, 31]),
-    (DISTANCE, "modes", "1, 2.0", [1, 2.0]),
-    (DISTANCE, "amplitude_mm", "", ""),
     (DISTANCE, "amplitude_mm", "Force", "Force"),
-    (DISTANCE, "amplitude_mm", "0", 0),
-    (DISTANCE, "amplitude_mm", "5.5, -1, 2", [5.5, -1, 2]),
     (DISTANCE, "amplitude_mm", "[5, \"force\"]", [5, "force"]),
     ("beam-aperture", "half_apertures_deg", "8, 180", [8, 180]),
-    ("beam-aperture", "half_apertures_deg", "8, 8.0", [8, 8.0]),
-    ("beam-resolution", "widths_px", "320, 320", [320, 320]),
-    ("beam-resolution", "widths_px", "20001", [20001]),
-    (ARRAYS, "pair_order", "", ""),
     (ARRAYS, "pair_order", "reversed", "reversed"),
     (ARRAYS, "pair_order", '{"4f": "printed"}', {"4f": "printed"}),
-    (ARRAYS, "pair_order", '{"4a": "printed", "4b": "no"}', {"4a": "printed", "4b": "no"}),
-    (ARRAYS, "pair_order", '{"4b": 2}', {"4b": 2}),
-    (ARRAYS, "layouts", "[]", []),
-    (ARRAYS, "layouts", '{"mine": []}', {"mine": []}),
     (ARRAYS, "layouts", '{"mine": [[[80, 10]]]}', {"mine": [[[80, 10]]]}),
-    (ARRAYS, "layouts", '{"mine": [[[80, 10], [361, 9]]]}', {"mine": [[[80, 10], [361, 9]]]}),
     (ARRAYS, "layouts", '{"mine": [[[80, 10], [80, 0]]]}', {"mine": [[[80, 10], [80, 0]]]}),
-    (ARRAYS, "layouts", '{"mine": [[[80, 10], 80]]}', {"mine": [[[80, 10], 80]]}),
-    (ARRAYS, "layouts", '{"": []}', {"": []}),
     (ARRAYS, "layouts", '{" x": [[[1, 2], [3, 4]]]}', {" x": [[[1, 2], [3, 4]]]}),
-    (ARRAYS, "layouts", json.dumps({"x" * 41: []}), {"x" * 41: []}),
     (ARRAYS, "layouts", '{"a\\nb": 1}', {"a\nb": 1}),
-    (ARRAYS, "layouts", '{"😀": [[[80, 10], [80]]]}', {"😀": [[[80, 10], [80]]]}),
     ("plate-distance", "grid", "15, 61", [15, 61]),
-    (SOUND, "plane_shape", "149, 501", [149, 501]),
     (SOUND, "speed_of_sound_m_s", "-343", -343),
-    ("experiment-cameras", "frequency_hz", "0.99", 0.99),
-    ("experiment-cameras", "lens_k1", "-0.31", -0.31),
-    ("lab-layout", "directions_deg", "10, 22", [10, 22]),
     ("lab-layout", "directions_deg", "[[10, 22], [10, 22.0]]", [[10, 22], [10, 22.0]]),
-    ("lab-layout", "directions_deg", "[[10, 22]]", [[10, 22]]),
-    ("lab-layout", "directions_deg", str([[k, 22] for k in range(9)]), [[k, 22] for k in range(9)]),
-    ("lab-modes", "frame_rates_hz", "60, 5", [60, 5]),
     ("lab-plate", "amplitude_mm", "force", "force"),
     ("claims", "trials", "1", 1),
 ]  # fmt: skip
@@ -152,21 +97,13 @@ def test_the_form_knows_every_parameter_in_the_models_words() -> None:
         checked = [data["fields"][n]["name"] for n in data["sets"][name]["checked"]]
         assert checked == [key for key in study.model_fields if key != "cube"]
 
-
-def test_a_chapter_offers_what_its_sets_agree_in() -> None:
-    data = form_data()
-    for name, members in CHAPTER_SETS.items():
+    for name, members in CHAPTER_SETS.items():  # a chapter offers what its sets agree in
         chapter = data["chapters"][name]
         shown = [data["fields"][n]["name"] for n in chapter["shown"]]
         assert len(set(shown)) == len(shown)
         every = {key for one in members for key in STUDIES[one].model_fields} - {"cube"}
         assert set(shown) | set(chapter["differ"]) == every
         assert not set(shown) & set(chapter["differ"])
-        for n in chapter["shown"]:
-            key = data["fields"][n]["name"]
-            holders = [one for one in members if key in STUDIES[one].model_fields]
-            assert all(n in data["sets"][one]["shown"] for one in holders)
-    assert "cases" in data["chapters"]["ch3"]["differ"]
 
 
 # --- in a browser
@@ -230,26 +167,6 @@ def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) 
         assert opened.trouble == []
 
 
-def test_the_status_is_what_the_command_says_first(chromium: Browser, path: Path) -> None:
-    cases = [
-        (DISTANCE, {"seed": "-1", "azimuth_deg": "x", "modes": "0"}),
-        (SOUND, {"plane_shape": "1, 1", "rest": "known", "trials": "-1", "grid": "0, 0"}),
-        ("lab-plate", {"frames": "1", "amplitude_mm": "x", "grid": "15"}),
-        ("experiment-resolution", {"widths_px": "1", "lens_k1": "9", "focal_length_mm": "0"}),
-        ("ch3", {"seed": "-1", "widths_px": "1", "half_apertures_deg": "x"}),
-        ("ch6", {"layouts": "x", "distance_mm": "-1"}),
-    ]
-    with open_offline(chromium, path) as opened:
-        for (name, texts), said in zip(cases, fill(opened, *cases), strict=True):
-            values = parse_assignments([f"{key}={text}" for key, text in texts.items()])
-            values |= {key: json.loads(f"[{text}]") for key, text in texts.items()
-                       if key in ("modes", "grid", "plane_shape", "widths_px")}  # fmt: skip
-            with pytest.raises(Refused) as caught:
-                requests_of([name], values)
-            assert said["status"] == f"thesis: {caught.value.message}"
-            assert len(said["problems"]) == len(texts) - ("rest" in texts)
-
-
 def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         names = [*STUDIES, *CHAPTER_SETS]
@@ -307,7 +224,7 @@ def test_commands_say_what_the_form_holds(
     chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng = random.Random(7)
-    cases = [(name, filled(rng, name)) for name in list(STUDIES) * 3]
+    cases = [(name, filled(rng, name)) for name in STUDIES]
     named = ("cases", "readings", "topics", "camera_counts")
     texts = [(name, {k: v if k in named else typed(v, rng) for k, v in values.items()})
              for name, values in cases]  # fmt: skip
@@ -335,21 +252,8 @@ def test_commands_say_what_the_form_holds(
                 assert line == study_command(wanted)
                 number = len(words[4::2])
                 assert said["status"].startswith(f"{number} parameter" if number else "As publ")
-        assert accepted > 30
+        assert accepted > 10
         assert opened.trouble == []
-
-
-def test_numbers_are_written_as_python_writes_them(chromium: Browser, path: Path) -> None:
-    numbers = ["1e22", "1e16", "9999999999999999", "123456789.125", "1e15", "2.50", "1E+2",
-               "3", "1.7976931348623157e308", "12345678901234567890.0"]  # fmt: skip
-    small = ["5e-324", "1e-5", "0.0001", "1.5e-7", "0.00001234", "1e-10"]
-    with open_offline(chromium, path) as opened:
-        cases = [("lab-elevation", {"frequency_hz": text}) for text in numbers]
-        cases += [(DISTANCE, {"focal_length_mm": text}) for text in small]
-        for (_, texts), said in zip(cases, fill(opened, *cases), strict=True):
-            ((key, text),) = texts.items()
-            word = f"{key}={json.dumps(float(text))}"
-            assert said["commands"][0].endswith(f" -p {shlex.quote(word)}")
 
 
 def test_a_chapters_command_reaches_each_set(
@@ -358,15 +262,6 @@ def test_a_chapters_command_reaches_each_set(
     texts = {"focal_length_mm": "35", "distances_mm": "600, 900", "modes": "1"}
     with open_offline(chromium, path, query="set=ch3") as opened:
         note = opened.page.locator(".tl-rerun-note")
-        assert note.inner_text().startswith(
-            "The command below runs all 4 figure sets of the chapter"
-        )
-        assert "The sets differ in " in note.inner_text()
-        assert "cases" in note.inner_text()
-        assert note.get_by_role("button").all_inner_texts() == CHAPTER_SETS["ch3"]
-        assert not opened.page.get_by_role("button", name="See the result").is_visible()
-        row = opened.page.locator("[data-parameter=distances_mm]")
-        assert "Only in beam-distance." in row.inner_text()
         (said,) = fill(opened, ("ch3", texts))
         line, mills = said["commands"]
         words = shlex.split(line)
@@ -427,74 +322,22 @@ def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
-@pytest.mark.parametrize("allowed", [True, False])
-def test_copying(chromium: Browser, path: Path, allowed: bool) -> None:
+def test_copying_with_a_clipboard_and_without(chromium: Browser, path: Path) -> None:
+    without = "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
     with open_offline(chromium, path, query="set=beam-distance&trials=20") as opened:
-        page = opened.page
-        if allowed:
-            page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        else:
-            page.evaluate(
-                "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
-            )
+        page, command = opened.page, "thesis run beam-distance -p trials=20"
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        button = page.get_by_role("button", name="Copy the command")
+        button.click()
+        button.get_by_text("Copied").wait_for()
+        assert page.evaluate("navigator.clipboard.readText()") == command
+        page.evaluate(without)
         page.get_by_text("The same with papermill").click()
-        for name, text in (
-            ("Copy the command", "thesis run beam-distance -p trials=20"),
-            ("Copy papermill's command",
-             "papermill notebooks/beam-distance.ipynb beam-distance-out.ipynb -p trials 20"),
-        ):  # fmt: skip
-            button = page.get_by_role("button", name=name)
-            button.click()
-            button.get_by_text("Copied" if allowed else "Selected: now copy it").wait_for()
-            script = "navigator.clipboard.readText()" if allowed else "getSelection().toString()"
-            assert page.evaluate(script) == text
-        assert opened.trouble == []
-
-
-def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path, query="set=claims") as opened:
-        page = opened.page
-        page.get_by_label("Figure set or chapter").focus()
-        assert tab_through(opened, 25) == [
-            "Reset", "Copy link", *["readings"] * 19, "trials", "seed", "Copy the command",
-            "The same with papermill",
-        ]  # fmt: skip
-        page.get_by_role("checkbox", name="1 N", exact=True).focus()
-        page.keyboard.press("Space")
-        assert "1 N" not in page.locator("pre code").first.inner_text()
-        page.get_by_label("trials").focus()
-        page.keyboard.press("Control+A")
-        page.keyboard.type("1")
-        problem = page.locator("[data-parameter=trials] .tl-rerun-problem")
-        assert problem.inner_text().startswith("trials: given 1, allowed: ")
-        described = page.get_by_label("trials").get_attribute("aria-describedby") or ""
-        assert problem.get_attribute("id") in described.split()
-        assert page.locator(".tl-rerun-status").get_attribute("aria-live") == "polite"
-        assert focused(opened) == "trials"
-        assert opened.trouble == []
-
-
-@pytest.mark.parametrize("widths", [(320, 390), (800, 1280)], ids=["phone", "screen"])
-def test_nothing_sticks_out(chromium: Browser, path: Path, widths: tuple[int, int]) -> None:
-    long = json.dumps({"a" * 40: [[[0, 20], [90, 20]]] * 30})
-    forms: dict[str, dict[str, Any]] = {
-        ARRAYS: {"layouts": long}, "ch6": {"azimuth_deg": "x" * 90}, "claims": {}, "lab-layout": {}
-    }  # fmt: skip
-    with open_offline(chromium, path, width=widths[0]) as opened:
-        for form in forms.items():
-            fill(opened, form)
-            for width in widths:
-                opened.page.set_viewport_size({"width": width, "height": 900})
-                opened.page.wait_for_timeout(50)
-                assert opened.sideways_px() <= 0
-                right = opened.page.locator(".tl-rerun").evaluate(
-                    "e => Math.max(...[...e.querySelectorAll('*:not(option, optgroup)')].map("
-                    "one => one.getBoundingClientRect().right))"
-                )
-                assert right <= width
-                bar = opened.page.locator(".tl-rerun-result").bounding_box()
-                assert bar is not None
-                assert bar["y"] + bar["height"] <= 901  # in sight wherever the reader is
+        page.get_by_role("button", name="Copy papermill's command").click()
+        page.get_by_text("Selected: now copy it").wait_for()
+        assert page.evaluate("getSelection().toString()") == (
+            "papermill notebooks/beam-distance.ipynb beam-distance-out.ipynb -p trials 20"
+        )
         assert opened.trouble == []
 
 

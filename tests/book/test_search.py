@@ -10,10 +10,7 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 import axe
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
-from lxml.html import document_fromstring
 from playwright.sync_api import Browser, Page
-
-from thesis_lib.book.html_pages import index_page
 
 TITLES = ".tl-found-title"
 
@@ -60,17 +57,6 @@ def test_what_is_meant_comes_first_or_nearly(chromium: Browser) -> None:
 
 
 @needs_book
-def test_prose_comes_before_the_library(chromium: Browser) -> None:
-    with searching(chromium) as page:
-        for words in ("triangulation", "rounding", "pixels", "planner", "sound"):
-            ask(page, words)
-            where = page.locator(".tl-found").evaluate_all("all => all.map((one) => one.pathname)")
-            library = ["/api/" in one for one in where]
-            assert not any(library[:5]), words
-            assert library == sorted(library), words
-
-
-@needs_book
 def test_endings_typos_and_words_too_many_are_no_hindrance(chromium: Browser) -> None:
     typed = {
         "roundign": "rounding", "roundinng": "rounding", "triangulating": "triangulation",
@@ -83,25 +69,10 @@ def test_endings_typos_and_words_too_many_are_no_hindrance(chromium: Browser) ->
             assert page.locator(".tl-found mark").count(), words
         assert ask(page, "qwertz uiop") == []
         assert page.locator(".tl-results-status").inner_text() == "Nothing found."
+        ask(page, "<img src=x onerror=alert(1)>")  # is words
+        assert page.locator("#pst-search-dialog :is(script, img)").count() == 0
         assert "Figure 3.24" in ask(page, "figure 3.24 qwertz")[:3]
         assert page.locator(".tl-results-status").inner_text().startswith("No place has all")
-        assert ask(page, "figure 3.24 data")
-        assert ask(page, "0.2 mm 50 Hz plate")
-        for words in ("height error", "z-error"):  # the section in which the law stands
-            assert "Many cameras, all markers" in ask(page, words)
-        assert ask(page, "z-error")[0] == "z-error"  # of the glossary, which leads to the law
-
-
-@needs_book
-def test_a_program_is_words_and_a_book_of_letters_is_cut(chromium: Browser) -> None:
-    with searching(chromium) as page:
-        ask(page, "<script>alert(1)</script>")
-        ask(page, "<img src=x onerror=alert(1)>")
-        assert page.locator("#pst-search-dialog :is(script, img)").count() == 0
-        page.evaluate("""() => { const field = document.querySelector('#pst-search-dialog input');
-            field.removeAttribute('maxlength'); field.value = 'beam camera '.repeat(900);
-            field.dispatchEvent(new Event('input')); }""")
-        page.locator(".tl-found").first.wait_for()
 
 
 @needs_book
@@ -116,14 +87,7 @@ def test_it_is_used_by_keyboard_and_loads_when_opened(chromium: Browser) -> None
         page.locator(".tl-found").first.wait_for()
         page.keyboard.press("ArrowDown")
         assert page.evaluate("() => document.activeElement.className") == "tl-found"
-        page.keyboard.press("Escape")
-        assert not page.locator("#pst-search-dialog").is_visible()
-        page.keyboard.press("Control+k")
-        page.locator(".tl-found").first.focus()
-        page.keyboard.press("ArrowUp")
-        assert page.evaluate("() => document.activeElement.name") == "q"
-        if not axe.absent():
-            assert axe.findings(page) == []
+        assert axe.absent() or axe.findings(page) == []
         page.keyboard.press("Escape")
         assert not page.locator("#pst-search-dialog").is_visible()
         page.keyboard.press("Control+k")
@@ -131,48 +95,3 @@ def test_it_is_used_by_keyboard_and_loads_when_opened(chromium: Browser) -> None
         page.keyboard.press("Enter")
         page.wait_for_url("**/beam-arrays.html#fig-3-24")
         assert opened.trouble == []
-
-
-@needs_book
-def test_a_key_is_answered_within_a_tenth_of_a_second(chromium: Browser) -> None:
-    with searching(chromium) as page:
-        ask(page, "camera")
-        took = page.evaluate("""async () => {
-            const field = document.querySelector('#pst-search-dialog input'), took = [];
-            for (const words of ['the cameras see a marker', 'figure 3.24', 'roundign of pixels'])
-              for (let n = 1; n <= words.length; n++) {
-                const start = performance.now();
-                field.value = words.slice(0, n);
-                field.dispatchEvent(new Event('input'));
-                await new Promise((r) => setTimeout(r));
-                took.push(performance.now() - start);
-              }
-            return took.sort((a, b) => a - b); }""")
-        assert took[len(took) // 2] < 100, took
-
-
-def test_entries_are_what_a_page_says() -> None:
-    page = """<title>Beam: b &#8212; Book</title><article class="bd-article">
-    <section id="beam"><span id="old"></span>
-    <h1>The <em>beam</em><a class="headerlink" href="#beam">#</a></h1>
-    <p>It bends.</p><table><tr><th>E<td>70<td>GPa</table><script>no()</script>
-    <div class="math" id="equation-eq-a"><span class="eqno">(3)</span>\\[a\\]</div>
-    <figure id="fig-3-4"><img src="a.svg" alt=""><figcaption><p>
-    <span class="caption-number">Fig. 9 </span>Figure 3.4 of the thesis. Case 1.</p></figcaption>
-    </figure><dl><dt class="sig sig-object" id="thesis_lib.a.f">f(x)</dt><dd><p>Does.</p>
-    <dl class="field-list"><dt>Returns</dt><dd>All.</dd></dl></dd></dl>
-    <dl><dt id="term-a">a</dt><dd>First.</dd><dt id="term-b">b</dt><dd>Second.</dd></dl>
-    </section></article>"""
-    found = [
-        (e.kind, e.places, e.title, e.text, e.picture)
-        for e in index_page(document_fromstring(page))
-    ]
-    assert found == [
-        ("section", ["beam", "old"], "Beam: b", "It bends. E 70 GPa", ""),
-        ("equation", ["equation-eq-a"], "Equation (3)", "\\[a\\]", ""),
-        ("figure", ["fig-3-4"], "Figure 3.4", "Figure 3.4 of the thesis. Case 1.", "a.svg"),
-        ("name", ["thesis_lib.a.f"], "a.f", "Does. Returns All.", ""),
-        ("term", ["term-a"], "a", "First.", ""),
-        ("term", ["term-b"], "b", "Second.", ""),
-    ]
-    assert index_page(document_fromstring("<p>no article</p>")) == []

@@ -1,10 +1,8 @@
 """The index of the thesis has every item once, and all that it points to is there."""
 
 import ast
-import csv
 import pkgutil
 import re
-import shutil
 from functools import cache
 
 import nbformat
@@ -13,9 +11,7 @@ import xarray as xr
 import yaml
 
 from thesis_lib import files
-from thesis_lib.book.pieces import thesis_index
-from thesis_lib.book.pieces.thesis_index import CHAPTER_FILES
-from thesis_lib.facts import claims, setups
+from thesis_lib.facts import claims
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import STUDIES
 
@@ -72,18 +68,6 @@ def test_every_figure_of_results_has_page_cube_and_test():
         assert all(cube.startswith(f"{name}: ") for cube in one.cube)
         assert one.cube
         assert one.test
-
-
-def test_figures_stand_under_the_study_and_case_of_the_setups():
-    for name, study in STUDIES.items():
-        if study.subject not in ("beam", "plate", "sound"):
-            continue
-        for case in setups.setup_table(study.subject, study.study)["figures"]:
-            for mode in (1, 2, 3):
-                number = setups.figure_number(study.subject, study.study, case, mode)
-                one = entry(f"figure {number}")
-                assert one.page.startswith(f"executed/{name}#")
-                assert f"mode {mode}, case {case.replace(chr(39), '′')}: " in one.what
 
 
 # Everything that it points to is there.
@@ -152,82 +136,3 @@ def names_in(file):
 def test_tests_exist(test):
     file, name = test.split("::")
     assert name in names_in(file)
-
-
-# What cannot be read is refused.
-
-
-def changed(monkeypatch, folder, line, edit):
-    """Let the index be one of which `edit` has changed a line, as a list of its cells."""
-    with (setups.data_folder() / "index.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))
-    rows[line - 1] = edit(rows[line - 1])
-    with (folder / "index.csv").open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows(rows)
-    monkeypatch.setattr(claims, "data_folder", lambda: folder)
-
-
-def test_neither_something_nor_a_reason_is_refused_and_both_are(monkeypatch, tmp_path):
-    for row in (
-        ["figure 1.6", "a microphone", "", "", "", "", "", ""],
-        ["figure 1.6", "a microphone", "beam", "", "", "", "none", ""],
-        ["figure 1.6", "a microphone", "", "", "", "tests/test_x.py::test_x", "none", ""],
-    ):
-        changed(monkeypatch, tmp_path, 7, lambda _, row=row: row)
-        with pytest.raises(ValueError, match=r"^index\.csv, figure 1\.6: reason: given '"):
-            claims.read_index()
-
-
-# The page.
-
-
-def test_every_item_is_in_one_table_of_its_chapter():
-    found = []
-    for name in CHAPTER_FILES:
-        kind = ""
-        for line in thesis_index.tabulate_chapter(name).splitlines():
-            cells = line.strip("| ").split(" | ")
-            if cells[0] in ("figure", "table", "equation"):
-                kind = cells[0]
-            elif line.startswith("| ") and cells[0] != "---":
-                assert len(cells) == 4
-                assert all(cells)
-                assert cells[0][0] in CHAPTER_FILES[name]
-                found.append(f"{kind} {cells[0]}")
-    assert sorted(found) == sorted(EXPECTED)
-
-
-def test_places_are_linked_and_names_in_the_library_if_they_stand_there(monkeypatch, tmp_path):
-    text = thesis_index.tabulate_chapter("3")
-    assert "[Beam: distance of the cameras](fig-3-4)" in text
-    assert "[The beam](beam.md), equation {eq}`eq-modal`" in text
-    assert "[The beam](beam.md#what-vibrates)" in text
-    assert "[The experiment](lab-rig)" in thesis_index.tabulate_chapter("5")
-    assert "(errata [A6](errata-a6))" in text
-    assert (
-        "{py:obj}`vibration.structure.Beam.mode_shapes "
-        "<thesis_lib.vibration.structure.Beam.mode_shapes>`" in text
-    )
-    shutil.copytree(
-        BOOK, tmp_path / "book", ignore=shutil.ignore_patterns("executed", "assets", "api")
-    )
-    monkeypatch.setattr(thesis_index, "project_root", lambda: tmp_path)
-    api = tmp_path / "book" / "api"
-    api.mkdir()
-    (api / "vibration.rst").write_text(
-        ".. automodule:: thesis_lib.vibration.structure\n   :members: Beam\n\n"
-        ".. automodule:: thesis_lib.vibration.structure\n   :members: resonance_frequency\n"
-    )
-    text = thesis_index.tabulate_chapter("3")
-    assert text.count("{py:obj}") == sum(
-        name.startswith(
-            (
-                "thesis_lib.vibration.structure.Beam",
-                "thesis_lib.vibration.structure.resonance_frequency",
-            )
-        )
-        for entry in ENTRIES
-        if entry.item.split()[1].startswith("3.")
-        for name in entry.function
-    )
-    assert "<code>vision.pinhole.hemisphere_<wbr>cameras</code>" in text

@@ -17,7 +17,7 @@ from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show as notebook
-from thesis_lib.studies import cubes, effort
+from thesis_lib.studies import cubes
 from thesis_lib.studies.request import study_command
 
 LIVE = [name for name in STUDIES if name != "claims"]
@@ -46,40 +46,20 @@ def test_controls_begin_with_the_request_and_give_it_back(name):
     assert made.message.value == ""
     assert study_command(request).split(" -p ")[1] in made.command.value
 
-
-@pytest.mark.parametrize("name", LIVE)
-def test_sliders_end_at_what_is_allowed(name):
-    sliders = {
-        key: widget
-        for key, widget in live.controls(validate_request(name, {})).inputs.items()
-        if isinstance(widget, ipywidgets.FloatSlider)
-    }
     schemas = STUDIES[name].model_json_schema()["properties"]
-    for key, widget in sliders.items():
-        schema = schemas[key]
-        assert widget.min >= schema.get("minimum", -np.inf)
-        assert widget.min > schema.get("exclusiveMinimum", -np.inf)
-        assert widget.max <= schema.get("maximum", np.inf)
-        assert widget.max < schema.get("exclusiveMaximum", np.inf)
-        assert widget.min <= widget.value <= widget.max
-    assert sliders or not {"azimuth_deg", "elevation_deg"} & set(schemas)
-
-
-def test_choices_are_offered_and_words_are_words():
-    inputs = live.controls(validate_request("beam-arrays", {"amplitude_mm": "force"})).inputs
-    assert inputs["rest"].options == ("rebuilt", "known")
-    assert inputs["cases"].options == ("4a", "4a'", "4b", "4c", "4d", "4e")
-    assert inputs["amplitude_mm"].value == "force"
-    assert inputs["resolution_px"].value == "[320, 180]"
+    for key, widget in made.inputs.items():  # sliders end at what is allowed
+        if isinstance(widget, ipywidgets.FloatSlider):
+            assert widget.min >= schemas[key].get("minimum", -np.inf)
+            assert widget.min > schemas[key].get("exclusiveMinimum", -np.inf)
+            assert widget.max <= schemas[key].get("maximum", np.inf)
+            assert widget.max < schemas[key].get("exclusiveMaximum", np.inf)
 
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
         ("focal_length_mm", -1.0, "allowed: a number above 0"),
-        ("distances_mm", "[500, 500]", "a list of different numbers"),
         ("distances_mm", "[100]", "the reach of the structure"),
-        ("trials", 2_000_000, "a whole number from 0 to 1000000"),
         ("modes", "<b>", "whole numbers from 1 to 30"),
     ],
 )
@@ -116,7 +96,6 @@ def test_a_click_gives_the_librarys_cube_and_shows_what_changed():
     shown = [one["data"] for one in made.output.outputs if one["output_type"] == "display_data"]
     assert "application/vnd.jupyter.widget-view+json" in shown[0]
     assert error_table(cube).data == shown[1]["text/markdown"]
-    assert not made.button.disabled
 
 
 def test_what_fails_is_told(monkeypatch):
@@ -128,15 +107,6 @@ def test_what_fails_is_told(monkeypatch):
     made.button.click()
     assert made.output.outputs[-1]["text"] == "RuntimeError: out of film\n"
     assert not made.button.disabled
-
-
-@pytest.mark.parametrize(("seconds", "said"), [(99, True), (9, False)])
-def test_what_takes_minutes_says_so(monkeypatch, seconds, said):
-    cost = effort.Effort(seconds, 300, 1)
-    monkeypatch.setattr(effort, "read_efforts", lambda: {"design-law": cost})
-    request = validate_request("design-law", {})
-    title = live.stack_controls(request, live.controls(request)).children[0].value
-    assert (f"Takes minutes: {cost.time}" in title) == said
 
 
 # The notebooks.
@@ -152,13 +122,6 @@ def test_notebooks_end_with_the_controls_which_the_book_does_not_show(name):
 
 def test_a_run_for_a_file_has_no_controls():
     assert live.rerun("beam-distance", {"cube": "somewhere.nc"}) is None
-
-
-def test_a_file_keeps_a_view_and_no_text():
-    view = live.rerun("beam-distance", {})
-    data, _ = InteractiveShell.instance().display_formatter.format(view)
-    assert data.pop("text/plain") == ""
-    assert list(data) == ["application/vnd.jupyter.widget-view+json"]
 
 
 class FrontEnd:

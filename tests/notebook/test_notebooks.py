@@ -10,14 +10,12 @@ import xarray as xr
 from nbval.plugin import get_sanitize_patterns
 
 from conftest import until_study
-from thesis_lib.figure_sets.design_law import compute as law
 from thesis_lib.figure_sets.display import list_captions
-from thesis_lib.figure_sets.planner import compute as planned
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.notebook.show import cube_of
 from thesis_lib.runs import postprocess
-from thesis_lib.studies.request import ParameterError, Study
+from thesis_lib.studies.request import ParameterError
 
 PROJECT = Path(__file__).parents[2]
 SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
@@ -86,20 +84,10 @@ def sanitised(text: str) -> str:
     return text
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("<Viewer at 0x7f3ab2c41d50>", "<Viewer at 0x7fe93d2b10>"),
-        ("id 6f9619ff-8b86-4011-b42d-00c04fc964ff", "id 0b9619ff-0000-4011-b42d-00c04fc964ff"),
-        ("took 12.3 s", "took 4 s"),
-        ("took 120 ms", "took 3 min"),
-        ("on 2025-01-31", "on 2026-12-01"),
-        ("at 2025-01-31T10:11:12+00:00", "at 2026-12-01T09:08:07.125Z"),
-    ],
-)
-def test_addresses_identifiers_times_and_dates_do_not_count(one, other):
-    assert one != other
-    assert sanitised(one) == sanitised(other)
+def test_addresses_identifiers_times_and_dates_do_not_count():
+    one = "<Viewer at 0x7f3ab2c41d50>, 6f9619ff-8b86-4011-b42d-00c04fc964ff, took 12.3 s"
+    other = "<Viewer at 0x7fe93d2b10>, 0b9619ff-0000-4011-b42d-00c04fc964ff, took 3 min"
+    assert sanitised(f"{one} on 2025-01-31") == sanitised(f"{other} on 2026-12-01")
 
 
 def told(cell: nbformat.NotebookNode) -> list[str]:
@@ -123,69 +111,30 @@ def test_executed_for_the_book_it_told_what_is_committed(name):
 # Steps.
 
 
-SEEN = [{}, {"rest": "known"}, {"estimator": "analytic-centre"}, {"principal_offset_px": 0.2},
-        {"estimator": "interval", "noise_px": 0.1}, {"noise_px": 0.2, "rest": "known"},
-        {"azimuth_zero": "X"}, {"amplitude_mm": "force"}, {"trials": 0}]  # fmt: skip
+SEEN = [{}, {"rest": "known"}, {"estimator": "interval", "noise_px": 0.1}, {"azimuth_zero": "X"},
+        {"amplitude_mm": "force"}, {"trials": 0}]  # fmt: skip
 OTHERWISE = {
     "beam-distance": SEEN,
-    "plate-distance": SEEN,
-    "sound-distance": [*SEEN, {"modes": [4]}, {"modes": [1], "speed_of_sound_m_s": 1500.0}],
-    "experiment-resolution": [{}, {"cases": ["literal"], "widths_px": [1280]},
+    "plate-distance": [{"estimator": "analytic-centre"}, {"principal_offset_px": 0.2}],
+    "sound-distance": [{}, {"modes": [4]}, {"modes": [1], "speed_of_sound_m_s": 1500.0}],
+    "experiment-resolution": [{"cases": ["literal"], "widths_px": [1280]},
                               {"cases": ["aligned"]}, {"cases": ["harmonic"], "trials": 0}],
-    "cameras": [{}, {"distances_mm": [900.123456789, 600]}, {"f_numbers": [22], "circle_mm": 0.3},
-                {"baselines_mm": [1]}, {"resolution_px": [64, 36], "sensor_width_mm": 6}],
-    "design-law": [{}, {"seed": 1}, {"focal_length_mm": 50}, {"sensor_width_mm": 17.3}],
-    "planner": [{}, {"counts": [3]}, {"resolutions_px": [[64, 48], [640, 480]]},
-                {"beam_amplitude_mm": 0.3}],
+    "cameras": [{"distances_mm": [900.123456789, 600]}, {"f_numbers": [22], "circle_mm": 0.3}],
 }  # fmt: skip
 CHEAP = {
     "sound-distance": {"distances_mm": [650], "plane_shape": [15, 10]},
     "experiment-resolution": {"widths_px": [640]},
-    "design-law": {"counts": [2], "frame_rates_hz": [60]},
-    "planner": {"counts": [2], "resolutions_px": [[320, 180]], "step_deg": 45, "starts": 0},
 }
-LONG = [("planner", {"counts": [3]}), *(("sound-distance", values) for values in SEEN[1:])]
-"""What `make test` leaves out: the plate has the same of cameras and estimators."""
-
-
-def of_the_steps(asked: Study) -> xr.Dataset:
-    """The cube; of the two that take minutes, what is not made in steps is left out."""
-    if asked.name == "design-law":
-        empty = {
-            law: ["_cone", "summarise_law"],
-            law.sweeps: ["fit_findings", "fit_arrays", "pair_errors"],
-            law.shares: ["equal_pixels", "noisy_shares", "simulate_estimators", "simulate_dither"],
-        }
-        with pytest.MonkeyPatch.context() as patch:
-            for module, parts in empty.items():
-                for part in parts:
-                    patch.setattr(module, part, lambda *_: {})
-            patch.setattr(law, "CHAPTER_PARTS", ("distance",))
-            return law.run(asked)
-    if asked.name == "planner":
-        names = (*planned.THESIS_QUESTIONS.values(), planned.READABLE_QUESTION)
-        own = {name: asked.questions[name] for name in names}
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(type(asked), "questions", own)
-            return planned.run(asked)
-    return cube_of(asked)
 
 
 @pytest.mark.slow
-@pytest.mark.few(10)
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("name", "values"),
-    [
-        pytest.param(name, values, marks=[pytest.mark.slow] * ((name, values) in LONG))
-        for name, every in OTHERWISE.items()
-        for values in every
-    ],
+    [(name, values) for name, every in OTHERWISE.items() for values in every],
     ids=str,
 )
-def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(
-    name, values, capsys, monkeypatch
-):
-    monkeypatch.setattr(notebook, "cube_of", of_the_steps)
+def test_the_steps_are_the_first_row_of_the_cube_whatever_is_asked(name, values, capsys):
     namespace = {}
     for cell in committed(name):
         if "result" in namespace and "-step-" not in cell.id:
@@ -215,8 +164,6 @@ def test_captions_come_from_the_data(name):
         assert list(list_captions(STUDIES[name](), cell.source)), cell.source
         assert cell.metadata.tags == ["hide-input", "nbval-ignore-output"]
     for one in found:
-        assert re.fullmatch(r"fig-[a-z0-9-]+", one.name)
-        assert one.text.endswith(".")
         assert "{" not in one.name + one.text + one.alt
         assert one.alt or FIGURE_SETS[name].figure  # of which the panels tell
 
@@ -260,90 +207,36 @@ def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind(monke
 # nbval.
 
 
-def nbval(checkout, folder: Path, *options: str) -> dict[str, list[str]]:
-    """Outcome of every cell of the notebooks below `folder`, by notebook."""
-    done = checkout.python(
-        "-m", "pytest", *options, "-v", "-p", "no:cacheprovider", "-p", "no:xdist", folder,
-        cwd=folder, timeout=200,
-    )  # fmt: skip
-    assert done.returncode in (0, 1), done.stdout + done.stderr
-    outcomes: dict[str, list[str]] = {}
-    for stem, outcome in re.findall(
-        r"([\w-]+)\.ipynb::Cell \d+ (PASSED|FAILED|SKIPPED|ERROR)", done.stdout
-    ):
-        outcomes.setdefault(stem, []).append(outcome)
-    assert (done.returncode == 1) == any("FAILED" in each for each in outcomes.values())
-    return outcomes
-
-
-@pytest.fixture(scope="module")
-def doctored(checkout):
-    """A folder with the start of a notebook as committed, and with one digit of it changed."""
-    shutil.copytree(PROJECT / "tests", checkout.root / "tests")
-    shutil.copy(PROJECT / "conftest.py", checkout.root)
-    folder = checkout.root / "doctored"
-    folder.mkdir()
+@pytest.mark.nightly
+def test_one_changed_digit_fails(own_checkout):
+    """Of the first cells of a notebook that nbval executes one fails, and all others pass."""
+    shutil.copytree(PROJECT / "tests", own_checkout.root / "tests")
+    shutil.copy(PROJECT / "conftest.py", own_checkout.root)
     document = nbformat.read(PROJECT / "notebooks" / "beam-distance.ipynb", as_version=4)
     marked = next(cell for cell in document.cells if cell.id == "beam-distance-06")
     assert MARK in marked.source.splitlines()
     document.cells = document.cells[: document.cells.index(marked) + 1]
-    nbformat.write(document, folder / "untouched.ipynb")
     data = marked.outputs[0].data
     before = data["text/markdown"]
     found = re.search(r"\d+\.(\d) ·", before)
     digit = str((int(found[1]) + 1) % 10)
     data["text/markdown"] = before[: found.start(1)] + digit + before[found.end(1) :]
-    assert sum(a != b for a, b in zip(before, data["text/markdown"], strict=True)) == 1
+    folder = own_checkout.root / "doctored"
+    folder.mkdir()
     nbformat.write(document, folder / "changed.ipynb")
-    return folder
-
-
-@pytest.mark.nightly
-def test_one_changed_digit_fails(checkout, doctored):
-    outcomes = nbval(checkout, doctored, "--nbval")
-    assert set(outcomes) == {"untouched", "changed"}
-    assert set(outcomes["untouched"]) == {"PASSED"}
-    assert outcomes["changed"].count("FAILED") == 1
-    number = len(cells(doctored / "changed.ipynb"))
-    assert len(outcomes["untouched"]) == len(outcomes["changed"]) == number
+    words = ["-m", "pytest", "--nbval", "-p", "no:cacheprovider", "-p", "no:xdist", folder]
+    done = own_checkout.python(*words, cwd=folder, timeout=200)
+    others = len(cells(folder / "changed.ipynb")) - 1
+    assert f"1 failed, {others} passed" in done.stdout, done.stdout
 
 
 # papermill without the command.
 
 
-def papermill(checkout, cwd: Path, name: str, *parameters: str):
-    notebook = checkout.notebook(name)
-    return checkout.python(
-        "-m", "papermill", notebook, cwd / "out.ipynb", *parameters,
-        "--no-progress-bar", "--log-level", "ERROR", cwd=cwd,
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def short(tmp_path_factory, checkout):
-    """Notebooks that end with their study: what papermill injects is checked there."""
-    checkout.change("beam-distance", until_study)
-    return checkout
-
-
-@pytest.mark.slow
-def test_papermill_is_refused_like_the_command(short, tmp_path):
-    given = ["-p", "distance_mms", "500", "-p", "cube", str(tmp_path / "out.nc")]
-    done = papermill(short, tmp_path, "beam-distance", *given)
-    assert done.returncode == 1
-    words = "ParameterError: beam-distance: no parameter distance_mms (did you mean distances_mm?)"
-    assert words in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
-
-
 def test_a_value_given_to_papermill_is_refused_like_the_commands():
     injected = {"In": ["# Parameters\nelevation_deg = 91\n"], "elevation_deg": 91}
-    words = "beam-distance: elevation_deg: given 91, allowed: a number above 0, at most 90, in °"
-    with pytest.raises(ParameterError, match=words):
+    with pytest.raises(ParameterError, match="beam-distance: elevation_deg: given 91, allowed: "):
         notebook.checked("beam-distance", injected)
-
-
-def test_an_object_given_to_papermill_has_no_key_twice():
     given = '{"4b": "printed", "4b": "reversed"}'
     injected = {"In": [f"# Parameters\npair_order = {given!r}\n"], "pair_order": given}
     with pytest.raises(ParameterError, match="beam-arrays: pair_order: '4b' is given twice"):
@@ -351,11 +244,13 @@ def test_an_object_given_to_papermill_has_no_key_twice():
 
 
 @pytest.mark.slow
-def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(short, tmp_path):
+def test_papermill_reads_a_list_as_json_and_writes_the_cube_into_the_project(checkout, tmp_path):
+    checkout.change("beam-distance", until_study)
     given = ["-p", "cube", "made/out.nc", "-p", "trials", "2", "-p", "distances_mm", "[600]"]
-    done = papermill(short, tmp_path, "beam-distance", *given)
+    words = ["-m", "papermill", checkout.notebook("beam-distance"), tmp_path / "out.ipynb"]
+    done = checkout.python(*words, *given, "--no-progress-bar", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["out.ipynb"]
-    with xr.open_dataset(short.root / "made" / "out.nc") as cube:
+    with xr.open_dataset(checkout.root / "made" / "out.nc") as cube:
         assert cube["value"].values.tolist() == [600]
         assert cube.sizes["trial"] == 3

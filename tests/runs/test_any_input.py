@@ -1,6 +1,6 @@
 """Whatever is given, the command ends with its result or with one line.
 
-Hundreds of inputs; with ``--hypothesis-profile night`` four times as many.
+Hundreds of inputs; with ``--hypothesis-profile night`` eight times as many.
 """
 
 import copy
@@ -27,25 +27,13 @@ pytestmark = pytest.mark.slow
 
 
 def many(examples):
-    times = 4 if settings.get_current_profile_name() == "night" else 1
+    times = 8 if settings.get_current_profile_name() == "night" else 1
     return settings(max_examples=times * examples, derandomize=True, deadline=None, database=None,
                     suppress_health_check=list(HealthCheck))  # fmt: skip
 
 
-TEXT = st.text(max_size=30) | st.sampled_from(
-    [
-        "",
-        "null",
-        "NaN",
-        "1e999",
-        "[[]]",
-        '{"a":1,"a":2}',
-        "[" * 3000,
-        "9" * 5000,
-        "\u202e",
-        "\x1b[2J",
-    ]
-)
+ODD = ["", "null", "NaN", "1e999", "[[]]", '{"a":1,"a":2}', "[" * 3000, "9" * 5000, "\x1b[2J"]
+TEXT = st.text(max_size=30) | st.sampled_from(ODD)
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | TEXT
 JUNK = st.recursive(
     SCALARS,
@@ -108,7 +96,7 @@ def place(tmp_path_factory):
     return tmp_path_factory.mktemp("place")
 
 
-@many(225)
+@many(120)
 @given(NAMES, st.lists(GIVEN, min_size=1, max_size=3))
 def test_requests(place, name, given):
     if name.startswith("-") or is_allowed(name, given):
@@ -116,7 +104,7 @@ def test_requests(place, name, given):
     refused(place, "run", name, *(word for one in given for word in ("-p", one)))
 
 
-@many(75)
+@many(40)
 @given(TO_PLAN)
 def test_plans(place, given):
     try:
@@ -134,20 +122,14 @@ def cube():
     return cube_of(camera_study("beam-distance", given)).load()
 
 
-def compared(path, cube, content):
-    """Compare what may be a cube: with a table, or one line."""
-    path.write_bytes(content)
-    done = thesis("compare", path.name, "whole.nc", cwd=path.parent)
-    if done.status:
-        assert_one_line(done.status, done.out, done.err, path)
-    assert sorted(one.name for one in path.parent.iterdir()) == ["any.nc", "whole.nc"]
-
-
-@many(60)
+@many(40)
 @given(st.data())
 def test_damaged_files_of_cubes(tmp_path_factory, cube, data):
-    path = _beside_a_whole_one(tmp_path_factory, cube)
-    content = bytearray(path.with_name("whole.nc").read_bytes())
+    folder = tmp_path_factory.getbasetemp() / "cubes"
+    if not folder.exists():
+        folder.mkdir()
+        storage.write_netcdf(cube, folder / "whole.nc")
+    content = bytearray((folder / "whole.nc").read_bytes())
     places = st.integers(0, len(content) - 1)
     how = data.draw(st.sampled_from(["cut", "flip", "insert", "junk"]))
     if how == "cut":
@@ -159,38 +141,11 @@ def test_damaged_files_of_cubes(tmp_path_factory, cube, data):
     else:
         for _ in range(data.draw(st.integers(1, 8))):
             content[data.draw(places)] ^= data.draw(st.integers(1, 255))
-    compared(path, cube, bytes(content))
-
-
-def _beside_a_whole_one(tmp_path_factory, cube):
-    folder = tmp_path_factory.getbasetemp() / "cubes"
-    if not folder.exists():
-        folder.mkdir()
-        storage.write_netcdf(cube, folder / "whole.nc")
-    return folder / "any.nc"
-
-
-@pytest.mark.nightly
-@many(30)
-@given(st.data())
-def test_other_cubes(tmp_path_factory, cube, data):
-    path = _beside_a_whole_one(tmp_path_factory, cube)
-    name = data.draw(st.sampled_from(sorted(map(str, cube.variables))))
-    attribute = st.sampled_from(sorted(cube.attrs))
-    values = st.integers(-5, 5) | st.floats() | TEXT.filter(lambda text: "\0" not in text)
-    other = [
-        lambda: cube.drop_vars(name),
-        lambda: cube.drop_attrs(),
-        lambda: cube.assign_attrs({data.draw(attribute): data.draw(values)}),
-        lambda: cube.assign({name: cube[name].astype(data.draw(st.sampled_from("Ufi")))}),
-        lambda: cube.isel({dim: slice(0, data.draw(st.integers(0, 2))) for dim in cube[name].dims}),
-        lambda: cube.assign({name: ("other", data.draw(st.lists(st.floats(), max_size=5)))}),
-        lambda: cube.expand_dims(more=data.draw(st.integers(1, 3))),
-    ]  # fmt: skip
-    with suppress(ValueError, TypeError, OverflowError):  # what xarray itself does not write
-        changed = data.draw(st.sampled_from(other))()
-        changed.drop_encoding().to_netcdf(path, engine="h5netcdf")
-        compared(path, cube, path.read_bytes())
+    (folder / "any.nc").write_bytes(content)
+    done = thesis("compare", "any.nc", "whole.nc", cwd=folder)
+    if done.status:
+        assert_one_line(done.status, done.out, done.err, how)
+    assert sorted(one.name for one in folder.iterdir()) == ["any.nc", "whole.nc"]
 
 
 # Manifests.
@@ -213,7 +168,7 @@ def places_in(values, path=()):
         yield from places_in(value, (*path, key))
 
 
-@many(125)
+@many(60)
 @given(st.data())
 def test_manifests(manifest, data):
     """No video is there, so whatever is written in it, none is measured."""

@@ -166,6 +166,7 @@ def test_a_book_killed_at_any_moment_gives_the_same_cubes_when_called_again(book
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("politely", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.usefixtures("interrupts_ignored")
 def test_an_interrupted_run_says_so_and_leaves_nothing_behind(apart, tmp_path, start, politely):
@@ -184,10 +185,6 @@ def test_an_interrupted_run_says_so_and_leaves_nothing_behind(apart, tmp_path, s
 
 EDITS = {
     "library": (lambda one: append(library(one, "vision", "rounding.py"), "_n = 1\n"), EVERY),
-    "figure set": (
-        lambda one: append(library(one, "figure_sets", "parametric", "compute.py"), "_n = 1\n"),
-        EVERY,
-    ),
     "variables": (
         lambda one: append(library(one, "figure_sets", "parametric", "variables.toml")),
         EVERY,
@@ -196,18 +193,15 @@ EDITS = {
         lambda one: append(library(one, "figure_sets", "planner", "compute.py"), "_n = 1\n"),
         set(),
     ),
-    "what draws": (lambda one: append(library(one, "plotting", "panels.py"), "_n = 1\n"), EVERY),
     "what measures": (lambda one: append(library(one, "measure", "steps.py"), "_n = 1\n"), set()),
     "fact": (lambda one: append(one.root / "data" / "thesis" / "setups.toml"), EVERY),
     "the ledger's fact": (lambda one: append(one.root / "data" / "thesis" / "claims.csv"), set()),
     "lock": (lambda one: append(one.root / "requirements" / "book.txt"), EVERY),
     "notebook": (lambda one: append(one.notebook(BAD)), {BAD}),
-    "cube": (lambda one: append(one.root / "data" / "results" / f"{BAD}.nc", "x"), {BAD}),
     "a bit of a cube": (
         lambda one: flip(one.root / "data" / "results" / f"{BAD}.nc", -1000),
         {BAD},
     ),
-    "no cube": (lambda one: (one.root / "data" / "results" / f"{BAD}.nc").unlink(), {BAD}),
     "executed notebook": (lambda one: append(one.root / "book/executed" / f"{BAD}.ipynb"), {BAD}),
 }
 
@@ -258,26 +252,27 @@ def test_commands_wait_for_each_other_and_leave_no_lock(tmp_path):
 
 
 @pytest.mark.slow
-def test_of_two_commands_in_one_folder_the_second_is_refused(own_checkout, tmp_path, start):
+@pytest.mark.few(1)
+@pytest.mark.parametrize("command", [["run", BAD, "-p", "trials=1", "--out", "out"], ["book"]])
+def test_of_two_commands_in_one_folder_the_second_is_refused(
+    own_checkout, tmp_path, start, command
+):
     begun, go = tmp_path / "begun", tmp_path / "go"
     shrink(own_checkout)
     shorten(own_checkout, GOOD)
     shorten(own_checkout, BAD, WAITS.format(begun=str(begun), go=str(go)))
-    for command in (["book"], ["run", BAD, "-p", "trials=1", "--out", "out"]):
-        first = start(own_checkout, tmp_path / "log.txt", *command)
-        first.wait_for(begun.exists)
-        second = own_checkout.thesis(*command, cwd=tmp_path)
-        assert second.returncode == 1
-        (line,) = second.stderr.splitlines()
-        assert "another command writes there; wait until it has ended" in line
-        go.touch()
-        assert first.process.wait(timeout=300) == 0, first.said()
-        begun.unlink()
-        go.unlink()
+    first = start(own_checkout, tmp_path / "log.txt", *command)
+    first.wait_for(begun.exists)
+    second = own_checkout.thesis(*command, cwd=tmp_path)
+    assert second.returncode == 1
+    (line,) = second.stderr.splitlines()
+    assert "another command writes there; wait until it has ended" in line
+    go.touch()
+    assert first.process.wait(timeout=300) == 0, first.said()
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(apart, tmp_path):
+def test_a_full_disk_and_a_killed_kernel_are_told_in_one_line_and_nothing_is_lost(apart, tmp_path):
     run = ["run", BAD, "-p", "trials=1", "--out", "out"]
     shorten(apart, BAD)
     assert apart.thesis(*run, cwd=tmp_path).returncode == 0
@@ -291,15 +286,9 @@ def test_a_full_disk_is_told_in_one_line_and_nothing_is_lost(apart, tmp_path):
     last = full.stderr.splitlines()[-1]
     assert last.startswith(f"thesis: {BAD}: the disk of ")
     assert last.endswith("is full; make room, and run the same command again")
-    assert {path: path.read_bytes() for path in before} == before
-
-
-@pytest.mark.slow
-def test_a_kernel_that_is_killed_is_told_in_one_line(apart, tmp_path):
     shorten(apart, BAD, "import os\n\nos.kill(os.getpid(), 9)")
-    done = apart.thesis("run", BAD, "-p", "trials=1", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 1
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith(f"thesis: {BAD}: the process that executes its notebook has ended")
-    beats = [line for line in done.stderr.splitlines() if line.endswith("still running")]
-    assert len(done.stderr.splitlines()) == 3 + len(beats)
+    killed = apart.thesis(*run, cwd=tmp_path)
+    assert killed.returncode == 1
+    said = f"thesis: {BAD}: the process that executes its notebook has ended"
+    assert killed.stderr.splitlines()[-1].startswith(said)
+    assert {path: path.read_bytes() for path in before} == before

@@ -110,17 +110,6 @@ def test_a_hostile_machine_gives_the_same_cube_and_says_nothing(plain, tmp_path)
 
 
 @pytest.mark.slow
-def test_no_home_is_no_matter(plain, tmp_path):
-    checkout, out = plain
-    nowhere = {"HOME": "/dev/null", "IPYTHONDIR": "/dev/null/x", "XDG_CACHE_HOME": "/dev/null/y",
-               "TMPDIR": "/nonexistent", "JUPYTER_RUNTIME_DIR": "/proc/1/x"}  # fmt: skip
-    done = checkout.python("-m", "thesis_lib", *RUN, tmp_path / "out", cwd=tmp_path, **nowhere)
-    assert done.returncode == 0, done.stderr
-    assert progress_alone(done.stderr)
-    assert same(out / f"{NAME}.nc", tmp_path / "out" / f"{NAME}.nc")
-
-
-@pytest.mark.slow
 def test_a_kernel_ends_with_its_notebook(tmp_path):
     """A book executes 26 notebooks in one process; each idle kernel would keep 0.3 GB."""
     before = set(psutil.Process().children(recursive=True))  # of other tests in this process

@@ -1,6 +1,6 @@
 // Beams and plates that bend, cameras with few pixels that see them, and what is measured: the
 // one place where physics is written twice, so that a page without a kernel can compute. Names are
-// those of `vibration` and `vision`, against which tests/book/test_explorer.py holds each function; units
+// those of `vibration` and `vision`, against which tests/book/test_recompute.py holds them; units
 // and orders are those of pinhole.js, but for what a setting of cameras is given in.
 import { hemisphereCameras, inView, pixelate, project, radians, rint } from "./pinhole.js";
 

@@ -1,6 +1,6 @@
 // Cameras that look at the origin, and whole pixels, as in vision/pinhole.py. Lengths in m, angles
 // in rad, images in px; points are flat lists X Y Z X Y Z …, images flat lists by camera,
-// coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_explorer.py compares each.
+// coordinate (u, v) and point, as (cameras, 2, points) there. tests/book/test_recompute.py compares.
 const { abs, sin, cos } = Math;
 
 const hemisphereDirection = (azimuth, elevation) =>
