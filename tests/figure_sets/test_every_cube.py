@@ -64,8 +64,6 @@ def attributes_of(cube: xr.Dataset) -> dict[str, dict[str, str]]:
         ({"units": "m", "long_name": "deflection of the markers"}, False),
         ({"units": "m"}, True),
         ({"long_name": "deflection of the markers"}, True),
-        ({"units": "m", "long_name": "the same, imaginary part"}, True),
-        ({"units": "W", "long_name": "its standard error"}, True),
         ({"units": "W", "long_name": "that of the true motion"}, True),
     ],
 )

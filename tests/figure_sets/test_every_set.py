@@ -8,12 +8,12 @@ import pytest
 import xarray as xr
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
-from scenes.small import OF_LEDGER, REQUESTS, small_cube
+from scenes.small import REQUESTS, small_cube
 
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.plotting.panels import case_captions
-from thesis_lib.plotting.style import figure_svg, ordered_colors
+from thesis_lib.plotting.style import figure_svg
 from thesis_lib.studies import cubes, storage
 
 WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
@@ -71,14 +71,6 @@ def test_what_misleads_is_found():
     ]
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", [*REQUESTS, *OF_LEDGER])
-def test_no_figure_misleads(name):
-    made = drawings(small_cube(name))
-    assert made
-    assert {one: misleading(drawing) for one, drawing in made.items() if misleading(drawing)} == {}
-
-
 @pytest.mark.book
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_figure_of_the_book_misleads(name):
@@ -86,14 +78,6 @@ def test_no_figure_of_the_book_misleads(name):
     assert not isinstance(cube, str), cube
     found = {one: misleading(drawing) for one, drawing in drawings(cube).items()}
     assert {one: faults for one, faults in found.items() if faults} == {}
-
-
-def test_ordered_settings_have_as_many_colours_from_dark_to_light():
-    for count in (1, 2, 7, 24):
-        inks = ordered_colors(count)
-        light = [sum(int(ink[i : i + 2], 16) for i in (1, 3, 5)) for ink in inks]
-        assert len(set(inks)) == count
-        assert light == sorted(light)
 
 
 # Figures and texts are made from the cube alone, and hold its numbers.
