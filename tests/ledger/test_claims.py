@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import half_digit, read_claims, read_numbers, read_trends
+from thesis_lib.facts.claims import read_claims, read_numbers, read_trends
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import Check, judge_claim
 
@@ -70,14 +70,6 @@ def checked(cube, claim):
 
 
 # -- The rule --
-
-
-@pytest.mark.parametrize(
-    ("text", "half"),
-    [("10", 0.5), ("1.2", 0.05), ("0.25", 0.005), ("100", 0.5), ("5.0", 0.05), ("2.", 0.5)],
-)
-def test_half_of_the_last_printed_digit(text, half):
-    assert half_digit(text) == pytest.approx(half, rel=1e-12)
 
 
 FAR = (90, 95)

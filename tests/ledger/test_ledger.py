@@ -130,20 +130,6 @@ def request_of(name, **values):
     return validate_request(name, {"trials": TRIALS, **values})
 
 
-def test_each_corner_has_its_cameras_and_distance(conforms):
-    (cameras,) = compute.own_sources()["beam-corners"].requests[0].layouts["many high narrow"]
-    for distance, word in ((500, "near"), (1000, "far")):
-        cube = studies.run(
-            request_of("beam-arrays", cases=[], layouts={"x": [cameras]}, distance_mm=distance)
-        )
-        (series,) = (
-            s for s in own()["beam-corners"]
-            if (s.quantity, s.mode, s.case) == ("max_point_error", 2, f"many high narrow {word}")
-        )  # fmt: skip
-        expected = cube["max_point_error"].sel(mode=2).isel(trial=slice(1, None))
-        conforms.independent(series.errors, expected, rtol=1e-6)
-
-
 def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms):
     structure = "plate"
     distances = setups.setup_table(structure, "distance")["distances_mm"]

@@ -1,4 +1,4 @@
-"""What the words for trends mean, how sure one is of them, and the file that they stand in."""
+"""What the words for trends mean, and how sure one is of them."""
 
 from math import sqrt
 
@@ -186,6 +186,7 @@ def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
 
 
 def test_every_word_is_tried_both_ways():
+    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)
     for holds in (True, False):
         assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(
             TREND_TESTS
@@ -372,10 +373,6 @@ def test_the_largest_step_against_a_trend_is_told(test, expected, step):
 # -- Invariances --
 
 
-def noisy(by, values=None):
-    return scene(by, trials=11, noise=0.4, seed=4, values=values)
-
-
 BOUNDED = {"below", "above", "at_most", "within"}
 
 
@@ -456,16 +453,9 @@ def test_no_case_means_all_cases():
     assert judge_trend(trend("falls", cases=()), made[:1]) == Finding(1, 1)
 
 
-# -- The file --
-
-
 # -- What the thesis says --
 
 
 def test_chapters_are_those_of_the_sections():
     for one in TRENDS:
         assert one.chapter == (int(one.section[0]) if one.section[0].isdigit() else 5), one.id
-
-
-def test_every_word_has_a_test_and_no_test_is_without_a_word():
-    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)
