@@ -409,22 +409,6 @@ def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(conforms
         conforms.sampled(ratio.isel(count=-1), below=0.97)
 
 
-def test_film_is_fitted_exactly_without_rounding(conforms, study):
-    filmed = design_shares.sample_vibration(60.0, study)
-    waves = (filmed.fit @ filmed.points[2][..., None])[..., 0]
-    conforms.closed_form(waves[:, 0], filmed.peaks, rtol=1e-12)
-    conforms.closed_form(waves[:, 1:], 0, atol=1e-15)
-    conforms.closed_form(np.mean(filmed.peaks), study.amplitude_mm / 1000, rtol=1e-6)
-
-
-def test_settings_are_the_cone_of_the_closed_form(conforms, study):
-    for setting in study.settings():
-        n, size = len(setting.directions_deg), setting.resolution_px
-        rig = setting.cameras(24, 36)
-        cone = cone_cameras(1.0, np.radians(study.cone_deg), n, 24 / 36 * size[0], size)
-        conforms.closed_form(rig.P, cone.P, atol=1e-9)
-
-
 # With noise.
 
 

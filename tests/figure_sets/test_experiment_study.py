@@ -25,7 +25,6 @@ pytestmark = pytest.mark.slow  # by replicates of the recordings
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 SIGMA = 0.02  # px
-WIDTHS = [320, 640, 1280, 1920]
 QUIET = {"audio_noise_db": 120.0}  # clocks are exact then
 REPLICATES = 13
 

@@ -45,14 +45,6 @@ def test_points_at_the_edges_of_the_view_are_at_the_edges_of_the_picture(
         conforms.independent(project(camera.P, point)[0, 0], edge, atol=1e-6 * SIZE[0])
 
 
-def test_angle_of_view_is_a_right_angle_when_the_sensor_is_twice_the_focal_length(conforms):
-    conforms.closed_form(optics.angle_of_view(2, 1), pi / 2, rtol=1e-6)
-    conforms.closed_form(optics.angle_of_view(1e-6, 1), 1e-6, rtol=1e-6)
-    conforms.closed_form(
-        np.degrees(optics.angle_of_view([36, 24, hypot(36, 24)], 50)), [39.6, 27.0, 46.8], atol=0.05
-    )
-
-
 @given(lengths, lengths, lengths)
 def test_crop_factor_keeps_the_diagonal_angle(conforms, width, height, focal):
     crop = float(optics.crop_factor([width, height]))
@@ -249,13 +241,6 @@ def test_markers_are_drawn_where_they_are_and_as_large_as_they_are(conforms, pic
     conforms.independent(
         picture.images(beam.markers[0], 1), images - [[0], [picture.top]], rtol=1e-7
     )
-
-
-def test_contrast_is_full_for_many_pixels_and_gone_for_few(picture):
-    contrast = [picture.contrast(block) for block in (1, 2, 4, 8, 16, 40)]
-    assert contrast[0] > 0.99
-    assert abs(contrast[-1]) < 0.05
-    assert all(np.diff(contrast) < 0)
 
 
 # The study.

@@ -18,7 +18,6 @@ from thesis_lib.ledger import verdicts
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import storage as studies_cache
-from thesis_lib.studies.request import SOUND_READING
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import deflection_shape, resonance_frequency
 from thesis_lib.vision import rounding
@@ -41,7 +40,7 @@ def both(study, **values):
 
 @cache
 def default_cubes(study):
-    return both(study, trials=60, plane_shape=tuple(SOUND_READING["plane_shape"]))[1:]
+    return both(study, trials=60)[1:]
 
 
 # What the cube takes from the plate's.
@@ -155,6 +154,7 @@ def test_fields_shown_are_those_of_the_settings_with_least_and_largest_errors(co
         conforms.independent(field.values, exact, atol=3e-7 * np.abs(exact).max())
 
 
+@pytest.mark.filterwarnings("ignore:k times the size of a piston")
 def test_cube_tells_how_large_a_piston_is_for_the_wave(conforms):
     values = {"speed_of_sound_m_s": 200.0, "grid": (8, 6), "plane_shape": (8, 6)}
     cube = both("distance", distances_mm=(750.0,), trials=1, **values)[2]
@@ -166,20 +166,20 @@ def test_cube_tells_how_large_a_piston_is_for_the_wave(conforms):
 
 
 def test_percentages_depend_on_neither_density_nor_amplitude_but_on_the_speed_of_sound(conforms):
-    request, plate, cube = both("distance")
+    request, plate, cube = both("distance", modes=(1,))
     scaled = plate.copy()
     for name in ("reference_deflection", "measured_deflection"):
         scaled[name] = plate[name].astype(float) * -3.0
     names = ("plane_error", "plane_error_of_larger", "predicted_error")
-    water = both("distance", air_density_kg_m3=998.0)[2]
+    water = both("distance", modes=(1,), air_density_kg_m3=998.0)[2]
     for other, factor in ((water, 998 / 1.21), (sound.run(request, scaled), 3)):
         for name in names if other is water else names[:2]:
             there = np.isfinite(cube[name].values)
             np.testing.assert_array_equal(there, np.isfinite(other[name].values))
             conforms.invariance(other[name].values[there], cube[name].values[there], rtol=1e-9)
         louder = other["largest_pressure"] / cube["largest_pressure"]
-        conforms.invariance(louder.sel(mode=1), factor, rtol=1e-9)
-    slow = both("distance", speed_of_sound_m_s=290.0)[2]
+        conforms.invariance(louder, factor, rtol=1e-9)
+    slow = both("distance", modes=(1,), speed_of_sound_m_s=290.0)[2]
     changed = slow["plane_error"] / cube["plane_error"]
     assert float(abs(changed - 1).max()) > 0.05
 
