@@ -62,9 +62,6 @@ def test_every_number_has_a_value():
     assert len(NUMBERS) > 60
     assert all(isfinite(number.value) for number in NUMBERS)
     assert len(BY_ID) == len(NUMBERS)
-
-
-def test_no_value_is_without_its_number():
     assert {number.value_of for number in NUMBERS} == set(CORRECT_VALUES)
 
 
@@ -72,10 +69,7 @@ def test_no_value_is_without_its_number():
     ("stated", "low", "high"),
     [
         ("39.6", 39.55, 39.65),
-        ("1.87510", 1.875095, 1.875105),
-        ("70", 69.5, 70.5),
         ("16e6", 15.5e6, 16.5e6),
-        ("14e10", 13.5e10, 14.5e10),
         ("1/60", 1 / 60, 1 / 60),
         ("12×4", 48, 48),
         ("-1", -1.5, -0.5),
@@ -143,14 +137,6 @@ def test_resonance_and_tip_by_hand(conforms):
     conforms.independent(value("instant"), damping / sqrt(1 - damping**2), rtol=1e-6)
 
 
-def test_signs_and_factors_of_the_equations(conforms):
-    conforms.independent(value("sine-factor"), -1, atol=1e-12)
-    conforms.independent(value("mixed-term"), 2, rtol=1e-6)
-    conforms.independent(value("overlap-beam"), 0.5, rtol=1e-6)
-    conforms.independent(value("overlap-plate"), 1, rtol=1e-6)
-    assert value("wave-sign") == -1
-
-
 def test_ranks_by_counting_the_modes_below():
     for m1, m2 in ((2, 1), (1, 2), (2, 2), (1, 4)):
         own = (m1 / 668) ** 2 + (m2 / 443) ** 2
@@ -176,13 +162,6 @@ def test_angles_between_optical_axes(conforms):
         )
 
 
-def test_apertures_are_those_of_the_setups():
-    settings = setups.aperture_settings(["2a"], [8, 30, 55, 80], [], 10, 500, (320, 180))
-    for setting in settings:
-        (one, _), (other, _) = setting.directions_deg
-        assert value(f"aperture-2a-{setting.value}") == setting.value == one - other
-
-
 def test_counts():
     sizes = {len(s.directions_deg) for s in setups.array_settings(
         list(setups.camera_pairs()), {}, {}, 500, (320, 180))}  # fmt: skip
@@ -204,13 +183,6 @@ def test_only_opposite_pairs_on_an_axis_mirror_each_other():
     found = {case: sum(map(mirrored, pairs)) for case, pairs in setups.camera_pairs().items()}
     assert found.pop("4e") == value("mirrored-4e") == 2
     assert found == {"4a": 6, "4a'": 6, "4b": 4, "4c": 6, "4d": 4}
-
-
-def test_spacings_and_columns():
-    assert value("beam-spacing") == pytest.approx(623 / 25)
-    assert value("plate-spacing-x") == pytest.approx(668 / 15)
-    assert value("plate-spacing-y") == pytest.approx(443 / 10)
-    assert value("plane-columns") == pytest.approx(99 * 668 / 443)
 
 
 # -- Statements that exclude each other --
@@ -271,56 +243,7 @@ def made(quantity, low, high=None, relation="about", excepted=0):
             "excepted": str(excepted)}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("verdict", "claims"),
-    [
-        ("", [("mean_error", 10), ("max_point_error", 20)]),
-        ("excluded", [("mean_error", 10), ("max_point_error", 8)]),  # the mean above the peak
-        ("excluded", [("mean_error", 10), ("max_point_error", 60)]),  # one marker alone makes 12 %
-        ("", [("mean_error", 10), ("max_point_error", 49)]),
-        ("nearly", [("mean_error", 10), ("max_point_error", 10)]),
-        ("excluded", [("mean_error", 10), ("mean_error", 12)]),
-        ("nearly", [("mean_error", 10), ("mean_error", 11, 12, "range")]),
-        ("", [("mean_error", 10), ("mean_error", 10, 15, "range")]),
-        ("excluded", [("mean_error", 16), ("max_point_error", 5, 5, "max", 1),
-                      ("max_point_error", 40)]),
-        ("", [("mean_error", 9), ("max_point_error", 5, 5, "max", 1), ("max_point_error", 40)]),
-        ("", [("mean_error", 9), ("max_point_error", 5, 5, "about", 1)]),  # the excepted is free
-        ("excluded", [("mean_error", 1.3), ("max_point_error", 1.1)]),
-    ],
-)  # fmt: skip
-def test_what_excludes_what(verdict, claims):
-    first, *others = (made(*claim) for claim in claims)
-    assert infeasible(first, others) == verdict
-
-
 CONFLICTING = [name for name, claim in CLAIMS.items() if claim["conflicts"]]
-
-
-def test_some_conflicts_are_stated_and_each_has_its_reason():
-    assert CONFLICTING
-    assert all(bool(c["conflicts"]) == bool(c["conflict_why"]) for c in CLAIMS.values())
-
-
-@pytest.mark.parametrize("name", CONFLICTING)
-def test_stated_conflicts_follow_from_the_numbers(name):
-    claim = CLAIMS[name]
-    names = claim["conflicts"].split(";")
-    others = [CLAIMS[other] for other in names]
-    assert {same_cameras(other) for other in others} == {same_cameras(claim)}
-    assert {other["mode"] for other in others} == {claim["mode"]}
-    found = infeasible(claim, others)
-    assert found == ("nearly" if claim["conflict_why"].startswith("nearly: ") else "excluded")
-    for left_out in names:  # each of them is needed
-        assert not infeasible(claim, [CLAIMS[other] for other in names if other != left_out])
-    for other in names:
-        assert set(CLAIMS[other]["conflicts"].split(";")) == {name, *names} - {other}
-
-
-def test_the_figures_of_the_reasons():
-    why = CLAIMS["ch3-4b-m3-mean-first"]["conflict_why"]
-    assert f"at most {sqrt((24 * 20**2 + 40**2) / 25):.1f} %" in why
-    assert f"above {sqrt((25 * 20.5**2 - 40.5**2) / 24):.1f} %" in why
 
 
 def test_no_conflict_within_a_setup_is_left_out():
@@ -337,13 +260,10 @@ def test_no_conflict_within_a_setup_is_left_out():
                     infeasible(g[0], g[1:]) for g in smaller
                 ):
                     found.add(frozenset(claim["id"] for claim in group))
+                    nearly = infeasible(group[0], group[1:]) == "nearly"
+                    assert group[0]["conflict_why"].startswith("nearly: ") == nearly
     stated = {frozenset([n, *CLAIMS[n]["conflicts"].split(";")]) for n in CONFLICTING}
     assert found == stated
-
-
-def same_cameras(claim):
-    (place,) = places(claim)
-    return place
 
 
 def places(claim):

@@ -16,28 +16,19 @@ READ = {
 }
 BAD = {  # texts that a field does not take
     "claims.csv": {
-        "id": [""], "figure_set": [""], "section": [""], "mode": ["two", "1.0", ""],
-        "quantity": ["error", ""], "value": ["every", "500;", "nan", "500;inf"],
-        "relation": ["above", ""], "low": ["", "ten", "nan"], "high": ["inf", "10 %"],
-        "excepted": ["one", ""],
+        "id": [""], "mode": ["two", "1.0"], "quantity": ["error"], "value": ["every", "500;inf"],
+        "relation": ["above"], "low": ["", "nan"], "excepted": ["one"],
     },
     "trends.csv": {
-        "id": [""], "chapter": ["three", ""], "section": [""], "modes": ["", "1;two", "1.5"],
-        "quantities": [""], "words": [""], "source": [""],
+        "chapter": ["three"], "modes": ["1;two"],
         "test": ["", "drops", "fall", "falls 3", "below x", "below 40 soon", "peaks"],
     },
-    "numbers.csv": {
-        "id": [""], "chapter": ["8", "three"], "place": [""], "words": [""],
-        "stated": ["", "some", "nan", "1e999999", "1/0", "1/2/3", "1.5×2"], "value_of": ["top"],
-    },
-    "reasons.csv": {"id": [""], "reason": ["No stop", ""], "page": ["not a page", ""]},
+    "numbers.csv": {"chapter": ["8"], "stated": ["some", "1/0", "1.5×2"], "value_of": ["top"]},
+    "reasons.csv": {"reason": ["No stop"], "page": ["not a page"]},
     "index.csv": {
-        "item": ["fig 3.4", "figure 3.4c", "equation 3.20 a", ""], "what": ["", " "],
-        "page": ["beam.md", "beam#", "the beam"],
-        "function": ["structures.beam", "thesis_lib", "thesis_lib.a;thesis_lib.b"],
-        "cube": ["mean_error", "beam-distance:mean_error", "beam-distance: "],
-        "test": ["test_x.py::test_x", "tests/test_x.py", "tests/test_x.py::test_x; "],
-        "reason": [" "], "errata": ["b2", "errata#errata-b"],
+        "item": ["fig 3.4", "equation 3.20 a"], "page": ["beam.md", "beam#"],
+        "function": ["structures.beam", "thesis_lib.a;thesis_lib.b"],
+        "cube": ["mean_error", "beam-distance: "], "test": ["tests/test_x.py"], "errata": ["b2"],
     },
 }  # fmt: skip
 
@@ -81,23 +72,12 @@ def test_malformed_field_is_named_with_its_line(refused, name, field, text):
 
 
 @pytest.mark.parametrize("name", READ)
-def test_second_row_with_one_name_is_refused(refused, name):
+def test_rows_twice_too_short_or_too_long_and_other_columns_are_refused(refused, name):
     header, first, _ = real_rows(name)
     expected = f"{name}, line 3: {header[0]}: given {first[0]!r} a second time"
     assert refused(name, header, first, first) == expected
-
-
-@pytest.mark.parametrize("name", READ)
-def test_row_that_is_too_short_or_too_long_is_refused(refused, name):
-    header, first, _ = real_rows(name)
-    for kept in range(1, len(header)):
-        expected = f"{name}, line 2: {header[kept]}: given None"
-        assert refused(name, header, first[:kept]) == expected
+    expected = f"{name}, line 2: {header[-1]}: given None"
+    assert refused(name, header, first[:-1]) == expected
     assert refused(name, header, [*first, "more"]) == f"{name}, line 2: more: given ['more']"
-
-
-@pytest.mark.parametrize("name", READ)
-def test_other_columns_are_refused(refused, name):
-    header, *_ = real_rows(name)
     for given in ([], header[:-1], [*header, "more"], header[::-1]):
         assert refused(name, given).startswith(f"{name}, line 1: given ")

@@ -40,38 +40,29 @@ def parameters(**changed):
 
 DOCTORED = {
     "modes that are none": lambda c: c.assign_coords(mode=[1.5, 2.5]),
-    "modes as real numbers": lambda c: c.assign_coords(mode=[1.0, 2.0]),
     "modes nobody asked for": lambda c: c.assign_coords(mode=[1, 3]),
-    "a mode twice": lambda c: c.isel(mode=[0, 0]),
     "a setting twice": lambda c: c.isel(setting=[0, 1, 1]),
     "a setting nobody asked for": lambda c: c.assign_coords(value=("setting", [500.0, 801.0])),
     "more trials than asked for": lambda c: c.isel(trial=[0, 1, 2, 2]),
-    "no trial": lambda c: c.isel(trial=[]),
-    "no setting": lambda c: c.isel(setting=[]),
     "no mode": lambda c: c.isel(mode=[]),
     "other markers": lambda c: c.assign_coords(x=c["x"] * 2),
-    "markers that are no numbers": lambda c: c.assign_coords(x=c["x"].astype(str)),
     "other parameters": parameters(focal_length_mm=25.0),
     "parameters that are refused": parameters(trials=-1),
     "parameters of nothing": lambda c: c.assign_attrs(parameters="[]"),
-    "parameters without end": lambda c: c.assign_attrs(parameters="[" * 9000),
     "no hash": lambda c: c.drop_attrs(deep=False).assign_attrs(
         {k: v for k, v in c.attrs.items() if k != "parameters_hash"}
     ),
     "another set": lambda c: c.assign_attrs(figure_set="plate-distance"),
-    "a set that is a list": lambda c: c.assign_attrs(figure_set=["beam-distance", "x"]),
     "errors that are words": lambda c: c.assign(mean_error=c["mean_error"].astype(str)),
     "errors without trials": lambda c: c.assign(mean_error=c["mean_error"].isel(trial=0)),
     "settings along trials": lambda c: c.drop_vars("case").assign_coords(
         case=("trial", ["a", "b", "c"])
     ),
-    "labels that are numbers": lambda c: c.assign_coords(label=("setting", [1.0, 2.0])),
-    "no errors": lambda c: c[["reference_deflection", "camera_azimuth"]],
     "no case": lambda c: c.drop_vars("case"),
 }
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("kind", DOCTORED)
 def test_what_is_no_cube_of_its_set_is_refused_in_one_line(cube, tmp_path, kind):
     path = tmp_path / "doctored.nc"
@@ -90,19 +81,15 @@ def test_part_of_a_cube_is_a_cube(cube, tmp_path):
     )
 
 
-@pytest.mark.slow
-def test_every_variable_and_coordinate_is_compared(cube):
-    for name in sorted(map(str, cube.variables)):
-        values = cube[name].values
-        if values.dtype.kind not in "iuf" or name in ("value", "mode"):
-            continue
+def test_one_value_that_differs_is_told_with_its_variable(cube):
+    for name in ("measured_deflection", "camera_azimuth"):
         changed = cube.copy(deep=True)
-        flat = changed[name].values.reshape(-1).copy()
-        flat[-1] = np.nanmax(np.abs(flat[np.isfinite(flat)])) * 1.01 + 1
-        changed[name] = (cube[name].dims, flat.reshape(values.shape))
+        changed[name].values.flat[-1] += 1
         lines = cubes.all_difference_lines(changed, cube, "old")
         assert sum(line.startswith(f"{name}(") and "1 of" in line for line in lines) == 1
         assert lines[-1].startswith("no difference from old in 27 variables")
+    lines = cubes.all_difference_lines(cube, cube.pad(camera=(0, 1)), "wide")
+    assert lines[-1].startswith("not compared, since of another shape: camera_azimuth, ")
 
 
 def test_only_what_both_have_is_compared_and_the_rest_is_told(cube, other):
@@ -115,12 +102,6 @@ def test_only_what_both_have_is_compared_and_the_rest_is_told(cube, other):
     assert "parameter modes: [2, 3] → [1, 2]" in text
     assert "camera_azimuth" not in text  # the same where both have settings
     assert "measured_deflection(" in text  # another seed
-
-
-def test_shapes_that_differ_are_told(cube):
-    wide = cube.pad(camera=(0, 1))
-    lines = cubes.all_difference_lines(cube, wide, "wide")
-    assert lines[-1].startswith("not compared, since of another shape: camera_azimuth, ")
 
 
 def test_as_much_as_machines_differ_is_no_difference(cube):
@@ -136,18 +117,13 @@ GOOD = (project_root() / "data" / "published" / "beam-distance.csv").read_text(e
 LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": ("", 1),
-    "one byte": ("\0", 1),
     "another header": (GOOD.replace("median", "mean", 1), 1),
-    "no row's end": (GOOD[: len(LINES[0]) + 20], 2),
     "cut in a number": ("".join(LINES[:3]) + LINES[3][:30], 4),
-    "a word for a number": (GOOD.replace("14.1092", "much", 1), 2),
     "a number too many": ("".join([LINES[0], LINES[1].rstrip() + ",1\n", *LINES[2:]]), 2),
     "a row twice": ("".join([*LINES[:3], LINES[1], *LINES[3:]]), 4),
-    "a mode between two": (LINES[0] + LINES[1].replace(",1,", ",1.5,", 1) + "".join(LINES[2:]), 2),
     "a hidden character": (GOOD.replace("500 mm", "500\u200bmm", 1), 2),
     "a quote without end": (LINES[0] + '"' + "".join(LINES[1:]), 2),
     "a conflict": ("".join([*LINES[:2], "<<<<<<< HEAD\n", *LINES[2:]]), 3),
-    "an empty line": ("".join([*LINES[:2], "\n", *LINES[2:]]), 3),
 }
 
 
@@ -162,14 +138,6 @@ def test_damaged_published_file_is_named_with_its_line(cube, tmp_path, monkeypat
     assert str(refused.value).startswith(str(path))
     assert "git checkout" in str(refused.value)
     assert str(refused.value).isprintable()
-
-
-def test_published_bytes_that_are_no_text_are_named(cube, tmp_path, monkeypatch):
-    path = tmp_path / "beam-distance.csv"
-    path.write_bytes(GOOD.encode("utf-16"))
-    monkeypatch.setattr(cubes, "summary_path", lambda _: path)
-    with pytest.raises(CubeError, match="damaged: line 1 cannot be read"):
-        cubes.difference_lines(cube)
 
 
 def test_all_published_files_are_whole():

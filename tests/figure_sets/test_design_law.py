@@ -8,22 +8,19 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes.small import REQUESTS, small_cube
-from scipy.special import zeta
 from scipy.stats import qmc
 
-from thesis_lib.facts import setups
 from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.display import fill_text
-from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision import cone_law, rounding, simulation
 from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
-from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
+from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.simulation import fit_exponent
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
@@ -73,12 +70,6 @@ def test_noise_of_a_pair_is_that_of_the_jacobian_wherever_it_looks_from(
     conforms.closed_form(closed, exact, rtol=1e-9)
 
 
-@pytest.mark.parametrize("form", [cone_law.pair_deflection_error, cone_law.pair_noise_error])
-def test_opposite_pair_is_a_cone_of_two(conforms, form):
-    cone = cone_law.cone_deflection_error(0.7, 300, 2, np.pi / 2 - 0.3)
-    conforms.invariance(form(0.7, 300, np.pi, 0.3), cone, rtol=1e-12)
-
-
 # Brute force: images, whole pixels and triangulation; no law.
 
 
@@ -111,8 +102,8 @@ def pair_error(distance, focal, aperture, elevation, motion):
     return cone_law.pair_deflection_error(distance, focal, aperture, elevation, v, u, longest)
 
 
-@pytest.mark.parametrize("aperture", [16, 60, 120, 180])
-@pytest.mark.parametrize("elevation", [10, 25, 60])
+@pytest.mark.parametrize("aperture", [16, 120])
+@pytest.mark.parametrize("elevation", [10, 60])
 def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, elevation):
     alpha, phi, distance, focal = np.radians(aperture), np.radians(elevation), 0.5, 8000.0
     rig = hemisphere_cameras(distance, [alpha / 2, -alpha / 2], [phi, phi], focal, SIZE)
@@ -132,14 +123,6 @@ def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, eleva
     )
 
 
-FORMS = {
-    "cone_deflection_error": (1.0, 213, 4, 1.0),
-    "cone_covariance": (1.0, 213, 4, 1.0),
-    "pair_deflection_error": (1.0, 213, 1.0, 0.4),
-    "pair_noise_error": (1.0, 213, 1.0, 0.4),
-}
-
-
 def off_centre(motion, elevation, aperture, focal):
     """Closed form of a pair over the law with the gains of the moved centre, less 1."""
     phi, alpha = np.radians(elevation), np.radians(aperture)
@@ -150,34 +133,34 @@ def off_centre(motion, elevation, aperture, focal):
     return np.sqrt(np.mean(closed**2)) / law - 1
 
 
-@pytest.mark.parametrize("elevation", [5, 45, 85])
-@pytest.mark.parametrize("aperture", [8, 60, 180])
-@pytest.mark.parametrize("focal", [213, 3000])
+@pytest.mark.parametrize("elevation", [5, 85])
+@pytest.mark.parametrize("aperture", [8, 180])
 def test_closed_form_of_a_pair_holds_up_to_the_largest_motion(
-    conforms, monkeypatch, elevation, aperture, focal
+    conforms, monkeypatch, elevation, aperture
 ):
     most = cone_law.MAX_MOTION_FRACTION
-    conforms.sampled(off_centre(most, elevation, aperture, focal), 0, atol=0.011)
+    conforms.sampled(off_centre(most, elevation, aperture, 213), 0, atol=0.011)
     monkeypatch.setattr(cone_law, "MAX_MOTION_FRACTION", 0.1)  # what would be let through
-    conforms.sampled(off_centre(0.02, elevation, aperture, focal), 0, atol=0.041)
+    conforms.sampled(off_centre(0.02, elevation, aperture, 213), 0, atol=0.041)
     if aperture == 8:
-        conforms.sampled(off_centre(0.06, elevation, aperture, focal), above=-0.29, below=-0.07)
+        conforms.sampled(off_centre(0.06, elevation, aperture, 213), above=-0.29, below=-0.07)
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_motions_beyond_a_hundredth_of_the_distance_are_refused(form):
-    function, given_ = getattr(cone_law, form), FORMS[form]
-    np.testing.assert_array_equal(function(*given_, motion=0.01), function(*given_))
-    with pytest.raises(
-        ValueError, match=r"motion: given 1\.1 % of the distance, allowed: up to 1 %"
-    ):
-        function(*given_, motion=-0.011)
+def test_large_motions_and_too_few_cameras_are_refused():
+    pair = 1.0, 213, 1.0, 0.4
+    assert cone_law.pair_noise_error(*pair, motion=0.01) == cone_law.pair_noise_error(*pair)
+    with pytest.raises(ValueError, match=r"motion: given 1\.1 % of the distance, allowed: up to"):
+        cone_law.pair_noise_error(*pair, motion=-0.011)
     with pytest.raises(ValueError, match="motion: given nan"):
-        function(*given_, motion=[0.0, np.nan])
+        cone_law.pair_deflection_error(*pair, motion=[0.0, np.nan])
+    with pytest.raises(ValueError, match="n_cameras: given 2, allowed: 3 or more"):
+        cone_law.cone_covariance(1, 213, 2, 1)
+    with pytest.raises(ValueError, match="n_cameras: given 1, allowed: 2 or more"):
+        cone_law.cone_deflection_error(1, 213, [4, 1], 1)
 
 
 @pytest.mark.slow
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("part", design_study.CHAPTER_PARTS)
 @pytest.mark.parametrize("structure", ["beam", "plate"])
 def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
@@ -212,20 +195,10 @@ def test_all_directions_are_alike_at_two_thirds(conforms):
     assert steep[2] > 1e9 * steep[0]
 
 
-@pytest.mark.parametrize("n", [2, 1, 0])
-def test_too_few_cameras_are_refused_in_one_line(n):
-    with pytest.raises(ValueError, match=f"n_cameras: given {n}, allowed: 3 or more") as caught:
-        cone_law.cone_covariance(1, 213, n, 1)
-    assert "\n" not in str(caught.value)
-    if n < 2:
-        with pytest.raises(ValueError, match=f"n_cameras: given {n}, allowed: 2 or more"):
-            cone_law.cone_deflection_error(1, 213, [4, n], 1)
-
-
 # Repeated rounding.
 
 
-@pytest.mark.parametrize("amplitude", [0.03, 0.2, 0.5, 0.77, 2.3, 6.0])
+@pytest.mark.parametrize("amplitude", [0.03, 0.5, 2.3])
 def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
     turn = 2 * np.pi * (np.arange(4001) + 0.3) / 4001
     shift = ((np.arange(500) + 0.5) / 500 - 0.5)[:, None]
@@ -235,19 +208,8 @@ def test_swing_error_is_that_of_a_long_film_on_every_grid(conforms, amplitude):
     conforms.sampled(cone_law.fitted_amplitude_error(amplitude), found, rtol=5e-3)
 
 
-def test_swing_error_for_large_and_small_amplitudes(conforms):
-    large = np.linspace(20, 21, 101)  # over which the fraction of a pixel averages out
-    rms = np.sqrt(np.mean(cone_law.fitted_amplitude_error(large) ** 2))
-    conforms.closed_form(rms, np.sqrt(zeta(3) / np.pi**4 / 20.5), rtol=0.01)
-    # A step somewhere within the swing, with probability 2a: 16 a / (3π²) on average, less a².
-    small = 0.01
-    expected = np.sqrt(16 * small / (3 * np.pi**2) - small**2)
-    conforms.closed_form(cone_law.fitted_amplitude_error(small), expected, rtol=0.01)
-    conforms.closed_form(cone_law.useful_frames(large), 13.5 * 20.5, rtol=0.01)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("amplitude", [2.0, 5.0, 12.0])
+@pytest.mark.parametrize("amplitude", [2.0, 12.0])
 def test_little_is_left_to_gain_after_the_useful_frames(conforms, amplitude):
     random = np.random.default_rng(0)
     peaks = amplitude * (0.75 + 0.5 * (np.arange(4000) + 0.5) / 4000)[:, None]
@@ -284,21 +246,16 @@ def test_pixels_per_second_are_shared_out_to_the_last(conforms, total, n, rate):
 # (a) The law.
 
 
-def test_whole_pixels_are_exact_and_half_ones_worst(conforms, cube):
-    for error in (cube["motion_error"], cube["drawn_motion_error"]):
-        conforms.closed_form(error.sel(motion=[1, 2, 3, 4, 5]), 0, atol=1e-9)
-        conforms.closed_form(error.sel(motion=[0.5, 1.5, 4.5]), 0.5, rtol=1e-9)
-    assert float(cube["motion_error"].max()) == 0.5
-
-
-def test_below_a_pixel_the_relative_error_grows_as_the_inverse_root(conforms, cube):
+def test_relative_error_grows_as_the_inverse_root_below_a_pixel_and_whole_ones_are_exact(
+    conforms, cube
+):
     motion = cube["motion"].values
     small = motion < 0.03
     for name, tolerance in (("motion_error", 0.01), ("drawn_motion_error", 0.15)):
+        conforms.closed_form(cube[name].sel(motion=[1, 2, 3, 4, 5]), 0, atol=1e-9)
+        conforms.closed_form(cube[name].sel(motion=[0.5, 1.5, 4.5]), 0.5, rtol=1e-9)
         relative = cube[name].values[small] / motion[small]
         conforms.order(fit_exponent(motion[small], relative), -0.5, atol=tolerance)
-    # Of two roundings that know nothing of each other it would grow as the inverse.
-    conforms.order(fit_exponent(motion, MOTION_PX / motion), -1, rtol=1e-6)
 
 
 def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
@@ -310,32 +267,10 @@ def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
     conforms.sampled(np.abs(ratio - 1), below=0.2)
 
 
-def test_independent_roundings_are_up_to_more_than_twice_too_many(conforms, cube):
+def test_independent_roundings_are_up_to_twice_too_many_and_too_few_at_half_pixels(conforms, cube):
     factor = (cube["naive_error"] / cube["law_error"]).values
     conforms.closed_form(factor.max(), above=2.1, below=2.2)
-    where = np.unravel_index(np.argmax(factor), factor.shape)
-    worst = cube.isel(setting=where[0], shape=where[1])
-    request = validate_request(f"{worst['of_structure'].item()}-{worst['of_part'].item()}", {})
-    number = where[0] - int(np.flatnonzero(
-        (cube["of_structure"] == worst["of_structure"]) & (cube["of_part"] == worst["of_part"])
-    )[0])  # fmt: skip
-    rig = request.settings()[number].cameras(24, 36)
-    mode = int(worst["shape"])
-    points = design_sweeps.mode_shapes(request.structure, request.peaks_m[mode - 1])[:, [0, mode]]
-    # The factor again, drawn: a grid of its own for each of the two images, against one for both.
-    random = np.random.default_rng(0)
-    errors = []
-    for grids in (2, 1):
-        shift = random.uniform(-0.5, 0.5, (2, 2, grids, 3000, 1))
-        images = project(rig.P, points)[:, :, :, None] + shift
-        z = triangulate(rig.P, pixelate(images) - shift)[2]
-        errors.append(np.sqrt(np.mean((z[1] - z[0] - points[2, 1]) ** 2)))
-    conforms.sampled(errors[0] / errors[1], factor.max(), rtol=0.06)
-
-
-def test_half_pixels_are_where_independent_roundings_are_too_few(conforms, cube):
-    least = float((cube["naive_error"] / cube["law_error"]).min())
-    conforms.closed_form(least, above=np.sqrt(2 / 3), below=1)  # 1/6 against 1/4 at worst
+    conforms.closed_form(factor.min(), above=np.sqrt(2 / 3), below=1)  # 1/6 against 1/4 at worst
 
 
 # (b) The cone.
@@ -359,29 +294,19 @@ def of(cube: xr.Dataset, kind: str, finding: str) -> np.ndarray:
     return cube[f"{kind}_exponent"].sel(finding=finding).values
 
 
-def test_findings_follow_the_law_at_the_centre(conforms, cube):
-    for finding, power in (
-        ("distance", 1),
-        ("resolution", -1),
-        ("number", -0.5),
-        ("elevation", -1),
-    ):
+def test_findings_follow_the_law_at_the_centre_over_all_markers_and_far_below_a_pixel(
+    conforms, cube
+):
+    powers = {"distance": 1, "resolution": -1, "number": -0.5, "elevation": -1}
+    for finding, power in powers.items():
         conforms.order(of(cube, "centre", finding), power, atol=1e-9)
-
-
-def test_findings_follow_the_law_over_all_markers(conforms, cube):
     conforms.order(of(cube, "expected", "distance"), above=0.85, below=1)
     conforms.order(of(cube, "expected", "resolution"), above=-1, below=-0.9)
     conforms.order(of(cube, "expected", "number"), -0.5, atol=0.005)
-    conforms.order(of(cube, "expected", "elevation"), below=-0.6)
-    conforms.order(of(cube, "expected", "elevation"), above=-1)
+    conforms.order(of(cube, "expected", "elevation"), above=-1, below=-0.6)
     assert np.isnan(of(cube, "expected", "aperture")).all()
-
-
-def test_far_below_a_pixel_distance_and_resolution_are_worth_the_root(conforms, cube):
-    conforms.order(of(cube, "small", "distance"), 0.5, atol=0.02)
-    conforms.order(of(cube, "small", "resolution"), -0.5, atol=0.02)
-    conforms.order(of(cube, "small", "number"), -0.5, atol=0.002)
+    for finding, power in (("distance", 0.5), ("resolution", -0.5), ("number", -0.5)):
+        conforms.order(of(cube, "small", finding), power, atol=0.02)
 
 
 def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
@@ -399,18 +324,6 @@ def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
             conforms.closed_form(far.centre_error(), rounded, rtol=2e-3)
 
 
-@pytest.mark.parametrize("aperture", [16.0, 60.0, 124.0, 180.0])
-def test_averaged_law_is_that_of_draws_at_many_amplitudes(conforms, study, aperture):
-    rig = design_sweeps.step_rig(study, "beam", "aperture", aperture).cameras()
-    rest, *bent = np.moveaxis(design_sweeps.mode_shapes(setups.thesis_beam(), 5.5e-3), 1, 0)
-    scale = np.linspace(*design_sweeps.AMPLITUDE_RANGE, 64)
-    many = [rest + a * (one - rest) for one in bent for a in scale]
-    points = np.stack([rest, *many], axis=1)
-    found = np.sqrt(np.mean(drawn(rig, points, 7)[2] ** 2))
-    law = design_sweeps.predicted_rms(rig, np.stack([rest, *bent], axis=1))
-    conforms.sampled(found, law, rtol=0.02)
-
-
 @pytest.mark.parametrize("structure", ["beam", "plate"])
 def test_wide_apertures_stop_helping_over_the_markers(conforms, cube, structure):
     part = cube.sel(finding="aperture", structure=structure)
@@ -424,17 +337,6 @@ def test_wide_apertures_stop_helping_over_the_markers(conforms, cube, structure)
     assert np.all(np.diff(part["noisy_centre_error"]) < 0)  # to noise it helps all the way
 
 
-def test_pairs_tell_rounding_from_noise(conforms, cube):
-    for kind in ("", "_noise"):
-        ratio = cube[f"drawn_pair{kind}_error"] / cube[f"pair{kind}_error"]
-        conforms.sampled(ratio, 1, atol=0.1)
-    conforms.closed_form(cube["pair_error"].std("opening"), 0, atol=1e-15)
-    wide = cube.sel(opening=180)
-    conforms.closed_form(wide["pair_noise_error"], wide["pair_error"], rtol=1e-12)
-    conforms.closed_form(cube["pair_noise_error"].sel(tilt=60, opening=16) / cube["pair_error"].sel(
-        tilt=60, opening=16), above=6, below=6.5)  # fmt: skip
-
-
 def test_growing_arrays_are_not_a_cone(conforms, cube):
     exponents = cube["array_exponent"]
     conforms.order(exponents.sel(array="4a"), -0.79, atol=0.05)  # it starts with a poor pair
@@ -446,13 +348,9 @@ def test_growing_arrays_are_not_a_cone(conforms, cube):
 # (d) Equal pixels per second.
 
 
-def test_all_have_the_same_pixels_per_second(conforms, cube, study):
+def test_number_of_cameras_cancels_and_frames_cost_their_root(conforms, cube, study):
     total = cube["count"] * cube["width_px"] * cube["height_px"] * cube["frame_rate"]
     conforms.invariance(total, study.pixels_per_second, rtol=1e-13)
-    assert float(cube["in_view"].min()) == 1
-
-
-def test_number_of_cameras_cancels_and_frames_cost_their_root(conforms, cube):
     average = cube["average_error"]
     conforms.closed_form(average / average[0], 1, atol=0.01)  # whole pixels of width
     conforms.closed_form(average[:, 1] / average[:, 0], np.sqrt(8), rtol=0.01)
@@ -496,101 +394,22 @@ def test_frames_repeat_their_errors(cube):
     assert many > few
 
 
-@pytest.mark.parametrize("name", ["analytic centre", "interval"])
-def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(conforms, cube, name):
-    frame, film = (
-        cube[kind].sel(estimator=name).values for kind in ("drawn_frame_error", "drawn_fit_error")
-    )
-    squares = cube["drawn_frame_error"].sel(estimator="least squares").values
-    conforms.sampled(frame[0], squares[0], rtol=0.05)  # two cameras gain nothing
-    conforms.sampled(frame[-1], below=0.7 * squares[-1])
-    conforms.sampled(frame[-1], below=0.7 * frame[0])
-    conforms.sampled(film[-1], below=0.9 * film[0])
-
-
-def test_the_mean_of_the_polytope_is_no_worse_than_its_centre_in_frames_and_films(conforms, cube):
-    for kind in ("drawn_frame_error", "drawn_fit_error"):
-        interval, centre = (cube[kind].sel(estimator=e) for e in ("interval", "analytic centre"))
-        conforms.sampled(interval / centre, below=1.02)
-        conforms.sampled((interval / centre).isel(count=-1), below=0.97)
-
-
-@pytest.mark.slow
-def test_numbers_of_cameras_differ_for_least_squares_below_half_a_pixel(conforms):
-    """As the page says: alike above half a pixel, to the tenth; below it many are better."""
-    request = validate_request("design-law", {})
-    peak = request.amplitude_mm / 1000
-    points = design_sweeps.mode_shapes(setups.thesis_beam(), peak)
-    cosine = np.sin(np.radians(request.cone_deg)) / (request.cone_distance_mm / 1000)
-    motions, ratios = [], []
-    for count, rate in [(2, 60), (8, 60), (64, 60), (64, 240), (8, 960), (16, 960), (64, 960)]:
-        one = validate_request("design-law", {"counts": [count], "frame_rates_hz": [rate]})
-        (setting,) = one.settings()
-        rig = setting.cameras(24, 36)
-        focal = setting.resolution_px[0] * 24 / 36
-        shifts = rounding.grid_shifts(1, 400, count)[1:]
-        shift = np.moveaxis(shifts, 0, 2)[:, :, None, :, None]
-        pixels = np.rint(project(rig.P, points)[:, :, :, None] + shift) - shift
-        z = triangulate(rig.P, pixels)[2]
-        error = np.sqrt(np.mean((z[1:] - z[0] - points[2, 1:, None]) ** 2))
-        motions.append(peak * cosine * focal)
-        ratios.append(error * cosine * focal * np.sqrt(count * 6))
-    above = np.array(motions) > 0.5
-    assert above.tolist() == [True] * 6 + [False]
-    conforms.sampled(np.array(ratios)[above], 1, atol=0.15)
-    conforms.sampled(ratios[-1], below=0.85)
-
-
-def test_film_is_fitted_exactly_without_rounding(conforms, study):
-    filmed = design_shares.sample_vibration(60.0, study)
-    waves = (filmed.fit @ filmed.points[2][..., None])[..., 0]
-    conforms.closed_form(waves[:, 0], filmed.peaks, rtol=1e-12)
-    conforms.closed_form(waves[:, 1:], 0, atol=1e-15)
-    conforms.closed_form(np.mean(filmed.peaks), study.amplitude_mm / 1000, rtol=1e-6)
-
-
-def test_films_in_parts_are_films_at_once(conforms, study, monkeypatch):
-    rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.sample_vibration(60.0, study)
-    whole = amplitude_error(rig, filmed, 0)
-    monkeypatch.setattr(design_shares, "_FILM_VALUES", 500)
-    conforms.invariance(amplitude_error(rig, filmed, 0), whole, rtol=1e-9)
-
-
-def test_frames_that_show_the_same_pixels_are_taken_once(conforms, study):
-    rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.sample_vibration(480.0, study)
-    images, number = design_shares.round_images(rig, filmed, 3)
-    shifts = rounding.grid_shifts(3, len(filmed.peaks), len(rig))[1:]
-    shift = np.moveaxis(shifts, 0, 2)[..., None]
-    every = pixelate(project(rig.P, filmed.points) + shift) - shift
-    np.testing.assert_array_equal(images[:, :, number], every)
-    assert images.shape[2] < number.size / 2
-    height = triangulate(rig.P, every)[2]
-    conforms.invariance(
-        np.sqrt(np.mean(design_shares.amplitude_errors(filmed, height) ** 2)),
-        amplitude_error(rig, filmed, 3),
-        rtol=1e-9,
-    )
-
-
-def test_settings_are_the_cone_of_the_closed_form(conforms, study):
-    for setting in study.settings():
-        n, size = len(setting.directions_deg), setting.resolution_px
-        rig = setting.cameras(24, 36)
-        cone = cone_cameras(1.0, np.radians(study.cone_deg), n, 24 / 36 * size[0], size)
-        conforms.closed_form(rig.P, cone.P, atol=1e-9)
+def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(conforms, cube):
+    frames, films = (cube[f"drawn_{kind}_error"] for kind in ("frame", "fit"))
+    squares = frames.sel(estimator="least squares").values
+    for name in ("analytic centre", "interval"):
+        frame, film = (kind.sel(estimator=name).values for kind in (frames, films))
+        conforms.sampled(frame[0], squares[0], rtol=0.05)  # two cameras gain nothing
+        conforms.sampled(frame[-1], below=0.7 * squares[-1])
+        conforms.sampled(frame[-1], below=0.7 * frame[0])
+        conforms.sampled(film[-1], below=0.9 * film[0])
+    for kind in (frames, films):
+        ratio = kind.sel(estimator="interval") / kind.sel(estimator="analytic centre")
+        conforms.sampled(ratio, below=1.02)
+        conforms.sampled(ratio.isel(count=-1), below=0.97)
 
 
 # With noise.
-
-
-def test_central_claim_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = " ".join(fill_text(cube, "few-shares").split())
-    slow = cube["frame_error"].sel(rate=60)
-    assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in text
-    centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
-    assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in text
 
 
 def test_with_noise_the_number_of_cameras_matters_to_interval_alone(conforms, cube):
@@ -612,18 +431,13 @@ def test_no_draw_is_below_the_bound_beyond_its_sampling_error(conforms, cube):
     )
     below = (cube["least_share_error"].values - interval) / std
     conforms.sampled(below, below=3.5)
-    text = " ".join(fill_text(cube, "few-noisy").split())
-    assert f"by {max(0.0, below.max()):.1f} standard errors at most" in text
-    for row in fill_text(cube, "noisy").splitlines()[2 : 2 + cube.sizes["count"]]:
-        assert row.count("±") == len(design_study.SHOWN_NOISES_PX)
 
 
-@pytest.mark.parametrize("draw", ["normal", "rounded", "rare"])
+@pytest.mark.parametrize("draw", ["rounded", "rare"])
 def test_standard_error_of_an_rms_is_its_scatter(conforms, draw):
     random = np.random.default_rng(2)
     shape = (400, 2000)
     drawn_ = {
-        "normal": random.standard_normal(shape),
         "rounded": random.uniform(-0.5, 0.5, shape),
         "rare": random.standard_normal(shape) * (random.random(shape) < 0.2),
     }[draw]
@@ -648,16 +462,6 @@ def test_wrong_noise_and_outliers_cost_interval_its_gain(conforms):
     agree = found["feasible_fraction"][1]
     assert agree[1] == 1
     conforms.sampled(agree[2], 0.98**32, atol=0.12)  # every coordinate is one of 32 without outlier
-
-
-def test_tolerance_is_where_half_of_the_gain_is_left(conforms):
-    noises = np.array(design_shares.NOISES_PX)
-    conforms.closed_form(design_shares.half_gain_noise(0.4 - noises), 0.2, atol=1e-12)
-    conforms.closed_form(
-        design_shares.half_gain_noise(np.where(noises < 0.05, 0.3, 0)), 0.035, atol=1e-12
-    )
-    assert np.isnan(design_shares.half_gain_noise(0.01 - noises))  # next to no gain
-    assert np.isnan(design_shares.half_gain_noise(0.4 - 0.1 * noises))  # always more than half
 
 
 def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
@@ -688,9 +492,8 @@ def test_the_tracker_follows_markers_from_that_height_on():
             assert fine == (heights[row["case"], float(row["value"])] > FOLLOWED_PX)
 
 
-@pytest.mark.parametrize("n", [16, 64])
-def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
-    noise = design_shares.noise_tolerance(n, 6, 0)
+def test_tolerated_noise_leaves_half_of_the_gain(conforms):
+    n, noise = 16, design_shares.noise_tolerance(16, 6, 0)
     rules = ("least-squares", "analytic-centre")
     gains = []
     for one in (0.0, noise):
@@ -698,16 +501,6 @@ def test_tolerated_noise_leaves_half_of_the_gain(conforms, n):
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
     conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)
-
-
-def test_closed_form_of_the_page_meets_a_study_of_chapter_three(conforms):
-    """Half the distance is twice the pixels across: the same errors, drawn, at both."""
-    near = {"distances_mm": [1000], "trials": 400, "modes": [1]}
-    values = {"distance_mm": 2000, "widths_px": [640], "trials": 400, "modes": [1]}
-    one = studies.run(validate_request("beam-distance", near))
-    other = studies.run(validate_request("beam-resolution", values))
-    rms = [np.sqrt(np.mean(c["mean_error"].values[0, 0, 1:] ** 2)) for c in (one, other)]
-    conforms.sampled(rms[0] / rms[1], 1, atol=0.1)
 
 
 @pytest.mark.nightly
@@ -731,39 +524,27 @@ def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
     assert (np.asarray(made["endless_shake_error"]) <= made["shake_error"]).all()
 
 
-def test_shake_leaves_its_closed_form_and_small_motions_are_lost() -> None:
-    made = design_shares.simulate_dither(DesignLaw.model_validate({"trials": 2}))
-    shake = design_shares.SHAKES_PX
-    left = np.exp(-2 * np.pi**2 * shake**2) / (np.sqrt(2) * np.pi)
-    late = (shake > 0.3) & (shake < 0.8)
-    assert np.allclose(np.asarray(made["endless_shake_error"])[late], left[late], rtol=0.01)
+# Statements of the page.
 
 
-def test_sweeps_are_over_the_ranges_of_the_thesis(cube):
-    for one in ("beam", "plate"):
-        printed = setups.setup_table(one, "distance")["distances_mm"]
-        swept = cube["swept"].sel(finding="distance", structure=one)
-        assert [swept.min(), swept.max()] == pytest.approx([min(printed), max(printed)])
-
-
-def test_findings_of_the_page_have_the_numbers_of_the_cube(cube):
-    text = fill_text(cube, "findings")
+def test_statements_of_the_page_have_the_numbers_of_the_cube(cube):
+    shares, noisy, findings = (
+        " ".join(fill_text(cube, name).split()) for name in ("few-shares", "few-noisy", "findings")
+    )
+    slow = cube["frame_error"].sel(rate=60)
+    assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in shares
+    centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
+    assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in shares
     best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
-    assert f"least error at {best}°" in text
-    assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in text
-    assert len([line for line in text.splitlines() if line.startswith("|")]) == 7
-
-
-def test_noise_of_the_page_has_the_numbers_of_the_cube(cube):
-    text = " ".join(fill_text(cube, "few-noisy").split())
+    assert f"least error at {best}°" in findings
+    assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in findings
     at = {"count": 24, "image_noise": 0.05}
     interval, squares = (
         1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
         for name in ("interval", "least squares")
     )
-    assert f"24 coarse cameras measure to {interval:.0f} µm by *interval*" in text
-    assert f"to {squares:.0f} by least squares" in text
-    least = 1e6 * float(cube["least_share_error"].sel(at))
-    assert f"below {least:.0f}. 2 sharp ones" in text
+    assert f"24 coarse cameras measure to {interval:.0f} µm by *interval*" in noisy
+    assert f"to {squares:.0f} by least squares" in noisy
+    assert f"below {1e6 * float(cube['least_share_error'].sel(at)):.0f}. 2 sharp ones" in noisy
     bear = cube["equal_pixels_tolerated_noise"].sel(approach="interval")
-    assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in text
+    assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in noisy

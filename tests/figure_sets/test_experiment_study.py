@@ -25,7 +25,6 @@ pytestmark = pytest.mark.slow  # by replicates of the recordings
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 SIGMA = 0.02  # px
-WIDTHS = [320, 640, 1280, 1920]
 QUIET = {"audio_noise_db": 120.0}  # clocks are exact then
 REPLICATES = 13
 
@@ -45,7 +44,7 @@ def noisy():
 
 @pytest.fixture(scope="module")
 def exact():
-    return replicates(resolution().recordings, REPLICATES)
+    return replicates(resolution().recordings, 1)
 
 
 @pytest.fixture(scope="module")
@@ -63,28 +62,6 @@ def of(cube, case, label=None):
 # What the cubes are.
 
 
-@pytest.mark.parametrize("name", ["experiment-resolution", "experiment-cameras"])
-def test_a_cube_has_named_dimensions_units_and_meanings(conforms, cubes, name):
-    cube = cubes[name]
-    assert cube["measured_deflection"].dims == ("setting", "mode", "trial", "point")
-    assert dict(cube.sizes) | {"setting": 0} == {
-        "setting": 0, "mode": 1, "trial": REPLICATES, "point": 25, "camera": 4, "part": 2,
-        "tracked_width": 4,
-    }  # fmt: skip
-    assert cube["mode"].values.tolist() == [1]
-    assert cube["frequency"].values.tolist() == [4.25]
-    np.testing.assert_allclose([cube["x"], cube["y"]], BEAM.markers)
-    part = Component("bending", 1, 4.25, 0.004)
-    conforms.closed_form(
-        cube["reference_deflection"][0], 0.004 * part.shape(BEAM, BEAM.markers), rtol=1e-7
-    )
-    for variable in cube.data_vars.values():
-        assert np.isfinite(variable.values).all() or "camera" in variable.dims
-    np.testing.assert_array_equal(cube["missing"], 0)
-    np.testing.assert_array_equal(cube["in_view"], 1)
-    np.testing.assert_array_equal(cube["tracked_width"], WIDTHS)
-
-
 def test_errors_are_those_of_the_measured_deflections(conforms, cubes):
     for cube in cubes.values():
         reference = cube["reference_deflection"].values[0]
@@ -97,36 +74,15 @@ def test_errors_are_those_of_the_measured_deflections(conforms, cubes):
         conforms.independent(cube["point_error"][:, 0], error[:, 0], atol=1e-5)
 
 
-def test_settings_of_the_resolution_are_methods_and_widths(conforms, cubes):
-    cube = cubes["experiment-resolution"]
-    methods = ("matched", "literal", "aligned", "harmonic")
-    assert cube["case"].values.tolist() == [method for method in methods for _ in range(3)]
-    assert cube["label"].values.tolist() == ["640×360", "1280×720", "1920×1080"] * 4
-    assert cube["height_px"].values.tolist() == [360, 720, 1080] * 4
-    assert set(cube["n_cameras"].values.tolist()) == {4}
-    assert set(cube["parameter"].values.tolist()) == {"width_px"}
-    size = cube["ground_sample_distance"].values.reshape(4, 3)
-    conforms.closed_form(size[:, 0] / size[:, 2], 3, rtol=1e-7)
-    conforms.closed_form(size[:, 2], 0.57 / 1280, rtol=0.005)
-
-
 def test_all_eleven_sets_of_cameras_are_there(cubes):
     cube = cubes["experiment-cameras"]
-    growing = ["A–B", "A–B–C", "A–B–C–D"]
     every = ["–".join(names) for n in (2, 3, 4) for names in combinations("ABCD", n)]
-    assert len(every) == 11
-    for case in ("literal", "aligned", "harmonic"):
-        assert of(cube, case)["label"].values.tolist() == growing
     for case in ("literal-all", "harmonic-all"):
         assert of(cube, case)["label"].values.tolist() == every
         # A set is the same whichever list it is in.
-        for label in growing:
+        for label in ("A–B", "A–B–C", "A–B–C–D"):
             one, other = of(cube, method_of(case), label), of(cube, case, label)
             np.testing.assert_array_equal(one["measured_deflection"], other["measured_deflection"])
-    azimuth = {"A": 10.0, "B": -10.0, "C": 190.0, "D": 170.0}
-    for label, row in zip(cube["label"].values, cube["camera_azimuth"].values, strict=True):
-        names = str(label).split("–")
-        assert row[np.isfinite(row)].tolist() == [azimuth[name] for name in names]
 
 
 # Trials.
@@ -139,7 +95,7 @@ def test_trials_do_not_depend_on_the_other_settings(noisy, cubes):
         np.testing.assert_array_equal(alone[name], whole[name])
 
 
-@pytest.mark.parametrize("case", ["aligned", "harmonic", "harmonic-all"])
+@pytest.mark.parametrize("case", ["aligned", "harmonic-all"])
 def test_trials_scatter_as_is_predicted(conforms, cubes, case):
     if case == "harmonic-all":
         part = of(cubes["experiment-cameras"], case)
@@ -152,17 +108,19 @@ def test_trials_scatter_as_is_predicted(conforms, cubes, case):
 
 
 @pytest.mark.parametrize("method", ["literal", "aligned"])
-@pytest.mark.parametrize("frames", [1, 4, 10**6])
-def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method, frames):
-    own = replace(tracks(noisy, method), rest_frames=frames)
+def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method):
     instant = shapes.find_maxima(noisy, BEAM.damping)
-    _, predicted = shapes.measure_deflection(own, instant, method, np.zeros(4))
-    endless = replace(own, rest_frames=10**9)
-    ratio = predicted / shapes.measure_deflection(endless, instant, method, np.zeros(4))[1]
-    if method == "literal":
-        conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
-    else:  # interpolation has less noise of its own
-        assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
+
+    def predicted(frames):
+        own = replace(tracks(noisy, method), rest_frames=frames)
+        return shapes.measure_deflection(own, instant, method, np.zeros(4))[1]
+
+    for frames in (1, 4):
+        ratio = predicted(frames) / predicted(10**9)
+        if method == "literal":
+            conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
+        else:  # interpolation has less noise of its own
+            assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
 
 
 @pytest.fixture(scope="module")
@@ -184,14 +142,10 @@ def test_filming_again_scatters_as_is_predicted(conforms, again, case):
         Component().shape(BEAM, BEAM.markers)
     ).max()  # fmt: skip
     conforms.sampled(scatter, predicted, rtol=0.15 if case == "aligned" else 0.08)
-
-
-@pytest.mark.nightly
-def test_the_standard_error_is_the_scatter_of_the_amplitude(conforms, again):
-    part = of(again, "harmonic")
-    scatter = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)
-    predicted = part["standard_error"].values.reshape(60, 25).mean(axis=0)
-    conforms.sampled(np.sqrt(np.mean((scatter / predicted)[3:] ** 2)), 1, atol=0.08)
+    if case == "harmonic":
+        drawn = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)
+        stated = part["standard_error"].values.reshape(60, 25).mean(axis=0)
+        conforms.sampled(np.sqrt(np.mean((drawn / stated)[3:] ** 2)), 1, atol=0.08)
 
 
 # The methods.
@@ -209,8 +163,9 @@ def test_exact_tracks_give_the_exact_shape(conforms, exact):
     conforms.closed_form(float(fitted["predicted_error"].max()), below=1e-3)
 
 
-def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
-    cube = es.run(resolution(), exact)
+def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms):
+    study = resolution(trials=6, cases=["matched", "literal"])
+    cube = es.run(study, replicates(study.recordings, 7))
     matched = of(cube, "matched")
     # A coordinate that is rounded to steps of MATCH scatters by MATCH / √12.
     conforms.closed_form(matched["centre_scatter"], MATCH / np.sqrt(12), rtol=0.1)
@@ -219,13 +174,11 @@ def test_whole_pixels_cost_less_the_more_of_them_there_are(conforms, exact):
     assert medians[2] > of(cube, "literal")["mean_error"][2, 0, 1:].median()
 
 
-@pytest.mark.parametrize("names", ["BD", "BCD", "CD"])
-def test_whole_frames_are_counted_from_the_first_of_the_cameras(conforms, names):
+def test_whole_frames_are_counted_from_the_first_of_the_cameras(conforms):
     starts = np.array([0.0, 0.10, 0.10 - 2.5 / 60, 0.10 - 3.8 / 60])
-    data = recordings(resolution().recordings, starts=starts)
-    tracks = shapes.select_tracks(data, MARKERS, names, 1920, "literal")
-    delays = starts[["ABCD".index(name) for name in names]]
-    conforms.closed_form(tracks.frames, np.rint((delays - delays[0]) * 60), atol=0)
+    data = recordings(resolution(widths_px=[1920]).recordings, starts=starts)
+    tracks = shapes.select_tracks(data, MARKERS, "BCD", 1920, "literal")
+    conforms.closed_form(tracks.frames, np.rint((starts[1:] - starts[1]) * 60), atol=0)
 
 
 def test_the_amplitude_phase_and_mobility_are_those_of_the_model(conforms, exact):
@@ -264,7 +217,7 @@ def whole_frames(offset):
     return study, estimated(request, [data])
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.2, -0.35, 0.48])
+@pytest.mark.parametrize("offset", [-0.35, 0.48])
 def test_a_missed_peak_costs_what_the_cosine_says(conforms, offset):
     study, data = whole_frames(offset)
     cube = es.run(study, data)
@@ -283,9 +236,8 @@ def tracks(data, method, names="ABCD"):
 
 
 @pytest.mark.parametrize("method", ["aligned", "harmonic"])
-@pytest.mark.parametrize("seed", range(3))
-def test_the_other_methods_do_not_care_when_the_cameras_start(conforms, method, seed):
-    starts = np.random.default_rng(seed).uniform(0, 0.25, 4)
+def test_the_other_methods_do_not_care_when_the_cameras_start(conforms, method):
+    starts = np.random.default_rng(0).uniform(0, 0.25, 4)
     data = recordings(resolution(widths_px=[1920]).recordings, starts=starts)
     instant = shapes.find_maxima(data, BEAM.damping)
     found, _ = shapes.measure_deflection(tracks(data, method), instant, method, np.zeros(4))
@@ -317,18 +269,6 @@ def test_the_instants_are_the_maxima_of_the_steady_part(conforms, exact):
     first = rig_of(resolution().recordings).stations[0].start
     tip = motion.coordinates(instant.times + first)[0]
     conforms.closed_form(tip, 0.004, rtol=1e-8)
-
-
-def test_the_chosen_frame_is_nearest_to_any_maximum(conforms, exact):
-    instant = shapes.find_maxima(exact, BEAM.damping)
-    offset = np.random.default_rng(0).uniform(-5, 5, (7, 2))
-    peak, frame = instant.nearest(60, offset)
-    assert peak.shape == frame.shape == (7, 2)
-    conforms.closed_form((frame * 60 - offset) % 1 % 0.9999999, 0, atol=1e-6)
-    for place in np.ndindex(7, 2):
-        frames = (np.arange(-10, 400) + offset[place]) / 60
-        least = np.abs(frames[:, None] - instant.times).min()
-        conforms.closed_form(abs(frame[place] - peak[place]), least, atol=1e-12)
 
 
 def test_the_maximum_is_one_that_all_cameras_recorded(conforms):

@@ -13,7 +13,6 @@ from thesis_lib.acoustics.planes import PlateSound
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes
-from thesis_lib.figure_sets.lab_modes.figure_set import MARKER_DIAMETER_M, ROW_SPACING_M
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate
 from thesis_lib.figure_sets.lab_plate.figure_set import stands_of
 from thesis_lib.figure_sets.lab_plate.figures import compare_errors
@@ -22,8 +21,6 @@ from thesis_lib.laboratory import tracking
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.tracking.tracker import Tracker
 from thesis_lib.plotting import selection
-from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import cubes
 from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration import motion, structure
 from thesis_lib.vibration.motion import Component
@@ -92,13 +89,8 @@ def test_frames_cannot_tell_a_frequency_from_its_alias(conforms, frequency, rate
 def test_detuning_costs_what_the_sinc_says(conforms):
     cycles = np.array([0.0, 0.2, 0.5, 1.0])
     conforms.closed_form(motion.detuning_loss(cycles, 500), 1 - np.sinc(cycles), atol=1e-5)
-    n = 12
-    conforms.closed_form(motion.detuning_loss([1.0], n)[0], 1, rtol=1e-6)
-    conforms.closed_form(
-        motion.detuning_loss([0.3], n)[0],
-        1 - np.sin(np.pi * 0.3) / (n * np.sin(np.pi * 0.3 / n)),
-        rtol=1e-6,
-    )
+    few = 1 - np.sin(np.pi * 0.3) / (12 * np.sin(np.pi * 0.3 / 12))
+    conforms.closed_form(motion.detuning_loss([0.3], 12)[0], few, rtol=1e-6)
 
 
 def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(conforms):
@@ -116,14 +108,6 @@ def test_a_harmonic_explains_all_at_its_frequency_and_its_share_beside_noise(con
 
 
 # Bending and torsion, from exact projections.
-
-
-def test_the_markers_are_those_of_the_thesis_s_beam():
-    markers = rows_on(BEAM)
-    assert (markers.row_spacing, markers.diameter) == (
-        pytest.approx(ROW_SPACING_M),
-        pytest.approx(MARKER_DIAMETER_M),
-    )
 
 
 def test_torsion_has_nothing_of_bending_over_the_rows(conforms):
@@ -148,16 +132,14 @@ def test_a_fit_at_the_known_frequency_is_right_at_every_frame_rate(conforms, exa
     conforms.closed_form(cube["mac"], 1, atol=1e-6)
 
 
-@pytest.mark.parametrize("exposure", [0.5, 2.0])
-def test_an_exposure_takes_what_the_sinc_says(conforms, exposure):
-    study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"])
-    recording = lab_modes.recordings_of(study, films(study))[0][0]
-    seen = lab_modes.image_amplitudes(recording.fit(recording.frequency))
-    still = modes_study(exposure_ms=1e-3, modes=[3], cases=["known"])
-    other = lab_modes.recordings_of(still, films(still))[0][0]
-    whole = lab_modes.image_amplitudes(other.fit(other.frequency))
-    ratio = np.abs(np.vdot(whole, seen)) / np.linalg.norm(whole) ** 2
-    conforms.closed_form(ratio, np.sinc(recording.frequency * exposure / 1000), atol=2e-4)
+def test_an_exposure_takes_what_the_sinc_says(conforms):
+    seen = []
+    for exposure in (1e-3, 2.0):
+        study = modes_study(exposure_ms=exposure, modes=[3], cases=["known"], trials=0)
+        recording = lab_modes.recordings_of(study, films(study))[0][0]
+        seen.append(lab_modes.image_amplitudes(recording.fit(recording.frequency)))
+    ratio = np.abs(np.vdot(*seen)) / np.linalg.norm(seen[0]) ** 2
+    conforms.closed_form(ratio, np.sinc(recording.frequency * 2.0 / 1000), atol=2e-4)
 
 
 @pytest.mark.nightly
@@ -239,18 +221,10 @@ def heard():
 
 
 def test_power_grows_with_the_square_of_the_amplitude_and_pressure_with_it(conforms, heard):
-    conforms.closed_form(heard.plane_errors(heard.reference), 0, atol=1e-12)
-    conforms.closed_form(heard.power_errors(heard.reference), 0, atol=1e-12)
-    conforms.invariance(
-        heard.power(3 * heard.reference), 9 * heard.power(heard.reference), rtol=1e-6
-    )
-    conforms.invariance(heard.power_errors(1.1 * heard.reference), 21, rtol=1e-7)
-    fields = heard.fields(heard.reference)
-    conforms.invariance(heard.fields(-2 * heard.reference), -2 * fields, rtol=1e-7)
-    rms = np.sqrt(np.mean(np.abs(fields) ** 2, axis=(1, 2)))
-    conforms.invariance(
-        heard.plane_errors(1.1 * heard.reference), 10 * rms / heard.largest, rtol=1e-7
-    )
+    more = 1.1 * heard.reference
+    conforms.invariance(heard.power_errors(more), 21, rtol=1e-7)
+    rms = np.sqrt(np.mean(np.abs(heard.fields(heard.reference)) ** 2, axis=(1, 2)))
+    conforms.invariance(heard.plane_errors(more), 10 * rms / heard.largest, rtol=1e-7)
 
 
 def test_expected_errors_of_the_sound_are_those_of_many_draws(conforms, heard):
@@ -269,19 +243,8 @@ def test_expected_errors_of_the_sound_are_those_of_many_draws(conforms, heard):
     )
 
 
-def test_nodal_planes_have_no_error(conforms):
-    study = plate_study()
-    for mode, silent in ((2, [False, True]), (3, [True, False]), (5, [True, True])):
-        shape = deflection_shape(PLATE, mode, PLATE.markers, 1e-3)
-        sound = PlateSound.from_shape(
-            PLATE, study.planes, study.medium, resonance_frequency(PLATE, mode), shape
-        )
-        np.testing.assert_array_equal(np.isnan(sound.plane_errors(1.1 * shape)), silent)
-        conforms.invariance(sound.power_errors(1.1 * shape), 21, rtol=1e-7)
-
-
 def test_an_exact_recording_has_exact_deflections_and_sound(conforms):
-    study = plate_study(trials=0, cases=["cameras"])
+    study = plate_study(trials=0, cases=["cameras"], camera_counts=[4], modes=[1, 3])
     cube = lab_plate.run(study, films(study))
     conforms.closed_form(float(cube["mean_error"].max()), below=0.02)
     conforms.closed_form(np.nanmax(cube["plane_error"]), below=0.02)
@@ -301,14 +264,6 @@ def test_the_plate_s_trials_scatter_as_is_predicted(conforms, plate_cube):
     conforms.sampled(plate_cube["mean_error"][:, :, 0], plate_cube["predicted_error"], rtol=0.3)
 
 
-def test_errors_of_the_plate_fall_as_its_amplitude_grows(conforms):
-    errors = []
-    for amplitude in (0.5, 1.0):
-        study = plate_study(amplitude_mm=amplitude, cases=["cameras"], modes=[1], trials=0)
-        errors.append(lab_plate.run(study, films(study, SIGMA))["predicted_error"].values)
-    conforms.closed_form(errors[0] / errors[1], 2, rtol=0.02)
-
-
 def test_a_camera_films_the_same_whatever_other_settings_there_are():
     study = plate_study(cases=["cameras"], camera_counts=[4], modes=[1])
     stands = stands_of(study.settings()[0])
@@ -317,12 +272,8 @@ def test_a_camera_films_the_same_whatever_other_settings_there_are():
         alone = lab_plate.rig_of(study, 1, [stand])
         assert alone.stations[0].start == station.start
         np.testing.assert_array_equal(alone.cameras[0].P, station.camera.P)
-        assert alone.motion == together.motion
     seeds = {lab_plate.rig_of(study, 1, [stand]).seed for stand in stands}
     assert len(seeds) == len(stands)
-    every = plate_study().camera_stands
-    assert len(every) == len(set(every))
-    assert set(stands) <= set(every)
 
 
 def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
@@ -337,11 +288,9 @@ def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):
 
 
 def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conforms):
-    noise = np.random.default_rng(0).standard_normal((2000, 150))
-    conforms.sampled(abs(lab_plate.neighbour_correlation(noise, (15, 10))), below=0.01)
-    conforms.closed_form(lab_plate.neighbour_correlation(np.ones((1, 150)), (15, 10)), 1, rtol=1e-6)
-    checks = (-1.0) ** np.arange(150)[None]
-    conforms.closed_form(lab_plate.neighbour_correlation(checks, (15, 10)), -1, rtol=1e-6)
+    grid, noise = (15, 10), np.random.default_rng(0).standard_normal((2000, 150))
+    conforms.sampled(abs(lab_plate.neighbour_correlation(noise, grid)), below=0.01)
+    conforms.closed_form(lab_plate.neighbour_correlation(np.ones((1, 150)), grid), 1, rtol=1e-6)
 
 
 @pytest.mark.nightly
@@ -352,43 +301,15 @@ def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_c
         conforms.sampled(ratio, free, rtol=0.25)
 
 
-# Cubes, figures, tables.
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["beam_cube", "plate_cube"])
-def test_every_figure_table_and_viewer_is_made(name, request):
-    cube = request.getfixturevalue(name)
-    for case in sorted(set(cube["case"].values.tolist()))[:2]:
-        assert "<svg" in display.as_svg(cube, case, int(cube["mode"][0]))
-    json.dumps(selection.viewer_data(cube))
-    table = cubes.summarise_errors(cube)
-    assert set(table["error"]) == set(cubes.cube_errors(cube))
-    assert not table.duplicated([*cubes.ROW_KEYS, "error"]).any()
-    if name == "beam_cube":
-        assert "<svg" in figure_svg(display.draw_picture(cube, "aliases", 3))
-        assert display.draw_picture(cube, "aliases", 1) is None
-        texts = [display.fill_text(cube, of) for of in ("frequency", "parts", "conditions")]
-    else:
-        texts = [display.fill_text(cube, of) for of in ("ratios", "visibility")]
-        texts += [display.fill_text(cube, "plate", mode) for mode in (1, 2, 3)]
-        assert "not asked for" in display.fill_text(cube, "plate", 5)
-    assert not any("nan" in text for text in texts)
-
-
-@pytest.mark.parametrize(
-    ("name", "case", "texts"),
-    [
-        ("lab-modes", "known", [("parts",), ("conditions",)]),
-        ("lab-plate", "cameras", [("plate", 2), ("ratios",)]),
-    ],
-)
-def test_without_trials_everything_is_still_shown(name, case, texts):
-    study = validate_request(name, {"trials": 0, "cases": [case], "modes": [2]})
+@pytest.mark.parametrize(("name", "case"), [("lab-modes", "known"), ("lab-plate", "cameras")])
+def test_without_trials_everything_is_still_shown(name, case):
+    few = {"camera_counts": [2]} if name == "lab-plate" else {"frame_rates_hz": [120.0]}
+    study = validate_request(name, {"trials": 0, "cases": [case], "modes": [2], **few})
     run = lab_modes.run if name == "lab-modes" else lab_plate.run
     cube = finished(run(study, films(study, SIGMA)), study)
     json.dumps(selection.viewer_data(cube))
     assert "<svg" in display.as_svg(cube, case, 2)
+    texts = [("parts",), ("conditions",)] if name == "lab-modes" else [("plate", 2), ("ratios",)]
     shown = [display.fill_text(cube, *of) for of in texts]
     assert name == "lab-modes" or "nan" not in "".join(shown)
 
@@ -469,12 +390,3 @@ def test_the_tracker_knows_where_markers_go_between_frames_that_are_far_apart(
         assert found.missing < 0.03
         conforms.closed_form(np.nanmax(found.error()), below=1)
     assert straight_on.missing > 5 * told.missing
-
-
-# Requests.
-
-
-def test_the_amplitudes_are_what_one_newton_makes(conforms):
-    conforms.closed_form(np.array(modes_study().peaks_m) * 1e3, [0.789, 0.252], atol=5e-4)
-    assert modes_study(amplitude_mm=1).peaks_m == [1e-3, 1e-3]
-    assert modes_study(amplitude_mm=[1, 0.5]).peaks_m == [1e-3, 0.5e-3]

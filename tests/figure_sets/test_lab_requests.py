@@ -8,7 +8,7 @@ from refused import assert_refused
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentCameras, ExperimentResolution
-from thesis_lib.figure_sets.lab_layout.figure_set import LabElevation, LabLayout
+from thesis_lib.figure_sets.lab_layout.figure_set import LabLayout
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.vibration.structure import resonance_frequency
@@ -16,77 +16,38 @@ from thesis_lib.vibration.structure import resonance_frequency
 RESOLUTION, CAMERAS = "experiment-resolution", "experiment-cameras"
 ELEVATION, LAYOUT = "lab-elevation", "lab-layout"
 NINE_PLACES = [[10 * k, 22] for k in range(9)]
-REFUSED = [
+REFUSED = [  # a row of each kind
     (RESOLUTION, {"frequency_hz": 24.1}, ["frequency_hz: given 24.1", "0.4 of the frame rate"]),
-    (CAMERAS, {"frame_rate_hz": 10}, ["frequency_hz", "0.4 of the frame rate"]),
     (RESOLUTION, {"exposure_ms": 17}, ["exposure_ms: given 17", "time between frames", "ms"]),
     (CAMERAS, {"distance_mm": 312}, ["distance_mm: given 312", "reach"]),
-    (RESOLUTION, {"distance_mm": 400}, ["distance_mm: given", "see the whole beam"]),
     (RESOLUTION, {"focal_length_mm": 34}, ["distance_mm: given", "see the whole beam"]),
-    (CAMERAS, {"sensor_width_mm": 24}, ["distance_mm: given", "see the whole beam"]),
     (RESOLUTION, {"amplitude_mm": 7}, ["amplitude_mm: given 7", "at most 6"]),
     (RESOLUTION, {"azimuth_deg": 90}, ["azimuth_deg: given 90", "below 90"]),
-    (RESOLUTION, {"elevation_deg": 10}, ["elevation_deg: given 10", "from 15 to 60"]),
     (RESOLUTION, {"widths_px": [640, 2000]}, ["widths_px", "given 2000", "160 to 1920"]),
-    *[
-        (name, *row)
-        for name in (ELEVATION, LAYOUT)
-        for row in [
-            ({"frequency_hz": 8}, ["frequency_hz: given 8", "an eighth of the frame rate"]),
-            ({"exposure_ms": 17}, ["exposure_ms: given 17", "time between frames", "ms"]),
-            ({"distance_mm": 300}, ["distance_mm: given 300", "reach"]),
-            ({"distance_mm": 400}, ["distance_mm: given 400", "see the whole beam"]),
-            ({"focal_length_mm": 50}, ["distance", "see the whole beam"]),
-        ]
-    ],
-    (LAYOUT, {"distances_mm": [300]}, ["distances_mm: given 300", "reach"]),
+    (ELEVATION, {"frequency_hz": 8}, ["frequency_hz: given 8", "an eighth of the frame rate"]),
+    (ELEVATION, {"distance_mm": 400}, ["distance_mm: given 400", "see the whole beam"]),
     (LAYOUT, {"distances_mm": [420]}, ["distances_mm: given 420", "case distance"]),
-    (LAYOUT, {"directions_deg": [[10, 20]]}, ["directions_deg: given [[10", "2 to 8"]),
     (LAYOUT, {"directions_deg": [[10, 20], [350, 20], [-10, 20]]}, ["given [[10", "different"]),
     (LAYOUT, {"directions_deg": NINE_PLACES}, ["2 to 8"]),
-    (LAYOUT, {"directions_deg": [[10, 22], [90, 60]]}, ["see the whole beam", "subsets"]),
     (LAYOUT, {"elevation_deg": 60}, ["see the whole beam", "case aperture, 110°"]),
     ("lab-modes", {"frame_rates_hz": [79.1]}, ["frame_rates_hz: given 79.1", "mode 2", "Hz"]),
-    ("lab-modes", {"frame_rates_hz": [110.7]}, ["frame_rates_hz", "mode 3", "110.7 Hz"]),
-    ("lab-modes", {"exposure_ms": 3}, ["exposure_ms: given 3", "at most 2.083 ms"]),
     ("lab-modes", {"exposure_ms": 8, "frame_rates_hz": [60]}, ["exposure_ms", "7.226 ms"]),
     ("lab-modes", {"amplitude_mm": 2}, ["amplitude_mm: given 2", "change places"]),
     ("lab-modes", {"amplitude_mm": [1]}, ["amplitude_mm: given [1.0]", "one for each mode"]),
-    ("lab-modes", {"torsion_mm": 1}, ["amplitude_mm", "change places"]),
-    ("lab-modes", {"distance_mm": 400}, ["distance_mm: given 400", "see the whole"]),
-    ("lab-modes", {"distance_mm": 300}, ["distance_mm: given 300", "reach"]),
     ("lab-modes", {"width_px": 320}, ["width_px: given 320", "1 px high"]),
     ("lab-modes", {"highest_hz": 100}, ["highest_hz: given 100", "above the highest mode"]),
-    ("lab-plate", {"distances_mm": [650]}, ["distances_mm: given 650", "see the whole"]),
-    ("lab-plate", {"distance_mm": 501}, ["distance_mm: given 501", "see the whole"]),
-    ("lab-plate", {"distance_mm": 100}, ["distance_mm: given 100", "reach"]),
     ("lab-plate", {"elevations_deg": [60], "distance_mm": 850}, ["elevations_deg: given 60"]),
-    ("lab-plate", {"elevation_deg": 40, "distance_mm": 800}, ["distance_mm: given 800"]),
-    ("lab-plate", {"widths_px": [320]}, ["widths_px: given 320", "1 px high"]),
     ("lab-plate", {"frame_rate_hz": 101.8}, ["frame_rate_hz: given 101.8", "mode 1"]),
     ("lab-plate", {"exposure_ms": 2}, ["exposure_ms: given 2", "0.8 of the shortest period"]),
-    ("lab-plate", {"amplitude_mm": 9}, ["amplitude_mm: given 9", "change places"]),
-    ("lab-plate", {"amplitude_mm": [1, 1]}, ["amplitude_mm: given [1.0, 1.0]"]),
     ("lab-plate", {"grid": [60, 60]}, ["1 px high"]),
     ("lab-plate", {"plane_top_mm": 40}, ["plane_top_mm: given 40", "above plane_bottom_mm"]),
     ("lab-plate", {"speed_of_sound_m_s": 30}, ["modes: given 3", "size of a piston"]),
-    ("lab-equal-pixels", {"counts": [1, 2]}, ["counts"]),
     ("lab-equal-pixels", {"frequency_hz": 14.0}, ["frequency_hz"]),
-    ("lab-equal-pixels", {"frequency_hz": 3.0}, ["frequency_hz"]),
     ("lab-equal-pixels", {"duration_s": 0.1, "frequency_hz": 12.0}, ["8 frames"]),
-    ("lab-equal-pixels", {"exposure_ms": 2.2}, ["exposure_ms"]),
     ("lab-equal-pixels", {"diameters_mm": [60]}, ["diameters_mm"]),
-    ("lab-equal-pixels", {"amplitude_mm": 50}, ["amplitude_mm"]),
-    ("lab-equal-pixels", {"distance_mm": 300}, ["distance_mm"]),
-    ("lab-equal-pixels", {"distance_mm": 450}, ["see the whole structure"]),
     ("lab-radiation", {"azimuths_deg": [30]}, ["2 to 6 different numbers"]),
-    ("lab-radiation", {"azimuths_deg": [30, 30]}, ["azimuths_deg"]),
     ("lab-radiation", {"frame_rate_hz": 46.3}, ["shows the tone"]),
-    ("lab-radiation", {"exposure_ms": 15}, ["exposure_ms"]),
-    ("lab-radiation", {"plate_distance_mm": 300}, ["plate_distance_mm"]),
-    ("lab-radiation", {"beam_distance_mm": 400}, ["see the whole structure"]),
     ("lab-radiation", {"plate_distance_mm": 12000}, ["at least 1 px high"]),
-    ("lab-radiation", {"amplitude_mm": 20}, ["amplitude_mm"]),
 ]
 
 
@@ -123,17 +84,12 @@ def test_what_is_rendered_does_not_depend_on_what_is_made_of_it(name, same, othe
         assert validate_request(name, values).recordings.rendering != rendering
 
 
-def test_both_studies_of_chapter_5_share_one_set_of_recordings():
+def test_studies_and_settings_share_recordings():
     one, other = ExperimentResolution(), ExperimentCameras()
     assert one.recordings.rendering == other.recordings.rendering
-    assert one.recordings.widths_px == [320, 640, 1280, 1920]
     assert ExperimentCameras(width_px=800).recordings.widths_px == [320, 640, 800, 1280, 1920]
-
-
-def test_sets_of_cameras_share_one_recording():
     assert len(LabLayout().rendered_settings()) == 9
     assert len(LabLayout().settings()) == 255
-    assert len(LabElevation().rendered_settings()) == len(LabElevation().settings()) == 27
 
 
 @settings(max_examples=40)

@@ -10,13 +10,11 @@ import pytest
 from thesis_lib import files
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import compute as ledger_power
-from thesis_lib.figure_sets.claims import figures
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import claim_errors, meets_claim
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.templates import render
 
 CLAIMS = claims.claims_of("beam-distance")
 
@@ -82,11 +80,6 @@ def test_what_is_stated_by_the_model_itself_is_met_as_often_as_expected(conforms
     conforms.sampled(expected, above=0.9, below=1)
 
 
-def test_cubes_that_are_missing_are_left_out():
-    none = ledger_power.compute_power(lambda _: "missing", CLAIMS)
-    assert int(none["power_claims"].sum()) == 0
-
-
 def test_the_page_says_what_the_numbers_of_the_ledger_say():
     """Its words on chapters 3, 4 and 6, from the table that its notebook holds."""
     notebook = json.loads((files.project_root() / "notebooks/claims.ipynb").read_text("utf-8"))
@@ -104,12 +97,3 @@ def test_the_page_says_what_the_numbers_of_the_ledger_say():
     assert misses > 5 * expected
     assert max(share["chapter 4", f"errors ×{f}"] for f in ("0.7", "1.5")) < 30
     assert share["chapter 6", "errors ×1"] - share["chapter 6", "errors ×2"] < 5
-
-
-def test_table_has_the_numbers_of_the_cube(power):
-    text = render(figures.__file__, "power", cube=power, **figures.compare_power(power)).replace(
-        "\n", " "
-    )
-    total, met = int(power["power_claims"].sum()), int(power["power_scaled"].sel(factor=1).sum())
-    assert f"In all {met} of {total} are met" in text
-    assert "chapter 4" not in text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import statistics
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,26 +54,6 @@ def page(*fragments: str) -> str:
     return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
 
 
-def test_bundle_has_view_page_and_line() -> None:
-    table = LedgerTable(data={"rows": ROWS})
-    data, _ = table._repr_mimebundle_()
-    assert set(data) == {"application/vnd.jupyter.widget-view+json", "text/html", "text/plain"}
-    counted = [one for one in ROWS if one["counted"]]
-    found = [f"{sum(one['verdict'] == name for one in counted)} {name}" for name in VERDICTS]
-    assert data["text/plain"] == (
-        f"LedgerTable({COUNT} claims, {len(counted)} counted: {', '.join(found)})"
-    )
-    assert data["text/html"] == bundle(ROWS)
-    assert data["text/html"].count("<script") == 1
-    assert len(data["text/html"]) < 220_000
-
-
-def test_numbers_that_do_not_exist_travel_as_null() -> None:
-    assert LedgerTable(data={"rows": [{**ROWS[0], "ratio": float("nan")}]}).data["rows"][0][
-        "ratio"
-    ] is None  # fmt: skip
-
-
 # --- in a browser
 
 
@@ -111,53 +90,27 @@ def those(**wanted: Any) -> list[int]:
     return [i for i, one in enumerate(ROWS) if all(one[k] == v for k, v in wanted.items())]
 
 
-def expected_count(numbers: list[int]) -> str:
-    words = [
-        ("agree", "agrees"),
-        ("within scatter",) * 2,
-        ("differ", "differs"),
-        ("no material change",) * 2,
-        ("undefined",) * 2,
-    ]
-    parts = []
-    for verdict, (several, single) in zip(VERDICTS, words, strict=True):
-        n = sum(ROWS[i]["verdict"] == verdict and ROWS[i]["counted"] for i in numbers)
-        parts.append(f"{n} {single if n == 1 else several}")
-    out = sum(not ROWS[i]["counted"] for i in numbers)
-    end = f"; {out} not counted†" if out else ""
-    return f"{len(numbers)} of {COUNT} shown: {', '.join(parts)}{end}"
+def is_counted(opened: Opened, numbers: list[int]) -> bool:
+    """Whether what is said of the rows in sight has their number, by verdict, and not counted."""
+    counted = [ROWS[i]["verdict"] for i in numbers if ROWS[i]["counted"]]
+    told = [len(numbers), COUNT, *(counted.count(verdict) for verdict in VERDICTS)]
+    if len(counted) < len(numbers):
+        told.append(len(numbers) - len(counted))
+    return [int(one) for one in re.findall(r"\d+", count(opened))] == told
 
 
 def claim(opened: Opened, i: int) -> Locator:
     return opened.page.locator(f"[id='claim-{ROWS[i]['id']}']")
 
 
-@pytest.mark.slow
-def test_filters_combine_and_are_counted(chromium: Browser, path: Path) -> None:
+def test_filters_and_a_search_combine_and_are_counted(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         everything = list(range(COUNT))
         assert shown(opened) == everything
-        assert count(opened) == expected_count(everything)
-        assert "not counted†" in count(opened)
-        assert opened.page.locator(".tl-ledger-count").get_attribute("aria-live") == "polite"
-        options = {
-            label: box(opened, label).locator("option").all_inner_texts()
-            for label in ("Chapter", "Case", "Mode", "Verdict", "Kind")
-        }
-        assert options == {
-            "Chapter": ["all", "2", "3", "4", "5"],
-            "Case": ["all", "1", "2a", "2b", "2c", "4a'"],
-            "Mode": ["all", "1", "2", "3"],
-            "Verdict": ["all", *VERDICTS],
-            "Kind": ["all", *sorted(KINDS)],
-        }
-
+        assert is_counted(opened, everything)
         pick(opened, "Chapter", "3")
-        assert shown(opened) == those(chapter=3)
-        assert count(opened) == expected_count(those(chapter=3))
+        assert is_counted(opened, those(chapter=3))
         pick(opened, "Verdict", "differs")
-        assert shown(opened) == those(chapter=3, verdict="differs")
-        assert count(opened).startswith(f"{len(shown(opened))} of 408 shown: 0 agree, 0 within ")
         pick(opened, "Case", "2c")  # one of several
         assert shown(opened) == those(chapter=3, verdict="differs", case="2b, 2c")
         pick(opened, "Mode", "3")
@@ -166,8 +119,19 @@ def test_filters_combine_and_are_counted(chromium: Browser, path: Path) -> None:
         pick(opened, "Case", "")
         pick(opened, "Kind", "trend")
         assert shown(opened) == those(chapter=3, verdict="differs", kind="trend", modes=[1, 2, 3])
-
         opened.page.get_by_role("button", name="Reset").click()
+        assert shown(opened) == everything
+        search = box(opened, "Search")
+        for words, found in (
+            ("CH3-Claim-150", [150]),  # id
+            ("d = 40100", [401]),  # what
+            ("text AND the figure", [i for i in range(COUNT) if i % 3 == 0]),  # note
+            ("thesis run", []),  # not the command
+            ("mm 5 %", []),  # not across texts
+        ):
+            search.fill(words)
+            assert shown(opened) == found, words
+        search.fill("")
         assert shown(opened) == everything
         assert opened.page.url == path.resolve().as_uri()
         assert opened.trouble == []
@@ -180,39 +144,11 @@ def test_the_last_are_folded_until_asked_for(chromium: Browser, tmp_path: Path) 
     with open_offline(chromium, path) as opened:
         fold = opened.page.locator(".tl-ledger-fold")
         assert shown(opened) == list(range(20))
-        assert count(opened).startswith("20 of 30 shown")
         fold.click()
         assert shown(opened) == list(range(30))
-        assert fold.get_attribute("aria-expanded") == "true"
         fold.click()
-        assert shown(opened) == list(range(20))
         box(opened, "Search").fill(f"d = {100 * 28} mm")  # a search looks everywhere
         assert shown(opened) == [28]
-        assert fold.is_hidden()
-        assert opened.trouble == []
-
-
-def test_searching(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path) as opened:
-        search = box(opened, "Search")
-        for words, wanted in (
-            ("CH3-Claim-150", [150]),  # id
-            ("d = 40100", [401]),  # what
-            ("text AND the figure", [i for i in range(COUNT) if i % 3 == 0]),  # note
-            (f"  {ROWS[9]['place']}  ", [i for i in range(COUNT)
-                                        if ROWS[9]["place"] in ROWS[i]["place"]]),
-            ("thesis run", []),  # not the command
-            ("102 %", those(stated="102 %")),
-            ("mm 5 %", []),  # not across texts
-        ):  # fmt: skip
-            search.fill(words)
-            assert shown(opened) == wanted, words
-        pick(opened, "Chapter", "2")
-        search.fill("nothing like it")
-        assert shown(opened) == []
-        assert count(opened) == expected_count([])
-        search.fill("")
-        assert shown(opened) == those(chapter=2)
         assert opened.trouble == []
 
 
@@ -232,14 +168,8 @@ def test_sorting(chromium: Browser, path: Path) -> None:
         number = {i: int(ROWS[i]["place"].split(".")[1]) for i in rows}
         by_place = sorted(rows, key=number.__getitem__)
         assert press("Place") == (by_place, ["ascending", "none", "none"])
-        down = sorted(rows, key=lambda i: -number[i])
-        assert press("Place") == (down, ["descending", "none", "none"])
-        assert press("Place") == (rows, ["none", "none", "none"])
-        by_verdict = sorted(rows, key=lambda i: VERDICTS.index(ROWS[i]["verdict"]))
-        assert press("Verdict") == (by_verdict, ["none", "ascending", "none"])
-        known, unknown = [i for i in rows if ROWS[i]["ratio"] is not None], those(
-            chapter=3, ratio=None
-        )  # fmt: skip
+        known = [i for i in rows if ROWS[i]["ratio"] is not None]
+        unknown = those(chapter=3, ratio=None)
         assert unknown
         up = sorted(known, key=lambda i: ROWS[i]["ratio"]) + unknown
         assert press("Ratio") == (up, ["none", "none", "ascending"])
@@ -275,10 +205,8 @@ def test_the_address_keeps_the_filters(chromium: Browser, path: Path) -> None:
         opened.page.reload()
         assert shown(opened) == wanted
         assert search.input_value() == "mm"
-        assert box(opened, "Case").input_value() == "4a'"
         ratio = opened.page.get_by_role("columnheader", name="Ratio")
         ratio.get_by_role("button").click(click_count=2)
-        assert "&sort=-ratio&" in opened.page.url
         opened.page.reload()
         assert ratio.get_attribute("aria-sort") == "descending"
         opened.page.get_by_role("button", name="Reset").click()
@@ -291,38 +219,25 @@ def test_the_address_keeps_the_filters(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path, width: int) -> None:
-    name = ROWS[333]["id"]
-    query = f"chapter=2&verdict=agrees#claim-{name}"
-    with open_offline(chromium, path, query=query, width=width) as opened:
-        wanted = those(chapter=2, verdict="agrees")
-        assert shown(opened) == [*wanted, 333]
+def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path) -> None:
+    query = f"chapter=2&verdict=agrees#claim-{ROWS[333]['id']}"
+    with open_offline(chromium, path, query=query, width=390) as opened:
+        assert shown(opened) == [*those(chapter=2, verdict="agrees"), 333]
         assert count(opened).endswith("; one is shown by its link")
-        assert opened.page.locator("[aria-current]").evaluate_all("e => e.map(one => one.id)") == [
-            f"claim-{name}"
-        ]
         place = claim(opened, 333).bounding_box()
         assert place is not None
         assert 0 < place["y"] < 850
-        assert claim(opened, 333).locator(".tl-ledger-second").is_visible()
         pick(opened, "Verdict", "")  # the reader's own choice ends the exception
         assert shown(opened) == those(chapter=2)
-        assert opened.page.locator("[aria-current]").count() == 0
         assert opened.page.url.endswith("?chapter=2")
-
         opened.page.evaluate("name => { location.hash = `claim-${name}`; }", ROWS[400]["id"])
         claim(opened, 400).and_(opened.page.locator("[aria-current=true]")).wait_for()
         assert shown(opened) == [*those(chapter=2), 400]
-        opened.page.evaluate("() => { location.hash = 'top'; }")
-        opened.page.wait_for_function("() => !document.querySelector('[aria-current]')")
-        assert shown(opened) == those(chapter=2)
         assert opened.trouble == []
-    with open_offline(chromium, path, query=f"#claim-{ROWS[207]['id']}", width=width) as opened:
+    with open_offline(chromium, path, query=f"#claim-{ROWS[207]['id']}") as opened:
         place = claim(opened, 207).bounding_box()  # among rows that were never drawn
         assert place is not None
         assert 0 < place["y"] < 850
-        assert len(shown(opened)) == COUNT
 
 
 def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
@@ -348,7 +263,7 @@ def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None
         assert opened.trouble == []
 
 
-def test_a_row(chromium: Browser, path: Path) -> None:
+def test_a_row_says_what_is_stated_and_why_it_differs(chromium: Browser, path: Path) -> None:
     with open_offline(chromium, path) as opened:
         cells = claim(opened, 6).locator("td, th")
         assert [one.strip() for one in cells.all_inner_texts()] == [
@@ -356,9 +271,7 @@ def test_a_row(chromium: Browser, path: Path) -> None:
             ROWS[6]["verdict"], f"{ROWS[6]['ratio']:.2f}", "note",
         ]  # fmt: skip
         assert cells.first.locator("a").get_attribute("href") == ROWS[6]["href"]
-        assert claim(opened, 6).locator("sup").count() == 0
-        assert claim(opened, 400).locator("sup").text_content() == "†"
-        assert "not counted" in opened.page.locator(".tl-ledger-foot").inner_text()
+        assert claim(opened, 400).locator("sup").text_content() == "†"  # not counted
         shapes = {
             verdict: claim(opened, those(verdict=verdict)[0])
             .locator(".tl-ledger-verdict path")
@@ -366,15 +279,6 @@ def test_a_row(chromium: Browser, path: Path) -> None:
             for verdict in VERDICTS
         }
         assert len(set(shapes.values())) == len(VERDICTS)  # never by colour alone
-        roles = opened.page.get_by_role("table").locator("tbody").first
-        assert roles.get_by_role("cell").count() == 8
-        assert roles.get_by_role("rowheader").count() == 1
-
-
-def test_a_row_says_why_it_differs_and_that_a_trend_is_not_monotonic(
-    chromium: Browser, path: Path
-) -> None:
-    with open_offline(chromium, path) as opened:
         one = claim(opened, 3)
         one.get_by_role("button", name=re.compile("^why about ")).click()
         second = one.locator(".tl-ledger-second")
@@ -383,8 +287,6 @@ def test_a_row_says_why_it_differs_and_that_a_trend_is_not_monotonic(
         assert more.get_attribute("href") == ROWS[3]["note_href"]
         verdict = claim(opened, 7).locator(".tl-ledger-verdict")
         assert verdict.inner_text().strip() == f"{ROWS[7]['verdict']}, not monotonic"
-        assert verdict.evaluate("cell => cell.scrollWidth <= cell.clientWidth")
-        assert "not monotonic" not in claim(opened, 6).locator(".tl-ledger-verdict").inner_text()
 
 
 @pytest.mark.slow
@@ -399,14 +301,9 @@ def test_copying_the_command(chromium: Browser, path: Path, allowed: bool) -> No
                 "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
             )
         one = claim(opened, 0)
-        toggle = one.get_by_role("button", name="note about figure 2.1: mean error at d = 0 mm")
-        assert toggle.get_attribute("aria-expanded") == "false"
-        assert one.locator(".tl-ledger-second").count() == 0
-        toggle.click()
-        assert toggle.get_attribute("aria-expanded") == "true"
-        second = one.locator(f"[id='{toggle.get_attribute('aria-controls')}']")
+        one.get_by_role("button", name="note about figure 2.1").click()
+        second = one.locator(".tl-ledger-second")
         assert ROWS[0]["note"] in second.inner_text()
-        assert second.get_by_role("link").get_attribute("href") == f"#claim-{ROWS[0]['id']}"
         second.get_by_role("button").click()
         if allowed:
             second.get_by_role("button", name="Copied").wait_for()
@@ -415,11 +312,6 @@ def test_copying_the_command(chromium: Browser, path: Path, allowed: bool) -> No
             second.get_by_role("button", name="Selected: now copy it").wait_for()
             text = opened.page.evaluate("() => getSelection().toString()")
         assert text == "thesis run beam-distance"
-        if allowed:  # both come back by one line, after 2.5 s
-            second.get_by_role("button", name="Copy", exact=True).wait_for()
-        toggle.click()
-        assert not second.is_visible()
-        assert claim(opened, 1).locator(".tl-ledger-more").inner_text().strip() == "more"
         assert opened.trouble == []
 
 
@@ -457,7 +349,7 @@ def test_the_rows_of_a_phone_are_cards(chromium: Browser, tmp_path: Path) -> Non
     with open_offline(chromium, file, width=320) as opened:
         for button in opened.page.locator(".tl-ledger-more button").all()[-3:]:
             button.click()
-        for width in (320, 390, 699, 740, 1024):
+        for width in (320, 699, 740):
             opened.page.set_viewport_size({"width": width, "height": 900})
             opened.page.wait_for_timeout(100)
             assert opened.sideways_px() <= 0
@@ -471,10 +363,6 @@ def test_the_rows_of_a_phone_are_cards(chromium: Browser, tmp_path: Path) -> Non
             assert what is not None
             assert stated is not None
             assert (what["y"] < stated["y"] - 10) == (width < 700)
-            label = claim(opened, 2).locator(".tl-ledger-stated").evaluate(
-                "e => getComputedStyle(e, '::before').content"
-            )  # fmt: skip
-            assert ("Stated" in label) == (width < 700)
             opened.page.get_by_role("button", name="Ratio").click()  # remains
             assert opened.trouble == []
 
@@ -483,16 +371,10 @@ def test_paper_gets_what_the_filters_leave(chromium: Browser, path: Path) -> Non
     with open_offline(chromium, path, dark=True, width=700, query="chapter=3") as opened:
         opened.page.emulate_media(media="print", color_scheme="dark")
         assert shown(opened) == those(chapter=3)
-        for name in ("Chapter", "Search"):
-            assert not box(opened, name).is_visible()
-        assert not opened.page.get_by_role("button", name="Reset").is_visible()
+        assert not box(opened, "Search").is_visible()
         assert opened.page.locator(".tl-ledger-more:visible").count() == 0
-        head = opened.page.locator("thead").evaluate("e => getComputedStyle(e).display")
-        assert head == "table-header-group"  # on every sheet
-        colors = opened.page.locator(".tl-ledger").evaluate(
-            "e => [getComputedStyle(e).color, getComputedStyle(e).backgroundColor]"
-        )
-        assert colors == ["rgb(31, 36, 48)", "rgb(255, 255, 255)"]
+        ground = "e => getComputedStyle(e).backgroundColor"
+        assert opened.page.locator(".tl-ledger").evaluate(ground) == "rgb(255, 255, 255)"
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -520,62 +402,3 @@ def test_text_has_contrast_in_every_theme(chromium: Browser, path: Path, dark: b
             assert min(verdicts) >= 4.5
             assert min(words) >= 4.5
             assert min(marks) >= 3
-        opened.page.evaluate("() => { delete document.documentElement.dataset.theme; }")
-        for attribute in ("true", "false"):
-            opened.page.evaluate(
-                "light => { document.body.dataset.jpThemeLight = light; }", attribute
-            )
-            assert (table.evaluate(script)[0] < 0.1) is (attribute == "false")
-
-
-def test_filtering_is_fast(chromium: Browser, path: Path) -> None:
-    script = """async () => { const best = {};
-      const set = async (css, value) => {
-        const box = document.querySelector(css), start = performance.now();
-        box.value = value;
-        box.dispatchEvent(new Event('input', { bubbles: true }));
-        document.body.offsetHeight; // with the layout
-        const key = css + value, took = performance.now() - start;
-        best[key] = Math.min(best[key] ?? Infinity, took); // of several, for the machine is shared
-        await new Promise(done => requestAnimationFrame(() => setTimeout(done)));
-      };
-      for (let i = 0; i < 4; i += 1) {
-        for (const value of ['differs', '']) await set('.tl-ledger-verdict select', value);
-        for (const value of ['m', 'mean', 'mean 30', ''])
-          await set('.tl-ledger-search input', value);
-      }
-      return Object.values(best); }"""
-    with open_offline(chromium, path, width=390) as opened:
-        times = opened.page.evaluate(script)
-        assert statistics.median(times) < 30, times
-        assert opened.trouble == []
-
-
-def test_a_notebook_keeps_its_address(chromium: Browser, path: Path) -> None:
-    """In a live notebook the data may change, and the address is not the table's."""
-    script = """async ([esm, tables]) => {
-      const file = new Blob([esm], { type: 'text/javascript' });
-      const widget = await import(URL.createObjectURL(file));
-      const values = { data: tables[0] }, handlers = {}, found = [];
-      const model = { get: name => values[name], off() {}, save_changes() {},
-        on: (name, handler) => { handlers[name] = handler; }, set() {} };
-      const el = document.createElement('div');
-      document.body.replaceChildren(el);
-      const close = widget.default.render({ model, el });
-      for (const data of tables) {
-        values.data = data;
-        handlers['change:data']();
-        const box = el.querySelector('select');
-        if (box) { box.value = '3'; for (const name of ['input', 'change'])
-          box.dispatchEvent(new Event(name, { bubbles: true })); }
-        found.push(el.innerText.match(/\\d+ of \\d+|No claims/)[0]);
-      }
-      close();
-      return found; }"""
-    with open_offline(chromium, path, query="chapter=2") as opened:
-        data = [LedgerTable(data=one).data for one in ({"rows": ROWS}, {}, {"rows": ROWS[:150]})]
-        before = opened.page.url
-        found = opened.page.evaluate(script, [LedgerTable._esm, data])
-        assert found == ["102 of 408", "No claims", "48 of 150"]
-        assert opened.page.url == before
-        assert opened.trouble == []

@@ -1,6 +1,6 @@
 """Optics of one camera and of a parallel pair: closed forms against rays, projections, pixels."""
 
-from math import degrees, hypot, pi, radians, tan
+from math import hypot, pi, radians
 
 import cv2
 import numpy as np
@@ -11,12 +11,7 @@ from refused import refusal
 from scenes.small import small_cube
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.optics import compute as optics_study
-from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.plotting.style import figure_svg
-from thesis_lib.studies import cubes
-from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.structure import world_points
 from thesis_lib.vision import optics
 from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras, intrinsics, project
@@ -50,25 +45,11 @@ def test_points_at_the_edges_of_the_view_are_at_the_edges_of_the_picture(
         conforms.independent(project(camera.P, point)[0, 0], edge, atol=1e-6 * SIZE[0])
 
 
-def test_angle_of_view_is_a_right_angle_when_the_sensor_is_twice_the_focal_length(conforms):
-    conforms.closed_form(optics.angle_of_view(2, 1), pi / 2, rtol=1e-6)
-    conforms.closed_form(optics.angle_of_view(1e-6, 1), 1e-6, rtol=1e-6)
-    conforms.closed_form(
-        np.degrees(optics.angle_of_view([36, 24, hypot(36, 24)], 50)), [39.6, 27.0, 46.8], atol=0.05
-    )
-
-
 @given(lengths, lengths, lengths)
 def test_crop_factor_keeps_the_diagonal_angle(conforms, width, height, focal):
     crop = float(optics.crop_factor([width, height]))
     own = optics.angle_of_view(hypot(width, height), focal)
     conforms.invariance(optics.angle_of_view(hypot(36, 24), crop * focal), own, rtol=1e-6)
-
-
-def test_crop_factor_is_relative_and_scales(conforms):
-    assert optics.crop_factor([36, 24]) == 1
-    conforms.closed_form(optics.crop_factor([[18, 12], [72, 48]]), [2, 0.5], rtol=1e-7)
-    conforms.closed_form(optics.crop_factor([18, 12], [9, 6]), 0.5, rtol=1e-6)
 
 
 # A thin lens.
@@ -86,23 +67,11 @@ def test_two_rays_through_a_lens_meet_in_the_image(conforms, focal, times, heigh
     )
 
 
-def test_far_objects_are_sharp_at_the_focal_length_and_twice_it_is_life_size(conforms):
-    conforms.closed_form(optics.image_distance(24, 1e12), 24, rtol=1e-6)
-    assert optics.image_distance(24, 48) == 48
-    assert optics.image_magnification(24, 48) == 1
-
-
 def spread(focal: float, f_number: float, focused: float, z: float) -> float:
     """Diameter on the sensor of the rays from a point on the axis through the lens's rim."""
     rim = focal / f_number / 2
     sensor = focal * focused / (focused - focal)
     return abs(2 * (rim + sensor * (rim / z - rim / focal)))  # the lens bends by height over f
-
-
-@given(lengths, st.floats(1, 32), far, far)
-def test_blur_circle_is_what_rays_through_the_rim_fill(conforms, focal, f_number, d, z):
-    circle = float(optics.blur_circle(focal, f_number, d * focal, z * focal))
-    conforms.independent(circle, spread(focal, f_number, d * focal, z * focal), atol=1e-9 * focal)
 
 
 @given(lengths, st.floats(1, 32), st.floats(1.1, 1000), st.floats(1e-4, 1e-2))
@@ -112,6 +81,8 @@ def test_rays_from_the_ends_of_the_depth_of_field_fill_the_circle(
     d, circle = times * focal, share * focal
     near, far_ = map(float, optics.depth_of_field(focal, f_number, d, circle))
     assert near <= d <= far_
+    blur = float(optics.blur_circle(focal, f_number, d, near))
+    conforms.independent(blur, circle, rtol=1e-6)
     conforms.independent(spread(focal, f_number, d, near), circle, rtol=1e-6)
     if np.isfinite(far_):
         conforms.independent(spread(focal, f_number, d, far_), circle, rtol=1e-6, atol=1e-12)
@@ -123,15 +94,6 @@ def test_from_the_hyperfocal_distance_half_of_it_to_infinity_is_sharp():
     H = float(optics.hyperfocal_distance(24, 8, 0.03))
     assert optics.depth_of_field(24, 8, H, 0.03) == pytest.approx((H / 2, np.inf))
     assert np.isfinite(optics.depth_of_field(24, 8, 0.999 * H, 0.03)[1])
-
-
-def test_depth_of_field_broadcasts_and_knows_no_object_within_the_focal_length():
-    near, far_ = optics.depth_of_field(24, np.array([[2.8], [11]]), np.array([500, 20.0]), 0.03)
-    assert near.shape == far_.shape == (2, 2)
-    assert np.isnan([near[:, 1], far_[:, 1]]).all()
-    assert (near[1, 0], far_[1, 0]) == pytest.approx(optics.depth_of_field(24, 11, 500, 0.03))
-    assert near[1, 0] < near[0, 0] < 500 < far_[0, 0] < far_[1, 0]
-    assert np.isnan(optics.depth_of_field(24, np.nan, 500, 0.03)).all()
 
 
 # Two parallel cameras.
@@ -147,7 +109,7 @@ def test_disparity_is_that_of_projected_points(conforms, baseline, depth, x):
     conforms.independent(optics.stereo_depth(disparity, baseline, 213.3), depth, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("baseline", "depth"), [(0.05, 0.5), (0.15, 1.5), (0.45, 0.75)])
+@pytest.mark.parametrize(("baseline", "depth"), [(0.05, 0.5), (0.45, 0.75)])
 def test_depth_error_is_that_of_triangulation(conforms, baseline, depth):
     P = beside(baseline).P
     exact = project(P, [0.07, 0.02, depth])
@@ -155,13 +117,6 @@ def test_depth_error_is_that_of_triangulation(conforms, baseline, depth):
     moved = [exact + sign * step / 2 * np.array([[1, 0], [-1, 0]]) for sign in (1, -1)]
     slope = (triangulate(P, moved[0])[2] - triangulate(P, moved[1])[2]) / (2 * step)
     conforms.independent(optics.depth_error(depth, baseline, 213.3, 1.0), -slope, rtol=1e-6)
-
-
-def test_depth_error_grows_with_the_square_of_the_distance_and_falls_with_the_baseline(conforms):
-    one = optics.depth_error(1.0, 0.1, 200, 0.5)
-    conforms.closed_form(optics.depth_error(2.0, 0.1, 200, 0.5), 4 * one, rtol=1e-6)
-    conforms.closed_form(optics.depth_error(1.0, 0.2, 200, 0.5), one / 2, rtol=1e-6)
-    conforms.closed_form(one, 1 / 20 * 0.5, rtol=1e-6)
 
 
 # Projections and homogeneous coordinates.
@@ -191,23 +146,11 @@ def test_one_depth_for_all_is_wrong_by_the_ratio_of_depths(conforms, azimuth, el
     conforms.closed_form(flat, exact * depth / depth.mean(), atol=1e-9)
 
 
-def test_one_depth_is_exact_for_points_that_have_one(conforms):
-    camera = beside(0.2)
-    points = np.array([[-0.1, 0.2, 0.3], [0.0, 0.1, -0.2], [1.5, 1.5, 1.5]])
-    conforms.closed_form(
-        optics.weak_perspective(camera, points), project(camera.P, points), rtol=1e-7
-    )
-
-
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4), st.floats(0.1, 10))
 def test_homogeneous_coordinates_go_there_and_back(conforms, point, factor):
     triple = optics.append_one(point)
     assert triple.shape == (len(point) + 1,)
     conforms.invariance(optics.from_homogeneous(factor * triple), point, atol=1e-12)
-
-
-def test_a_point_at_infinity_has_no_finite_coordinates():
-    assert not np.isfinite(optics.from_homogeneous([1.0, 2.0, 0.0])).any()
 
 
 def test_lines_join_points_and_points_join_lines(conforms):
@@ -237,19 +180,9 @@ def test_coarse_pixels_keep_the_mean_and_split_the_variance(conforms):
         conforms.invariance(coarse.var(axis=(0, 1)) + within, picture.var(axis=(0, 1)), rtol=1e-7)
 
 
-def test_coarser_in_two_steps_is_coarser_in_one(conforms):
-    picture = np.random.default_rng(2).random((12, 24))
-    conforms.invariance(
-        optics.block_means(optics.block_means(picture, 2), 3),
-        optics.block_means(picture, 6),
-        rtol=1e-7,
-    )
-
-
-@pytest.mark.parametrize("block", [0, 5, 7, 24])
-def test_blocks_that_do_not_fill_the_picture_are_refused(block):
-    with pytest.raises(ValueError, match=f"block: given {block}, allowed: a divisor of 12 and 24"):
-        optics.block_means(np.zeros((12, 24)), block)
+def test_blocks_that_do_not_fill_the_picture_are_refused():
+    with pytest.raises(ValueError, match="block: given 24, allowed: a divisor of 12 and 24"):
+        optics.block_means(np.zeros((12, 24)), 24)
 
 
 # Colours.
@@ -264,17 +197,6 @@ def test_a_mosaic_records_one_colour_per_pixel(pattern):
     picture = np.random.default_rng(3).random((6, 8, 3))
     mosaic = optics.bayer_mosaic(picture, pattern)
     np.testing.assert_array_equal(mosaic, picture[masks].reshape(6, 8))
-
-
-@pytest.mark.parametrize("pattern", PATTERNS)
-def test_recorded_values_stay_and_constant_colours_are_exact_to_the_border(conforms, pattern):
-    picture = np.random.default_rng(4).random((6, 8, 3))
-    found = optics.demosaic_image(optics.bayer_mosaic(picture, pattern), pattern)
-    masks = optics.bayer_masks((6, 8), pattern)
-    np.testing.assert_array_equal(found[masks], picture[masks])
-    constant = np.broadcast_to([0.2, 0.5, 0.9], (6, 8, 3))
-    found = optics.demosaic_image(optics.bayer_mosaic(constant, pattern), pattern)
-    conforms.closed_form(found, constant, rtol=1e-7)
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -321,42 +243,12 @@ def test_markers_are_drawn_where_they_are_and_as_large_as_they_are(conforms, pic
     )
 
 
-def test_coarse_colours_are_means_of_fine_ones(conforms, picture):
-    conforms.invariance(picture.colours(8), optics.block_means(picture.colours(1), 8), atol=1e-12)
-
-
-def test_contrast_is_full_for_many_pixels_and_gone_for_few(picture):
-    contrast = [picture.contrast(block) for block in (1, 2, 4, 8, 16, 40)]
-    assert contrast[0] > 0.99
-    assert abs(contrast[-1]) < 0.05
-    assert all(np.diff(contrast) < 0)
-
-
-def test_without_edges_colour_filters_cost_nothing(conforms, picture):
-    whole = optics_study.BeamPicture(
-        np.ones_like(picture.beam), np.zeros_like(picture.markers), picture.camera,
-        picture.structure, picture.top,
-    )  # fmt: skip
-    loss = optics_study.colour_loss(whole, 2, "RGGB")
-    conforms.closed_form(loss.error, 0, atol=1e-12)
-    conforms.closed_form(loss.largest, 0, atol=1e-12)
-
-
 # The study.
 
 
 @pytest.fixture(scope="module")
 def cube():
     return small_cube("cameras")
-
-
-def test_the_asked_distances_are_among_those_of_the_curves(cube):
-    assert np.isin(cube["shown_distance"].values, cube["distance"].values).all()
-    assert (np.diff(cube["distance"].values) > 0).all()
-    odd = validate_request("cameras", {"distances_mm": [1000, 333.333333, 500]})
-    run = optics_study.run(odd)
-    assert run["shown_distance"].values.tolist() == [1.0, 0.333333333, 0.5]
-    assert np.isin(run["shown_distance"].values, run["distance"].values).all()
 
 
 def test_pairs_with_whole_pixels_meet_the_first_order_where_disparities_are_large(conforms, cube):
@@ -376,74 +268,6 @@ def test_parallel_edges_meet_in_the_image_of_their_direction(conforms, cube):
     assert (np.diff(angle) < 0).all()
 
 
-def test_values_of_the_cube_are_those_of_the_formulas(conforms, cube):
-    at = cube.sel(distance=0.75, shown_distance=0.75)
-    conforms.closed_form(
-        float(at["depth_error"].sel(baseline=0.15)),
-        0.75**2 / (0.15 * 24 / 36 * 320) * 0.1,
-        rtol=1e-6,
-    )
-    near, far_ = optics.depth_of_field(24, 5.6, 750, 0.03)
-    conforms.closed_form(1000 * float(at["near_limit"].sel(f_number=5.6)), near, rtol=1e-6)
-    conforms.closed_form(1000 * float(at["far_limit"].sel(f_number=5.6)), far_, rtol=1e-6)
-    angle = float(cube["angle_of_view"].sel(sensor="APS-C", side="width", focal_length=0.05))
-    conforms.closed_form(angle, 2 * degrees(np.arctan(23.6 / 100)), rtol=1e-6)
-    pinhole, flat = at["image"].values
-    apart = np.linalg.norm(pinhole - flat, axis=0).max()
-    conforms.closed_form(float(at["projection_error"]), apart, rtol=1e-6)
-    conforms.closed_form(float(cube["pixel_size"].sel(width=320)), 0.5 * 36 / 24 / 320, rtol=1e-6)
-    conforms.closed_form(tan(radians(angle) / 2), 0.236, rtol=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.few(3)
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"widths_px": [16]},
-        {"widths_px": [1280], "bayer_pattern": "GBRG"},
-        {"elevation_deg": 90, "azimuth_deg": -360},
-        {"elevation_deg": 0.5, "azimuth_deg": 90},
-        {"distances_mm": [100000]},
-        {"baselines_mm": [0.001], "f_numbers": [1e5]},
-        {"sensors_mm": {"a|b*": [1, 2]}, "focal_lengths_mm": [0.5], "format_widths_px": [2]},
-        {"focal_length_mm": 499, "sensor_width_mm": 1},
-    ],
-    ids=str,
-)
-def test_odd_requests_run_and_are_shown(values):
-    request = validate_request("cameras", {**values, "trials": 2})
-    made = with_provenance(optics_study.run(request), request, 0.0)
-    for name in ("angles", "projections", "pixels", "colours", "focus", "stereo"):
-        assert "|" in figure_sets_display.fill_text(made, name)
-    for name in figure_sets_display.read_captions("cameras"):
-        assert "<svg" in figure_svg(figure_sets_display.draw_picture(made, name))
-    assert cubes.summarise_errors(made)["quantity"].is_unique
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"distances_mm": [300]}, "distances_mm: given 300.0, allowed: more than 311.9 mm"),
-        ({"focal_length_mm": 500}, "focal_length_mm: given 500.0, allowed: less than the nearest "),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_computed_is_refused_in_one_line(values, words):
-    assert refusal("cameras", **values).startswith(f"cameras: {words}")
-
-
-# Tables, pictures, prose.
-
-
-def test_the_prose_says_what_was_printed_wrong(cube):
-    text = figure_sets_display.fill_text(cube, "lens")
-    assert "| up | 24.00 | 27.0 | 70 (a misprint) |" in text
-    assert text.count("misprint") == 1
-    assert "sees 360 mm" in text  # 500 mm × 36 / 50
-    assert "sees 750 mm" in text
-
-
-def test_fewer_pixels_buy_frames_in_proportion(cube):
-    text = figure_sets_display.fill_text(cube, "flow")
-    assert "| 1920×1080 | 2.07 | 60 | 30 |" in text
-    assert "| 320×180 | 0.06 | 2160 | 1080 |" in text
+def test_what_cannot_be_computed_is_refused_in_one_line():
+    words = "focal_length_mm: given 500.0, allowed: less than the nearest "
+    assert refusal("cameras", focal_length_mm=500).startswith(f"cameras: {words}")

@@ -13,7 +13,6 @@ from command import refusal, thesis
 from conftest import PROJECT
 from thesis_lib.figure_sets import registry
 from thesis_lib.figure_sets.cube_file import code_digest, request_key
-from thesis_lib.notebook import controls as live
 from thesis_lib.notebook import show
 from thesis_lib.notebook.new_set import write_set
 from thesis_lib.studies import storage
@@ -118,24 +117,6 @@ def test_it_is_refused_as_others_are(footprint, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_notebook_older_than_a_parameter_runs_with_its_default(footprint):
-    registry.load_sets(footprint)
-    asked = show.checked("footprint", {"focal_length_mm": 50.0})
-    assert asked == registry.validate_request("footprint", {"focal_length_mm": 50.0})
-
-
-def test_its_controls_rerun_it(footprint):
-    registry.load_sets(footprint)
-    found = []
-    made = live.controls(registry.validate_request("footprint", {}), found.append)
-    made.inputs["focal_length_mm"].value = 36.0
-    made.button.click()
-    assert not any(one["output_type"] == "error" for one in made.output.outputs), (
-        made.output.outputs
-    )
-    assert found[0]["value"].values[0] == pytest.approx(500 / 1920)
-
-
 def test_it_is_stale_when_what_it_rests_on_changes(footprint):
     (name,) = registry.load_sets(footprint)
     one = registry.FIGURE_SETS[name]
@@ -163,9 +144,7 @@ def rewrite(file: Path, old: str, new: str) -> None:
 
 
 BROKEN = {
-    "no folder": (lambda f: shutil.rmtree(f), "figure_set.py is missing"),
     "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
-    "no notebook": (lambda f: (f / "footprint.ipynb").unlink(), "footprint.ipynb is missing"),
     "another package": (
         lambda f: rewrite(f / "figure_set.py", "from thesis_lib.studies.request", "from nowhere"),
         "cannot be used: ModuleNotFoundError: No module named 'nowhere'"),
@@ -173,7 +152,6 @@ BROKEN = {
         lambda f: rewrite(f / "figure_set.py", "24.0,", "-24.0,"),
         "focal_length_mm: given -24.0"),
     "syntax": (lambda f: (f / "figure_set.py").write_text("def"), "SyntaxError"),
-    "no list": (lambda f: rewrite(f / "figure_set.py", "FIGURE_SETS", "SETS"), "AttributeError"),
     "name taken": (lambda f: rewrite(f / "figure_set.py", '"footprint"', '"planner"'), "is taken"),
 }  # fmt: skip
 

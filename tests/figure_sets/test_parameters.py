@@ -57,7 +57,7 @@ def allowed(name: str, field: str) -> str:
     return f"allowed: {row['allowed']}" + (f", in {row['unit']}" if row["unit"] else "")
 
 
-# Set, field, value, where in the value the fault is, what the message repeats.
+# Set, field, value, where in the value the fault is, what the message repeats: one of each kind.
 BAD = [
     (DISTANCE, "azimuth_deg", "30", "", '"30"'),
     (DISTANCE, "azimuth_deg", True, "", "true"),
@@ -66,66 +66,28 @@ BAD = [
     (DISTANCE, "azimuth_deg", -INF, "", "-Infinity"),
     (DISTANCE, "azimuth_deg", 360.5, "", "360.5"),
     (DISTANCE, "azimuth_deg", {"a": [1]}, "", '{"a": [1]}'),
-    (DISTANCE, "elevation_deg", 0, "", "0"),
     (DISTANCE, "distances_mm", [], "", "[]"),
     (DISTANCE, "distances_mm", 500, "", "500"),
     (DISTANCE, "distances_mm", [500, "750"], "[1]", '"750"'),
-    (DISTANCE, "distances_mm", [500, NAN], "[1]", "NaN"),
-    (DISTANCE, "distances_mm", [500, 100_001], "[1]", "100001"),
     (DISTANCE, "distances_mm", [500, 750, 500.0], "", "[500.0, 750.0, 500.0]"),
-    (DISTANCE, "resolution_px", [320, 20_001], "[1]", "20001"),
     (DISTANCE, "resolution_px", [320], "", "[320]"),
-    (DISTANCE, "resolution_px", [320, 180, 3], "", "[320, 180, 3]"),
-    (DISTANCE, "trials", -1, "", "-1"),
     (DISTANCE, "trials", 2.0, "", "2.0"),
-    (DISTANCE, "trials", True, "", "true"),
-    (DISTANCE, "trials", 1_000_001, "", "1000001"),
     (DISTANCE, "seed", 2**63, "", "9223372036854775808"),
-    (DISTANCE, "modes", [0], "[0]", "0"),
-    (DISTANCE, "modes", [1, 31], "[1]", "31"),
-    (DISTANCE, "amplitude_mm", 0, "", "0"),
-    (DISTANCE, "amplitude_mm", "Force", "", '"Force"'),
     (DISTANCE, "amplitude_mm", [5.5, -1, 2], "", "[5.5, -1, 2]"),
-    (DISTANCE, "focal_length_mm", 0, "", "0"),
     (DISTANCE, "rest", "rebuild", "", '"rebuild"'),
     (DISTANCE, "cube", "out.txt", "", '"out.txt"'),
-    (DISTANCE, "cube", 3, "", "3"),
-    (APERTURE, "cases", ["2e"], "[0]", '"2e"'),
-    (APERTURE, "half_apertures_deg", [8, 180], "[1]", "180"),
-    (RESOLUTION, "widths_px", [320, 1], "[1]", "1"),
     (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
-    (ARRAYS, "pair_order", {"4f": "printed"}, '["4f"]', '"4f"'),
     (ARRAYS, "pair_order", {"4b": "forwards"}, '["4b"]', '"forwards"'),
-    (ARRAYS, "layouts", {"mine": [[[80, 10]]]}, '["mine"][0]', "[[80, 10]]"),
     (ARRAYS, "layouts", {"mine": [[[80, 10], [361, 9]]]}, '["mine"][0][1][0]', "361"),
-    (ARRAYS, "layouts", {"mine": [[[80, 10], [80, 0]]]}, '["mine"][0][1][1]', "0"),
     (ARRAYS, "layouts", {"mine": [[[80, 10], 80]]}, '["mine"][0][1]', "80"),
-    (ARRAYS, "layouts", {"": [PAIR]}, '[""]', '""'),
     (ARRAYS, "layouts", {" x": [PAIR]}, '[" x"]', '" x"'),
-    (ARRAYS, "layouts", {"x" * 41: [PAIR]}, f'["{"x" * 41}"]', '"' + "x" * 41 + '"'),
-    (DISTANCE, "azimuth_zero", "Z", "", '"Z"'),
-    (DISTANCE, "estimator", "least_squares", "", '"least_squares"'),
-    (DISTANCE, "noise_px", 10.5, "", "10.5"),
-    (DISTANCE, "principal_offset_px", 0.51, "", "0.51"),
-    (DISTANCE, "first_marker_mm", 23.1, "", "23.1"),
     (PLATE, "grid", [1, 10], "[0]", "1"),
     (SOUND, "speed_of_sound_m_s", 0, "", "0"),
-    (SOUND, "plane_shape", [149, 501], "[1]", "501"),
     (LAW, "cone_deg", 90, "", "90"),
-    (LAW, "cone_cameras", 2, "", "2"),
-    (LAW, "counts", [2, 101], "[1]", "101"),
-    (LAW, "amplitude_mm", "force", "", '"force"'),
-    (LAW, "trials", 1, "", "1"),
-    (SHAPE, "outline_mm", [[0, 0], [1, 0]], "", "[[0, 0], [1, 0]]"),
-    (SHAPE, "outline_mm", [[0, 0], [500, 0], [500, -1]], "[2][1]", "-1"),
     (SHAPE, "outline_mm", [[0, 0], [500, NAN], [500, 1]], "[1][1]", "NaN"),
     (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0.0, 0.0], [9.0, 0.0], [0.0, 0.0]]"),
-    (SHAPE, "circles_mm", [[100, 100, 0]], "[0][2]", "0"),
     (SHAPE, "cutouts_mm", [[[100, 100], [120, 100]]], "[0]", "[[100, 100], [120, 100]]"),
-    (SHAPE, "support", "glued", "", '"glued"'),
     (SHAPE, "edge_supports", {"0": "free"}, '["0"]', '"0"'),
-    (LEDGER, "trials", 1, "", "1"),
-    (LEDGER, "readings", "rest known", "", '"rest known"'),
     (LEDGER, "readings", ["1 N", "1 N"], "", '["1 N", "1 N"]'),
 ]
 
@@ -141,14 +103,11 @@ def test_refusal_names_the_place_repeats_the_value_and_says_what_is_allowed(
 # Values that do not go with others: set, field, value, and words of the rule.
 TOGETHER = [
     (DISTANCE, "amplitude_mm", [5.5, 5.5], "a list with one for each mode"),
-    (DISTANCE, "amplitude_mm", [], "a list with one for each mode"),
     (ARRAYS, "cases", [], "at least one, or layouts"),
     (ARRAYS, "layouts", {"4a": [PAIR]}, "new names, each with sets that grow"),
-    (ARRAYS, "layouts", {"4a′": [PAIR]}, "new names, each with sets that grow"),
     (SOUND, "plane_top_mm", 44.5, "a number above plane_bottom_mm, in mm"),
     (LAW, "frame_rates_hz", [60, 50_000], "a sensor 16 to 20000 px wide"),
     (LAW, "frequency_hz", 24.1, "1 Hz, one over the duration, to 24 Hz"),
-    (LAW, "duration_s", 4.2, "at most 4000 frames"),
 ]
 
 
@@ -168,13 +127,7 @@ def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
         assert all(other in message for other in others) or f"`thesis list {name}`" in message
         assert len(message) <= 400
     assert "did you mean" not in refusal(name, wxyz=1)
-
-
-def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
-    message = refusal("beam-distanc")
-    assert "(did you mean beam-distance?)" in message
-    assert "`thesis list` names them all" in message
-    assert "did you mean" not in refusal("42")
+    assert "(did you mean beam-distance?)" in refusal("beam-distanc")
 
 
 @pytest.mark.parametrize(
@@ -182,10 +135,6 @@ def test_unknown_figure_set_gets_the_nearest_name_and_all_names():
     [
         (DISTANCE, {"distances_mm": [500, 300]}, "distances_mm", 300.0),
         (DISTANCE, {"distances_mm": [500], "amplitude_mm": 250}, "distances_mm", 500.0),
-        (RESOLUTION, {"distance_mm": 311.5}, "distance_mm", 311.5),
-        (APERTURE, {"distance_mm": 10}, "distance_mm", 10.0),
-        (ARRAYS, {"distance_mm": 1}, "distance_mm", 1.0),
-        (LAW, {"cone_distance_mm": 400}, "cone_distance_mm", 400.0),
         (LAW, {"amplitude_mm": 700}, "cone_distance_mm", 1000.0),
     ],
 )
@@ -202,14 +151,8 @@ def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
     ("name", "values", "field", "case"),
     [
         (DISTANCE, {"azimuth_deg": 0}, "azimuth_deg", "1"),
-        (DISTANCE, {"azimuth_deg": 180}, "azimuth_deg", "1"),
-        (DISTANCE, {"elevation_deg": 90}, "elevation_deg", "1"),
-        (RESOLUTION, {"elevation_deg": 90}, "elevation_deg", "3"),
-        (APERTURE, {"elevation_deg": 90}, "elevation_deg", "2a"),
         (APERTURE, {"elevation_deg": 90, "cases": ["2c"]}, "elevation_deg", "2c"),
         (APERTURE, {"elevations_deg": [5, 90]}, "elevations_deg", "2b"),
-        (APERTURE, {"elevations_deg": [90], "cases": ["2d"]}, "elevations_deg", "2d"),
-        (ARRAYS, {"layouts": {"mine": [[[10, 20], [10, 20]]]}}, "layouts", "mine"),
         (ARRAYS, {"layouts": {"mine": [[[-90, 20], [0, 5], [270, 20]]]}}, "layouts", "mine"),
     ],
 )
@@ -220,28 +163,18 @@ def test_two_cameras_at_the_same_place_are_refused(name, values, field, case):
     assert message.endswith("([azimuth, elevation] in °), allowed: different places")
 
 
-@pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("sound")])
-def test_pistons_too_large_for_the_wave_are_refused(name):
-    message = refusal(name, grid=[2, 2], modes=[1, 30])
-    assert message.startswith(f"{name}: modes: given 30, k times the size of a piston is ")
+def test_pistons_too_large_for_the_wave_are_refused():
+    message = refusal(SOUND, grid=[2, 2], modes=[1, 30])
+    assert message.startswith(f"{SOUND}: modes: given 30, k times the size of a piston is ")
     assert message.endswith("needs at most π: take lower modes or a finer grid")
-    validate_request(name, {"grid": [60, 60], "modes": [1, 30]})
-    validate_request(name, {"grid": [2, 2], "modes": [1]})
-    validate_request(name.replace("sound", "plate"), {"grid": [2, 2], "modes": [1, 30]})
-
-
-def test_a_slow_fluid_may_make_the_pistons_too_large():
+    validate_request(SOUND, {"grid": [60, 60], "modes": [1, 30]})
+    validate_request(SOUND, {"grid": [2, 2], "modes": [1]})
     message = refusal(SOUND, speed_of_sound_m_s=50)
     assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
 
 
-def test_a_plane_may_start_higher_if_it_ends_higher():
-    message = refusal(SOUND, plane_bottom_mm=500)
-    assert message.startswith(f"{SOUND}: plane_top_mm: given 443.0, allowed: a number above plane_")
+def test_what_is_not_run_refuses_nothing():
     validate_request(SOUND, {"plane_bottom_mm": 500, "plane_top_mm": 500.1})
-
-
-def test_cases_that_are_not_run_refuse_nothing():
     validate_request(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
     validate_request(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
     validate_request(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
@@ -261,13 +194,8 @@ def test_a_camera_study_of_ones_own_has_the_shared_defaults():
     shared = set(CameraStudy.model_fields)
     beam = validate_request(DISTANCE, {}).model_dump(include=shared)
     assert validate_values(Own, {}).model_dump(include=shared) == beam
-
-
-@pytest.mark.parametrize("elevation", [-5.0, 0.0, 90.5])
-def test_a_camera_below_the_plane_or_beyond_the_normal_is_refused(elevation):
-    with pytest.raises(ParameterError, match="an elevation above 0, at most 90") as caught:
-        validate_values(Own, {"elevation_deg": elevation})
-    assert f", {elevation}], the [azimuth, elevation]" in str(caught.value)
+    with pytest.raises(ParameterError, match="an elevation above 0, at most 90"):
+        validate_values(Own, {"elevation_deg": 90.5})
 
 
 def test_values_that_are_not_json_are_refused_by_name():
@@ -324,20 +252,12 @@ def test_digest_changes_with_every_parameter_but_not_with_the_cubes_place(name):
 
 def test_digest_is_the_same_for_the_same_request():
     assert validate_request(DISTANCE, {"focal_length_mm": 24}).digest == STUDIES[DISTANCE]().digest
-    assert (
-        validate_request(DISTANCE, {"focal_length_mm": 24.0}).digest == STUDIES[DISTANCE]().digest
-    )
     one = validate_request(DISTANCE, {"amplitude_mm": [5, 6, 7]}).digest
     assert one == validate_request(DISTANCE, {"amplitude_mm": [5.0, 6.0, 7.0]}).digest
     assert STUDIES[APERTURE]().digest != STUDIES[ARRAYS]().digest
-
-
-def test_digest_tells_the_order_of_layouts_which_is_that_of_the_settings():
-    mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}
+    mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}  # in the order of the settings
     one = validate_request(ARRAYS, {"layouts": {**mine, **yours}})
-    other = validate_request(ARRAYS, {"layouts": {**yours, **mine}})
-    assert [s.case for s in one.settings()] != [s.case for s in other.settings()]
-    assert one.digest != other.digest
+    assert one.digest != validate_request(ARRAYS, {"layouts": {**yours, **mine}}).digest
 
 
 @pytest.mark.slow
@@ -380,15 +300,6 @@ def test_papermill_reads_defaults_types_and_units_from_the_cell(name):
         unit = unit_of_field(field).replace("°", "degrees")
         assert not unit or row["help"].startswith(f"{unit}, "), field
         assert len(row["help"]) > 5, field
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_describe_covers_every_parameter(name):
-    rows = describe_parameters(STUDIES[name])
-    assert sorted(row["name"] for row in rows) == sorted(STUDIES[name].model_fields)
-    for row in rows:
-        assert row["meaning"]
-        assert row["allowed"]
 
 
 def kinds(annotation: object) -> set[type]:

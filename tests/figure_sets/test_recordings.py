@@ -5,11 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
-from thesis_lib.figure_sets.parametric.figures import error_table
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.schema import with_provenance
 
@@ -45,10 +43,6 @@ def test_cameras_are_where_they_are(data):
     assert 0.5 < ratio < 2
 
 
-def test_every_picture_of_the_board_is_used(data):
-    assert data["shots_used"].values.tolist() == [12] * 4
-
-
 def test_clocks_are_aligned(data):
     frames = (data["delay"] - data["true_delay"]).values * data["frame_rate"].values
     assert np.abs(frames).max() < 0.02
@@ -69,15 +63,10 @@ def test_markers_are_found_but_at_320_pixels(data):
 # What comes out.
 
 
-def test_the_literal_method_with_four_cameras(results):
-    part = of(results["experiment-cameras"], "literal", "A–B–C–D")
-    errors = part["mean_error"].values
-    assert errors[0] < 1.2
-    assert np.mean(errors[1:]) < 1.2
-    assert np.quantile(errors[1:], 0.95) < 1.2
-
-
-def test_the_harmonic_fit_with_four_cameras(results):
+def test_the_literal_method_and_the_harmonic_fit_with_four_cameras(results):
+    literal = of(results["experiment-cameras"], "literal", "A–B–C–D")["mean_error"].values
+    assert literal[0] < 1.2
+    assert np.quantile(literal[1:], 0.95) < 1.2
     part = of(results["experiment-cameras"], "harmonic", "A–B–C–D")
     assert part["mean_error"].values[0] < 0.03
     assert np.quantile(part["mean_error"][1:], 0.95) < 0.03
@@ -123,19 +112,11 @@ def test_a_beam_at_rest_fits_its_grid(results):
 # What is shown of it.
 
 
-def test_tables_of_the_notebooks_hold_numbers(results):
-    for cube in results.values():
-        shown = [display.fill_text(cube, name) for name in ("tracking", "harmonic")]
-        for text in (error_table(cube).data, *shown):
-            assert "nan" not in text
-            assert len(re.findall(r"\d", text)) > 20
-
-
-@pytest.mark.parametrize("name", walk.TEXT_VALUES)
-def test_numbers_of_the_walk_through_are_numbers(data, name):
-    text = walk.fill_text(data, name)
-    assert re.search(r"\d", text)
-    assert "nan" not in text
+def test_numbers_of_the_walk_through_are_numbers(data):
+    for name in walk.TEXT_VALUES:
+        text = walk.fill_text(data, name)
+        assert re.search(r"\d", text), name
+        assert "nan" not in text, name
 
 
 @pytest.mark.nightly

