@@ -222,28 +222,6 @@ def test_what_was_hidden_is_followed_again(conforms):
     conforms.closed_form(np.nanmax(after), below=0.08)
 
 
-@pytest.mark.slow
-def test_tables_and_searching_agree_at_a_low_camera(conforms):
-    # From 12° some markers hold in no frame, and the edges are near all of them.
-    at, times = camera(elevation=12.0, size=(1280, 720)), np.arange(-1, 12) / 60
-    frames = filmed(at, times, seed=3)
-    tracker = Tracker(found_view(at, frames[0]))
-    by_table = Follower(Tracker(tracker.view), frames[0])
-    found, other = ([own.centres(f) for f in frames] for own in (tracker, by_table))
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(other))
-    conforms.invariance(np.nanmax(np.abs(np.subtract(found, other))), below=0.05)
-
-
-def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
-    at, image, view, _ = rest
-    frames = [image, *filmed(at, np.arange(3) / 60)]
-    monkeypatch.setattr(following, "MAX_TABLE_BYTES", 0)
-    found = [Follower(Tracker(view), image)] * 4
-    by_search = [Tracker(view)] * 4
-    for frame, one, other in zip(frames, found, by_search, strict=True):
-        np.testing.assert_allclose(one.centres(frame), other.centres(frame), atol=1e-6)
-
-
 def cropped(at, image, view, left, top, right, bottom):
     """Part of an image, with the camera and the view that belong to it."""
     shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
@@ -359,25 +337,6 @@ def one_line(call, *arguments):
         call(*arguments)
     assert "\n" not in str(error.value)
     return str(error.value)
-
-
-def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
-    class Still:
-        """Finds every marker where it is at rest."""
-
-        def __init__(self, view, turn, image):
-            self.view = view
-            self.moved = self.before = np.zeros((2, MARKERS.count))
-
-        def centres(self, image):
-            return self.view.to_image(MARKERS.centres)
-
-    monkeypatch.setitem(following.DETECTORS, "still", Still)
-    at, frame, _, _ = rest
-    own = replace(MARKERS, detector="still")
-    (detector,), _ = following.trackers_of(frame, at, own, None, 0.0)
-    (discs,), _ = following.trackers_of(frame, at, MARKERS, None, 0.0)
-    np.testing.assert_allclose(detector.centres(frame), discs.centres(frame), atol=0.05)
 
 
 def test_pictures_that_do_not_show_the_beam_are_refused(rest):
