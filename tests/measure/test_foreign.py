@@ -315,6 +315,7 @@ def test_deflection_is_the_true_one(conforms, measured, take):
         conforms.independent(found @ true / (true @ true), 1, atol=0.006)
 
 
+@pytest.mark.nightly
 def test_deflection_under_rolling_shutters_is_the_true_one(conforms, takes, tmp_path):
     # Two of the cameras, whose rows take 80 % of a frame's time to be read, told so and not.
     row_time = 0.8 / RATE / SCENE.eyes[0].size[1]

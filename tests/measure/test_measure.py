@@ -218,14 +218,6 @@ def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, da
 # Folders that are broken, and requests that are wrong.
 
 
-def camera(index, **fields):
-    return lambda values: values["cameras"][index].update(fields)
-
-
-def excitation(**fields):
-    return lambda values: values["excitation"].update(fields)
-
-
 # What is wrong: change of the manifest, words; more are in test_bad_input and test_manifest.
 
 
@@ -240,23 +232,12 @@ def line_of(done, status: int) -> str:
     return done.err.removeprefix("thesis: ").strip()
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (camera(1, video="x" * 480), ["cameras[1].video", "no such file"]),
-        (excitation(rest_duration_s=2.5),
-         ["excitation.rest_duration_s: given 2.5", "allowed: at most the 1."]),
-    ],
-    ids=["a file that is not there", "a rest in motion"],
-)  # fmt: skip
-def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(
-    example, tmp_path, capfd, change, words
-):
+def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(example, tmp_path, capfd):
     folder = copied(example, tmp_path / "recording")
-    change_manifest(folder, change)
+    change_manifest(folder, lambda values: values["excitation"].update(rest_duration_s=2.5))
     before = sorted(folder.rglob("*"))
     line = line_of(thesis("measure", folder / "manifest.yaml"), 2)
-    assert all(word in line for word in words), line
+    assert "excitation.rest_duration_s: given 2.5, allowed: at most the 1." in line
     assert sorted(folder.rglob("*")) == before
     assert capfd.readouterr() == ("", "")
 
@@ -374,12 +355,14 @@ def test_only_what_depends_on_a_change_is_done_again(measured, data, tmp_path, m
     np.testing.assert_array_equal(again["deflection"], data["deflection"])
     assert float(again["model_frequency"][0]) < 0.95 * float(data["model_frequency"][0])
     # Another steady part: the sound is heard again, the markers are where they were.
-    change_manifest(folder, excitation(steady_interval_s=[1.95, 2.8]))
+    change_manifest(
+        folder, lambda values: values["excitation"].update(steady_interval_s=[1.95, 2.8])
+    )
     done = thesis("measure", "manifest.yaml", "--out", "./measured/../measured")
     assert (done.status, done.err, done.warned) == (0, "", ())
     after = stamps(folder / "measured")
-    assert {name for name in before if after[name] != before[name]} == {
-        "sound.nc", ".sound.nc.sha256"}  # fmt: skip
+    changed = {name for name in before if after[name] != before[name]}
+    assert changed == {"sound.nc", ".sound.nc.sha256"}
     assert results_of(folder / "measured")["steady"].values.tolist() == [1.95, 2.8]
 
 
@@ -406,32 +389,14 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
 
 
 @pytest.mark.nightly
-def test_names_of_all_kinds(measured, tmp_path, monkeypatch):
-    folder = copied(measured, tmp_path / "ä ö – [x] #%20 'q'")
+def test_odd_names_of_cameras_are_shown_as_they_are(measured, tmp_path, monkeypatch):
+    """Neither marks of a page nor formulas of a figure."""
+    folder, name = copied(measured, tmp_path / "ä ö – [x] #%20 'q'"), "<b>Müller's</b> & $\\foo_$"
     with_tracks_of(measured, monkeypatch)
-    board = folder / "Brett [1] (alt)"
-    for letter in "ABC":
-        (board / letter).mkdir(parents=True)
-        for path in sorted((folder / "board").glob(f"{letter}-*"))[:5]:
-            path.rename(board / letter / path.name)
-        (board / letter / f"._{letter}-00.jpg").write_bytes(b"beside it, by a Mac")
-        (board / letter / "Thumbs.db").write_bytes(b"by Windows")
-    shutil.move(folder / "A.mkv", folder / "Kamera 1 (früh) 50%.mkv")
-
-    def change(values):
-        for one in values["cameras"]:
-            one["board_images"] = f"Brett [1] (alt)/{one['name']}"
-        values["cameras"][0] |= {"video": "Kamera 1 (früh) 50%.mkv",
-                                 "name": "<b>Müller's</b> & $\\foo_$ 50 %"}  # fmt: skip
-
-    change_manifest(folder, change)
-    text = (folder / "manifest.yaml").read_text(encoding="utf-8").replace("\n", "\r\n")
-    (folder / "Manifest ä.yaml").write_bytes(b"\xef\xbb\xbf" + text.encode())  # as Notepad has it
-    (tmp_path / "link").symlink_to(folder)
-    done = thesis("measure", tmp_path / "link" / "Manifest ä.yaml", "--out", folder)
+    change_manifest(folder, lambda values: values["cameras"][0].update(name=name))
+    done = thesis("measure", folder / "manifest.yaml", "--out", folder)
     assert (done.status, done.err, done.warned) == (0, "", ())
-    page = Page(folder / "report.html")
-    assert "<b>Müller's</b> & $\\foo_$ 50 %" in page.text
+    assert name in Page(folder / "report.html").text
     assert set(names(folder)) >= RESULTS | {".steps", "manifest.yaml", "B.mkv"}
 
 

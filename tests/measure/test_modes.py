@@ -14,18 +14,9 @@ from thesis_lib.measure.calibration.bundle_adjustment import Network, step_netwo
 from thesis_lib.measure.modes.identify import (
     Asked,
     ModalError,
-    _disagreeing,
     identify_modes,
     modal_assurance,
     modes_result,
-)
-from thesis_lib.measure.modes.poles import (
-    block_of,
-    fit_known,
-    fit_poles,
-    left_of,
-    pole_columns,
-    residual_scatter,
 )
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
@@ -73,16 +64,6 @@ def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     np.testing.assert_allclose(found.left_out, [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(found.damping, truth.damping, rtol=0.05)
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
-
-
-def test_a_marker_whose_frames_tell_no_mode_is_none():
-    """Seen twenty times within a hundredth of the fast mode's decay: no column differs there."""
-    block = block_of(np.linspace(0, 1, 400), np.ones((400, 2)), np.ones(2))
-    known = block.known.copy()
-    known[:380, 1] = False
-    rates = np.array([[2000.0, 60.0], [2010.0, 63.0]])
-    _, spread = fit_known(pole_columns(block.times, rates), replace(block, known=known))
-    assert np.isinf(spread[1]).all()
 
 
 # What missing centres, and all else, do to standard errors.
@@ -157,34 +138,6 @@ def test_standard_errors_are_what_many_draws_scatter_by(zeta, share, fastest):
         assert np.mean(np.abs(values) < 2) >= 0.92
         assert abs(values.mean()) < 0.25
     assert 0.9 < rms(shapes) < 1.1
-
-
-def test_the_noise_of_few_frames_is_told_in_full():
-    """Of twelve frames, three coefficients of each track have taken a quarter of the noise."""
-    rng, t = np.random.default_rng(0), np.arange(12) / 12
-    start = np.array([[1.0, 20.0]])
-    values = pole_columns(t, start) @ rng.standard_normal((3, 800)) + rng.standard_normal((12, 800))
-    values[rng.random(values.shape) < 0.1] = np.nan
-    block = block_of(t, values, np.ones(800))
-    assert fit_poles([block], start, damped=True).noise == pytest.approx(1, abs=0.02)
-    B = pole_columns(t, start)
-    told = residual_scatter(block, B, fit_known(B, block)[0])
-    assert rms(told) == pytest.approx(1, abs=0.02)
-    assert not left_of(block, start)[~block.known].any()
-
-
-def test_two_clocks_that_differ_tell_a_frequency_to_half_their_difference():
-    """Two values a distance d apart have a mean with the standard error d / 2."""
-    rng, t, start = np.random.default_rng(0), np.arange(240) / 60, np.array([[0.7, 70.0]])
-    ones = np.ones(9)
-    blocks = [
-        block_of(
-            t, pole_columns(t * clock, start)[:, 1:2] + 0.01 * rng.standard_normal((240, 9)), ones
-        )
-        for clock in (1 + 1e-3, 1 - 1e-3)
-    ]
-    found = _disagreeing(fit_poles(blocks, start, damped=True), np.ones(1), [])
-    np.testing.assert_allclose(np.sqrt(found.covariance[1, 1]), 1e-3 * 70, rtol=0.05)
 
 
 def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping():

@@ -190,19 +190,6 @@ def test_motion_in_the_plane_makes_the_sound_less_certain(conforms):
         conforms.invariance(wide[name].values, more[name].values, rtol=1e-9)
 
 
-def test_a_decay_that_is_not_well_known_turns_shapes_as_much_as_it_stretches_them(conforms):
-    """ln of a decay e^(st) at a moment errs by Δs (t₀ − t): its parts alike, as those of s."""
-    data = modes().drop_vars(["shared_real", "shared_imag"])
-    shapes = of_measurement.shapes_of(data, np.ones(len(TRUE), bool))
-    for k, shape in enumerate((TRUE, OTHER)):
-        own = shapes.part(np.arange(len(TRUE)) + k * len(TRUE))
-        for turn in (1, 1j):
-            way = turn * shape / np.linalg.norm(shape)
-            row = np.concatenate([way.real, way.imag])
-            expected = NOISE**2 + (WRONG * DECAYS[k] * SINCE * np.linalg.norm(shape)) ** 2
-            conforms.closed_form(row @ own.covariance @ row, expected, rtol=1e-3)
-
-
 def test_markers_tell_waves_of_two_spacings_and_no_shorter_ones(made, conforms):
     """A square plate of the same sheet with sides of √2 spacings has such waves in its mode 1."""
     side = np.sqrt(2) * float(made.attrs["spacing"])

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_motion
-from thesis_lib.measure.recordings.board import on_surface, rows_on
-from thesis_lib.vibration.motion import Motion, steady_amplitudes
+from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
@@ -94,17 +93,6 @@ def test_a_wrong_scale_is_reported_and_not_taken_away(conforms):
     conforms.closed_form(frame.to_beam(scale * WORLD), scale * WORLD, atol=1e-13)
 
 
-def test_a_tilt_of_the_markers_to_the_grid_is_reported(conforms):
-    # A twist that the rigid fit cannot follow: markers far along x decide, those across tilt.
-    bent = WORLD + np.stack([0 * WORLD[0], 0 * WORLD[0], 1e-3 * np.sign(WORLD[0]) * WORLD[1]])
-    conforms.closed_form(rc.fit_grid(bent, WORLD).tilt, below=1e-6)
-    noisy = WORLD + noise(WORLD.shape, 1e-4, 3)
-    frame = rc.fit_grid(noisy, WORLD)
-    x, y, z = frame.to_beam(noisy)
-    slopes = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), z, rcond=None)[0][:2]
-    conforms.closed_form(frame.tilt, np.arctan(np.hypot(*slopes)), atol=2e-4)
-
-
 def test_unknown_markers_are_left_out_of_the_fit_which_needs_three(conforms):
     holed = WORLD.copy()
     holed[:, 3:] = np.nan
@@ -185,49 +173,7 @@ def test_unblurring_undoes_the_mean_over_an_exposure(conforms):
     np.testing.assert_array_equal(back.sigma, found.sigma)
 
 
-MOTION = Motion(BEAM)
-CLOCKS = [0.0, 0.0137, -0.1021, 0.2]  # starts of the cameras after the reference's
-
-
-def vibrating(times_of_camera):
-    """Images (cameras, frames, 2, markers) at each camera's own times."""
-
-    def seen(own, times):
-        world = on_surface(BEAM.extent, POINTS[:, None], MOTION.deflection(POINTS, times))
-        return project(own[None], world)[0].swapaxes(0, 1)
-
-    return np.array([seen(own, t) for own, t in zip(P, times_of_camera, strict=True)])
-
-
-def fitted(order=4):
-    times = MOTION.steady + 0.3 + np.add.outer(CLOCKS, np.arange(120) / 60)
-    return [
-        fit_harmonics(OMEGA, t, uv, order) for t, uv in zip(times, vibrating(times), strict=True)
-    ]
-
-
 AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
-
-
-def test_a_vibration_is_recovered_from_cameras_on_their_own_clocks(conforms):
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=6))[2]
-    conforms.closed_form(found, steady_amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
-
-
-def test_two_harmonics_of_the_images_are_enough_for_a_millionth(conforms):
-    # Perspective makes harmonics of the images; each is about a hundredth of the one before.
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=2))[2]
-    error = np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max()
-    conforms.closed_form(error, above=1e-12, below=4e-3 * 1e-5)
-
-
-def test_markers_that_one_camera_sees_have_no_deflection():
-    cameras = fitted()
-    for own in cameras[1:]:
-        own.coefficients[:, :, 7] = np.nan
-    cameras[0].coefficients[:, :, 9] = np.nan
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, cameras)[2]
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 
 # The shape at its maximum.

@@ -23,7 +23,6 @@ from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_fram
 from thesis_lib.measure.synchronisation.tones import (
     find_tone,
     frequency_deviation,
-    strongest_frequency,
 )
 
 RATE = 48000
@@ -104,7 +103,7 @@ def test_whole_frames_are_the_thesis_s(conforms):
 
 
 def test_a_steady_tone_is_aligned_within_0_005_frame_modulo_its_period(conforms):
-    conforms.sampled(np.abs(errors(tone, 30, FREQUENCY, PERIOD)).max(), below=0.005)
+    conforms.sampled(np.abs(errors(tone, 10, FREQUENCY, PERIOD)).max(), below=0.005)
 
 
 @pytest.mark.parametrize("signal", [transient, growing, clap])
@@ -202,13 +201,6 @@ def refused(signals, *words, rate=RATE, frequency=None):
         assert word in str(error.value)
 
 
-def test_a_recording_of_something_else_is_named():
-    good, *_ = recordings(transient, 0)[0]
-    noise = 0.1 * np.random.default_rng(0).standard_normal(len(good))
-    words = "recording 1: ", "correlation of", "same sound"
-    refused([good, noise], *words, frequency=FREQUENCY)
-
-
 def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
     t = np.arange(60 * 8000) / 8000
     refused([tone(t), tone(t)], "given 4.26, but", rate=8000, frequency=4.26)
@@ -262,49 +254,19 @@ def test_recordings_are_checked_in_blocks(change, words):
     assert words in str(error.value)
 
 
-# Long tones, in which the moment that tells the periods apart is a small part.
-
-LOW = 8000  # Hz, which makes the same noise denser
-
-
-def late_clap(t):
-    """A steady tone, and a clap after 200 s."""
-    since = np.maximum(t - 200, 0)
-    return tone(t) + 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
-
-
-def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
-    rng = np.random.default_rng(seed)
-    starts = rng.uniform(0, spread, 2)
-    t = np.arange(round(seconds * LOW)) / LOW
-    spread = np.sqrt(POWER / 10 ** (snr_db / 10))
-    signals = [signal(t + start) + spread * rng.standard_normal(len(t)) for start in starts]
-    return signals, starts - starts[0]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("signal", [growing, late_clap])
-def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
-    signals, truth = long_recordings(signal, 1)
-    found = synchronise_sounds(signals, LOW, FPS, FREQUENCY)
+def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms):
+    """A clap after 200 s; at a low rate, which makes the same noise denser."""
+    rate, rng = 8000, np.random.default_rng(1)
+    starts, t = rng.uniform(0, 0.3, 2), np.arange(300 * rate) / rate
+    spread, signals = np.sqrt(POWER / 100), []
+    for start in starts:
+        since = np.maximum(t + start - 200, 0)
+        clapped = 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+        signals.append(tone(t + start) + clapped + spread * rng.standard_normal(len(t)))
+    found = synchronise_sounds(signals, rate, FPS, FREQUENCY)
     assert not found.ambiguous
-    conforms.closed_form(found.delays, truth, atol=0.002 / FPS)
-
-
-def test_an_onset_is_found_though_the_frequency_is_only_roughly_known(conforms):
-    signals, truth = long_recordings(growing, 3, seconds=60)
-    found = synchronise_sounds(signals, LOW, FPS, FREQUENCY * 1.0005)
-    assert not found.ambiguous
-    conforms.closed_form(found.delays, truth, atol=0.01 / FPS)
-
-
-def test_claps_of_different_recordings_leave_the_tone_ambiguous():
-    (a, b), _ = long_recordings(tone, 4, seconds=60)
-    t = np.arange(len(a)) / LOW
-    for x, moment, pitch in ((a, 20.0, 700), (b, 33.0, 450)):
-        since = np.maximum(t - moment, 0)
-        x += 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * pitch * since)
-    assert synchronise_sounds([a, b], LOW, FPS, FREQUENCY).ambiguous
+    conforms.closed_form(found.delays, starts - starts[0], atol=0.002 / FPS)
 
 
 # A room.
@@ -420,9 +382,3 @@ def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
         low, rate = decimate_signal(x, 2000, 64 * frequency)
         off.append((found - frequency) / frequency_deviation(low, rate, found))
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
-
-
-def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole(conforms):
-    x = tone(np.arange(40000) / 200) + np.random.default_rng(0).standard_normal(40000)
-    conforms.closed_form(strongest_frequency(x, 200, 1, 50), FREQUENCY, atol=0.25 / 200)
-    conforms.closed_form(strongest_frequency(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)

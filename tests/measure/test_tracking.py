@@ -222,6 +222,14 @@ def test_what_was_hidden_is_followed_again(conforms):
     conforms.closed_form(np.nanmax(after), below=0.08)
 
 
+def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
+    at, image, view, _ = rest
+    monkeypatch.setattr(following, "MAX_TABLE_BYTES", 0)
+    follower, searching = Follower(Tracker(view), image), Tracker(view)
+    for frame in [image, *filmed(at, np.arange(2) / 60)]:
+        np.testing.assert_allclose(follower.centres(frame), searching.centres(frame), atol=1e-6)
+
+
 def cropped(at, image, view, left, top, right, bottom):
     """Part of an image, with the camera and the view that belong to it."""
     shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
