@@ -32,6 +32,7 @@ from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, Soug
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
+from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.result import (
     cut_of,
@@ -62,13 +63,13 @@ class Scene:
     recordings: list[Recording]
     manifest: Manifest
 
-    def asked(self, kind: str = "random", to_hz: float | None = None, **force: Any) -> Manifest:
+    def asked(self, kind: str = "random", modes: Sought | None = None, **force: Any) -> Manifest:
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
         changed = {
             "excitation": Excitation(
-                kind=kind, rest_duration_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
+                kind=kind, rest_duration_s=0.45, sound="room", modes=modes or Sought()
             ),
             "force": Force(**given | force),
         }
@@ -459,7 +460,10 @@ def tapped(tmp_path_factory):
     own = scene(folder, pulse, damping, 5.5, 0.002, rates=rates, place=(0.3, 0.015))
     sound = SILENT.assign(steady=("end", [0.52, 5.5]))
     of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
-    measure_motion(own.asked("free_decay", to_hz=60.0), folder, of, out, lambda _: None)
+    manifest = own.asked("free_decay", Sought(to_hz=60.0, count=2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(animation, "write_shape", lambda *_: None)  # what takes most of the time
+        measure_motion(manifest, folder, of, out, lambda _: None)
     return own.truth, out
 
 
