@@ -122,6 +122,3 @@ def test_few_shots_are_never_stated_narrower_than_by_the_adjustment(conforms):
         ratio = deviations_of(jackknife_cameras(uv, POINTS, full)) / deviations_of(full)
         conforms.invariance(ratio, ratio[0], rtol=1e-6)
         conforms.invariance(ratio.min(), above=1 - 1e-9)
-
-
-# What errors of the calibration do to all markers alike.

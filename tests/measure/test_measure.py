@@ -215,10 +215,7 @@ def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, da
     assert sum(part["type"] == 58 for part in sets) == 75
 
 
-# Folders that are broken, and requests that are wrong.
-
-
-# What is wrong: change of the manifest, words; more are in test_bad_input and test_manifest.
+# Folders that are broken, and requests that are wrong: more are in test_bad_input.
 
 
 def line_of(done, status: int) -> str:
