@@ -1,6 +1,5 @@
 """Bundle adjustment against known rigs, differences, sampled statistics and OpenCV's own."""
 
-import time
 from dataclasses import replace
 
 import cv2
@@ -20,7 +19,6 @@ from thesis_lib.measure.calibration.bundle_adjustment import (
     fit_alignment,
 )
 from thesis_lib.measure.calibration.rig import calibrate_camera, unify_corners
-from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
 from thesis_lib.vision import pinhole
 
 SIGMA = 0.01
@@ -66,18 +64,6 @@ def test_derivatives_agree_with_differences(conforms):
             conforms.independent(J[k], difference, atol=1e-6 * np.abs(J[k]).max())
 
 
-def test_gauge_directions_leave_all_images_alone(conforms):
-    R, t = default_poses()
-    network = bundle_adjustment.Network(tuple(rig()), R, t)
-    uv = observations()
-    normal, _, residuals = bundle_adjustment.normal_equations(uv, POINTS, network)
-    scale = np.sqrt(np.diag(normal))
-    G = bundle_adjustment.gauge_directions(network)
-    relative = np.abs(normal @ G) / (scale[:, None] * np.linalg.norm(scale[:, None] * G, axis=0))
-    conforms.invariance(relative.max(), below=1e-12)
-    conforms.invariance(np.abs(residuals).max(), below=1e-10)
-
-
 @pytest.mark.parametrize("absent", [[], [(0, 0), (1, 0), (2, 5), (3, 7), (1, 7), (0, 11)]])
 def test_exact_images_give_back_the_rig(conforms, absent):
     result = adjust_bundle(without(observations(), absent), POINTS, rough())
@@ -94,16 +80,6 @@ def test_the_world_is_the_first_shots_board(conforms):
     result = adjust_bundle(observations(SIGMA), POINTS, rig())
     conforms.closed_form(result.rotations[0], np.eye(3), atol=1e-12)
     conforms.closed_form(result.translations[0], 0, atol=1e-12)
-    R, t = result.rotations[3], result.translations[3]
-    other = transform_adjustment(result, R.T, -R.T @ t)
-    conforms.closed_form(other.rotations[3], np.eye(3), atol=1e-12)
-    conforms.closed_form(other.translations[3], 0, atol=1e-12)
-    world = result.rotations[5] @ POINTS + result.translations[5][:, None]
-    there = other.rotations[5] @ POINTS + other.translations[5][:, None]
-    for a, b in zip(result.cameras, other.cameras, strict=True):
-        conforms.invariance(
-            pinhole.project_points(a, world), pinhole.project_points(b, there), atol=1e-8
-        )
 
 
 def test_from_corners_as_found_to_a_rig_within_a_fifth_of_a_millimetre(conforms):
@@ -148,94 +124,29 @@ def test_a_thick_board_of_two_sides_puts_cameras_where_they_are(conforms):
     assert off[1] > 1e-3  # and without its thickness they are where they are not
 
 
-@pytest.mark.parametrize("free", [(True, True), (True, False), (False, False)])
+@pytest.mark.parametrize("free", [(True, True), (False, False)])
 def test_deviations_predict_the_scatter(conforms, free):
     absent = [(0, 2), (1, 2), (2, 8), (3, 9), (3, 10)]
-    lenses, lens_sd, places, place_sd, turns, turn_sd, sigmas = [], [], [], [], [], [], []
+    drawn = []
     for seed in range(24):
         result = adjust_bundle(without(observations(SIGMA, seed), absent), POINTS, rig(), *free)
         result = transform_adjustment(result, *fit_alignment(result.cameras, rig()))
         _, centres, rotations = align_cameras(result.cameras, rig())
-        sd_centres, sd_rotations = camera_deviations(result)
-        lenses.append(lens_errors(result.cameras))
-        lens_sd.append(result.deviations[:, :4])
-        places.append(centres)
-        place_sd.append(sd_centres)
-        turns.append(rotations)
-        turn_sd.append(sd_rotations)
-        sigmas.append(result.sigma)
-    for errors, deviations in ((lenses, lens_sd), (places, place_sd), (turns, turn_sd)):
-        if np.any(deviations):
-            ratios = np.array(errors) / np.array(deviations)
-            conforms.sampled(np.sqrt(np.mean(ratios**2)), 1, atol=0.15)
-            each = np.sqrt(np.mean(ratios**2, axis=0))  # of 24 draws
-            conforms.sampled(each.min(), above=0.5)
-            conforms.sampled(each.max(), below=1.6)
+        places, turns = camera_deviations(result)
+        lenses = lens_errors(result.cameras)
+        stated = result.deviations[:, :4]
+        drawn.append((lenses, stated, centres, places, rotations, turns, result.sigma))
+    *pairs, sigmas = (np.array(each) for each in zip(*drawn, strict=True))
+    for errors, deviations in zip(pairs[::2], pairs[1::2], strict=True):
+        if not np.any(deviations):  # of what was held fixed
+            np.testing.assert_array_equal(errors, 0)
+            continue
+        ratios = errors / deviations
+        conforms.sampled(np.sqrt(np.mean(ratios**2)), 1, atol=0.15)
+        each = np.sqrt(np.mean(ratios**2, axis=0))  # of 24 draws
+        conforms.sampled(each.min(), above=0.5)
+        conforms.sampled(each.max(), below=1.6)
     conforms.sampled(np.mean(sigmas), SIGMA, rtol=0.01)
-
-
-def test_deviations_with_respect_to_a_board_predict_the_scatter_in_its_frame(conforms):
-    R, t = default_poses()
-    truth = bundle_adjustment.transform_network(
-        bundle_adjustment.Network(tuple(rig()), R, t), R[0].T, -R[0].T @ t[0]
-    ).cameras
-    ratios, sizes = [], []
-    for seed in range(24):
-        result = adjust_bundle(observations(SIGMA, seed), POINTS, rig())
-        deviations, _ = camera_deviations(result, shot=0)
-        errors = [p.centre - q.centre for p, q in zip(result.cameras, truth, strict=True)]
-        ratios.append(np.array(errors) / deviations)
-        sizes.append(np.mean(deviations) / np.mean(camera_deviations(result)[0]))
-    conforms.sampled(np.sqrt(np.mean(np.square(ratios))), 1, atol=0.25)
-    assert min(sizes) > 1  # a board is held worse than all cameras together
-
-
-def test_deviations_do_not_depend_on_the_frame(conforms):
-    result = adjust_bundle(observations(SIGMA), POINTS, rig())
-    R, t = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.array([2.0, -1.0, 0.5])
-    before, after = (camera_deviations(r) for r in (result, transform_adjustment(result, R, t)))
-    conforms.invariance(after[1], before[1], rtol=1e-5)
-    totals = [np.linalg.norm(d[0], axis=1) for d in (before, after)]
-    conforms.invariance(totals[0], totals[1], rtol=1e-5)
-
-
-def test_the_order_of_cameras_and_shots_does_not_matter(conforms):
-    uv = without(observations(SIGMA, 4), [(0, 0), (2, 3), (3, 3)])
-    straight = adjust_bundle(uv, POINTS, rig())
-    by_camera, by_shot = [2, 0, 3, 1], np.random.default_rng(0).permutation(12)
-    mixed = adjust_bundle(uv[by_camera][:, by_shot], POINTS, [rig()[i] for i in by_camera])
-    back = [mixed.cameras[by_camera.index(i)] for i in range(4)]
-    _, centres, rotations = align_cameras(back, straight.cameras)
-    conforms.invariance(np.abs(centres).max(), below=1e-9)
-    conforms.invariance(np.abs(rotations).max(), below=1e-9)
-    conforms.invariance(mixed.rms, straight.rms, rtol=1e-9)
-
-
-def test_what_is_fixed_stays():
-    result = adjust_bundle(observations(SIGMA), POINTS, rig(), intrinsics=False, distortion=False)
-    for camera, truth in zip(result.cameras, rig(), strict=True):
-        np.testing.assert_array_equal(camera.K, truth.K)
-        np.testing.assert_array_equal(camera.distortion, truth.distortion)
-    np.testing.assert_array_equal(result.deviations, 0)
-    partly = adjust_bundle(observations(SIGMA), POINTS, rig(), distortion=False)
-    np.testing.assert_array_equal(partly.deviations[:, 4:], 0)
-    assert (partly.deviations[:, :4] > 0).all()
-
-
-def test_boards_that_are_cut_off_count_with_the_corners_that_are_seen(conforms):
-    uv = observations(SIGMA, 3)
-    few = np.arange(POINTS.shape[1]) % 8 < 5
-    whole = adjust_bundle(uv[..., few], POINTS[:, few], rough())
-    part = adjust_bundle(np.where(few, uv, np.nan), POINTS, rough())
-    conforms.invariance(lens_errors(part.cameras), lens_errors(whole.cameras), atol=1e-6)
-    conforms.invariance(part.deviations, whole.deviations, rtol=1e-6)
-    conforms.invariance([part.rms, part.sigma], [whole.rms, whole.sigma], rtol=1e-9)
-    kept, all_ = (
-        jackknife_cameras(shots, points, one)
-        for shots, points, one in [(np.where(few, uv, np.nan), POINTS, part),
-                                   (uv[..., few], POINTS[:, few], whole)]
-    )  # fmt: skip
-    conforms.invariance(kept.deviations, all_.deviations, rtol=1e-5)
 
 
 def test_each_picture_may_show_other_corners(conforms):
@@ -279,17 +190,6 @@ def test_opencvs_adjustment_of_several_cameras_agrees(conforms):
         conforms.independent(np.abs(focal - found), below=4 * ours.deviations[i, :2])
 
 
-def test_four_cameras_and_twelve_boards_take_a_fifth_of_a_second():
-    uv = observations(SIGMA)
-    adjust_bundle(uv, POINTS, rough())
-    times = []
-    for _ in range(3):
-        begin = time.process_time()  # which a busy machine does not stretch
-        adjust_bundle(uv, POINTS, rough())
-        times.append(time.process_time() - begin)
-    assert min(times) < 0.2
-
-
 @pytest.mark.parametrize(
     ("absent", "words"),
     [([(2, s) for s in range(12)], "C: no image shows the board$"),
@@ -303,21 +203,14 @@ def test_cameras_and_shots_that_nothing_ties_to_the_others_are_named(absent, wor
         adjust_bundle(without(observations(), absent), POINTS, rig())
 
 
-def test_shapes_that_do_not_match_are_refused():
-    with pytest.raises(ValueError, match=r"^observations: given shape \(4, 12, 2, 63\), needs"):
-        adjust_bundle(observations()[..., 1:], POINTS, rig())
-
-
 def test_pictures_that_do_not_determine_the_lens_are_refused():
-    uv = observations(SIGMA)[:1, :1]
-    with pytest.raises(CalibrationError, match=r"^adjustment: "):
-        adjust_bundle(exact_images(rig()[:1], *facing(rig()[0])) + 0 * uv, POINTS, rig()[:1])
-
-
-def facing(camera):
     """One board square to the camera: its distance and the focal length are one unknown."""
+    camera = rig()[0]
     rotation = camera.R_camera_world.T @ np.diag([1.0, -1.0, -1.0])
-    return rotation[None], (camera.centre + 0.65 * camera.R_camera_world[2])[None]
+    place = camera.centre + 0.65 * camera.R_camera_world[2]
+    uv = exact_images([camera], rotation[None], place[None])
+    with pytest.raises(CalibrationError, match=r"^adjustment: "):
+        adjust_bundle(uv, POINTS, [camera])
 
 
 def test_alignment_undoes_any_rigid_motion(conforms):

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 import yaml
 from scenes.calibration import BOARD, SIZE, as_found, exact_images, observations, rig
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration import rig as calibration_rig
@@ -33,25 +34,6 @@ def calibrated(shots, **options):
     ]
 
 
-def poses_about(axis, degrees, n=6):
-    """Boards turned about one of their axes, moved about before the first camera."""
-    camera = rig()[0]
-    angles = np.radians(np.linspace(-degrees, degrees, n))
-    turns = np.array([about(axis, a) for a in angles])
-    upright = np.diag([1.0, -1.0, -1.0])  # faces the camera
-    rotations = camera.R_camera_world.T @ turns @ upright
-    places = np.random.default_rng(0).uniform(-0.05, 0.05, (n, 3)) + [0, 0, 0.65]
-    return rotations, places @ camera.R_camera_world + camera.centre
-
-
-def about(axis, angle):
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    R = np.eye(3)
-    R[i, i] = R[j, j] = np.cos(angle)
-    R[j, i], R[i, j] = np.sin(angle), -np.sin(angle)
-    return R
-
-
 def test_zhang_recovers_each_camera_within_its_deviations(conforms):
     for seed in range(3):
         found = calibrated(as_found(observations(SIGMA, seed), seed=seed))
@@ -74,33 +56,27 @@ def test_board_poses_are_those_of_the_camera(conforms):
         conforms.closed_form(result.translations[shot], seen, atol=1e-5)
 
 
-def test_absent_shots_are_left_out_and_stay_in_their_place(conforms):
+def test_absent_shots_are_left_out_and_stay_in_their_place():
     shots = list(observations(SIGMA)[0])
     some = [uv if i % 3 else None for i, uv in enumerate(shots)]
-    nan = [uv if i % 3 else np.full_like(uv, np.nan) for i, uv in enumerate(shots)]
     result = calibrate_camera(some, BOARD, SIZE)
     assert [R is None for R in result.rotations] == [uv is None for uv in some]
-    # OpenCV adds in the order in which its threads end: equal up to rounding.
-    conforms.invariance(result.K, calibrate_camera(nan, BOARD, SIZE).K, rtol=1e-8)
-
-
-def test_too_few_shots_are_refused_with_the_cameras_name():
-    shots = [*observations()[0][:2], None, None]
     with pytest.raises(CalibrationError, match=r"^B: 2 of 4 board images show the board, needs 3$"):
-        calibrate_camera(shots, BOARD, SIZE, name="B")
+        calibrate_camera([*shots[:2], None, None], BOARD, SIZE, name="B")
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.3])
+@pytest.mark.parametrize("sigma", [0.0, 0.3])
 def test_parallel_boards_are_refused(sigma):
-    uv = exact_images(rig()[:1], *poses_about(2, 40))[0]  # turned about their normal only
+    """Turned about their normal alone, moved about before the camera."""
+    camera, angles = rig()[0], np.radians(np.linspace(-40, 40, 6))
+    turns = Rotation.from_rotvec(angles[:, None] * [0, 0, 1]).as_matrix()
+    upright = np.diag([1.0, -1.0, -1.0])  # faces the camera
+    places = np.random.default_rng(0).uniform(-0.05, 0.05, (6, 3)) + [0, 0, 0.65]
+    rotations = camera.R_camera_world.T @ turns @ upright
+    uv = exact_images([camera], rotations, places @ camera.R_camera_world + camera.centre)[0]
     uv += np.random.default_rng(0).normal(0, 1, uv.shape) * sigma
     with pytest.raises(CalibrationError, match=r"^A: the boards are parallel to within \d\.\d°"):
         calibrate_camera(uv, BOARD, SIZE, name="A")
-
-
-def test_tilted_boards_about_one_axis_are_not_refused(conforms):
-    uv = exact_images(rig()[:1], *poses_about(0, 30))[0]
-    conforms.closed_form(calibrate_camera(uv, BOARD, SIZE).K[0, 0], rig()[0].K[0, 0], rtol=1e-3)
 
 
 def test_the_literal_way_uses_six_by_eight_central_corners():
@@ -125,30 +101,24 @@ def same_up_to_symmetry(unified, exact):
     )
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_symmetric_origins_are_brought_together(seed):
     exact = observations()
     shots = as_found(observations(SIGMA, seed), seed=seed)
     assert not same_up_to_symmetry(np.array(shots), exact)
+    absent = [(0, 0), (1, 4), (2, 4), (3, 7), (0, 7), (0, 11)]
+    for c, s in absent:
+        shots[c][s] = None
     unified, _ = unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
     assert same_up_to_symmetry(unified, exact)
+    gone = np.argwhere(np.isnan(unified).all(axis=(2, 3)))
+    assert sorted(map(tuple, gone.tolist())) == sorted(absent)
 
 
 def test_one_sided_boards_turn_but_do_not_flip():
     shots = as_found(observations(SIGMA))[:2]  # both before the front
     unified, _ = unify_corners(calibrated(as_found(observations(SIGMA)))[:2], shots, BOARD)
     assert same_up_to_symmetry(unified, observations()[:2])
-
-
-def test_absent_views_stay_absent_and_do_not_disturb():
-    shots = as_found(observations(SIGMA, 3), seed=3)
-    absent = [(0, 0), (1, 4), (2, 4), (3, 7), (0, 7), (0, 11)]
-    for c, s in absent:
-        shots[c][s] = None
-    unified, _ = unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
-    gone = np.argwhere(np.isnan(unified).all(axis=(2, 3)))
-    assert sorted(map(tuple, gone.tolist())) == sorted(absent)
-    assert same_up_to_symmetry(unified, observations())
 
 
 @pytest.mark.parametrize("moved", [[5], [1, 3, 5, 7, 9]])
@@ -168,19 +138,6 @@ def test_a_pose_between_whose_pictures_a_camera_moved_is_left_out(moved):
     assert np.isfinite(np.delete(unified, 5, axis=1)).all()
 
 
-def test_boards_that_do_not_move_do_not_tell_their_symmetries_apart():
-    shots = as_found(observations(SIGMA))
-    found = calibrated(shots)
-    still = [[views[2] if s < 2 else None for s in range(12)] for views in shots]
-    same = [
-        type(f)(f.name, f.size, f.K, f.distortion, (f.rotations[2],) * 2 + (None,) * 10,
-                (f.translations[2],) * 2 + (None,) * 10, f.rms, f.deviations)
-        for f in found
-    ]  # fmt: skip
-    with pytest.raises(CalibrationError, match=r"do not distinguish the board's symmetries$"):
-        unify_corners(same, still, BOARD, two_sided=True)
-
-
 def test_cameras_without_common_shots_are_named():
     shots = as_found(observations(SIGMA))
     shots[3] = [uv if s < 6 else None for s, uv in enumerate(shots[3])]
@@ -188,19 +145,6 @@ def test_cameras_without_common_shots_are_named():
         shots[c] = [uv if s > 4 else None for s, uv in enumerate(shots[c])]
     with pytest.raises(CalibrationError, match=r"^D: shares 1 board images with A, needs 2"):
         unify_corners(calibrated(shots), shots, BOARD, two_sided=True)
-
-
-def test_default_poses_are_seen_by_all_cameras(conforms):
-    R, t = default_poses()
-    uv = exact_images(rig(), R, t)
-    assert uv.shape == (4, 12, 2, 64)
-    assert (uv > 20).all()
-    assert (uv < np.array(SIZE)[:, None] - 20).all()
-    conforms.closed_form(np.linalg.det(R), 1, rtol=1e-7)
-    for camera in rig():
-        direction = camera.centre - t
-        cosine = np.einsum("si,si->s", direction, R[:, :, 2]) / np.linalg.norm(direction, axis=1)
-        assert np.degrees(np.arccos(np.abs(cosine).min())) < 70
 
 
 # All cameras of a folder, from corners that are given in place of images.
@@ -261,16 +205,3 @@ def test_lenses_do_not_suffer_from_a_board_that_moves_between_the_cameras(
     conforms.sampled(np.abs(off).max(), below=1)  # px; 11 if adjusted together
     exact = uncertainty.jackknife_calibration(data, manifest.board.board, tmp_path)
     conforms.sampled(np.abs(off[:, 0] / exact["focal_deviation"].values).max(), below=4)
-
-
-def test_the_commonest_reason_of_that_camera_is_named_with_its_count(folder):
-    shots = as_found(observations(SIGMA))
-    shots[0][3] = "0 marks seen"
-    for k in range(2, 12):
-        shots[2][k] = "no checkerboard seen" if k == 2 else f"an edge is off by {k}%"
-    with pytest.raises(
-        CalibrationError,
-        match=r"^C: 2 of 12 board images .*\(9 of 10 refused images for one reason, as C-03.png: "
-        r"an edge is off by 3%; is the board a checkerboard of 9 × 9 tiles\?\)$",
-    ):
-        folder(shots)

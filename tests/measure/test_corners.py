@@ -1,7 +1,6 @@
 """Corners against the projections of the board that the image was made from."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -23,7 +22,7 @@ def scenes():
     cameras = [resize_camera(camera, HALF_SIZE) for camera in rig()]
     R, t = default_poses()
     exact = exact_images(cameras, R, t)
-    chosen = [(0, 0), (1, 3), (2, 5), (3, 9), (0, 4), (2, 11)]
+    chosen = [(0, 0), (1, 3), (3, 9), (0, 4)]
     return [(picture(cameras[c], R[s], t[s]), exact[c, s]) for c, s in chosen]
 
 
@@ -54,20 +53,6 @@ def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(conforms, s
     conforms.sampled(np.abs(found).max(), below=0.05)
 
 
-def test_corners_are_ordered_as_seen_from_the_printed_side(scenes):
-    for clean, _ in scenes:
-        u, v = find_corners(photograph(clean), BOARD).reshape((2,) + BOARD.shape[::-1])
-        along_x = np.array([u[0, -1] - u[0, 0], v[0, -1] - v[0, 0]])
-        along_y = np.array([u[-1, 0] - u[0, 0], v[-1, 0] - v[0, 0]])
-        assert along_x[0] * along_y[1] - along_x[1] * along_y[0] < 0
-
-
-def test_darker_and_softer_pictures_give_the_same_corners(conforms, scenes):
-    clean, exact = scenes[0]
-    found = find_corners(photograph(0.3 * clean + 20), BOARD)
-    conforms.invariance(rms(nearest_order(found, exact)), below=0.01)
-
-
 def test_oblong_boards_are_found(conforms):
     board = Board(columns=6, rows=5)
     camera, (R, t) = resize_camera(rig()[0], HALF_SIZE), default_poses()
@@ -75,12 +60,6 @@ def test_oblong_boards_are_found(conforms):
     exact = exact_images([camera], R[1:2], t[1:2], board.corners)[0, 0]
     turned = exact.reshape(2, 4, 5)[:, ::-1, ::-1].reshape(2, -1)
     conforms.closed_form(min(rms(found - exact), rms(found - turned)), below=0.01)
-
-
-@pytest.mark.parametrize("grey", [0, 128, 255])
-def test_a_picture_without_a_board_is_refused(grey):
-    with pytest.raises(BoardNotFound, match=r"^no checkerboard seen$"):
-        find_corners(np.full((200, 300), grey, np.uint8), BOARD)
 
 
 @pytest.mark.nightly
@@ -99,31 +78,7 @@ def test_a_board_partly_outside_is_refused_or_right(conforms):
     assert refused >= 2
 
 
-def test_corners_at_the_border_are_refused(scenes):
-    clean, exact = scenes[0]
-    left = int(exact[0].min()) - 2
-    with pytest.raises(BoardNotFound):
-        find_corners(photograph(clean[:, left:]), BOARD)
-
-
-def test_a_corner_that_is_hidden_is_no_corner(scenes):
-    clean, exact = scenes[0]
-    u, v = exact[:, 27].astype(int)
-    spoiled = clean.copy()
-    spoiled[v - 14 : v + 14, u - 14 : u + 14] = 200
-    with pytest.raises(BoardNotFound):
-        find_corners(photograph(spoiled), BOARD)
-
-
 # Boards with marks: each corner is known by them, wherever it is.
-
-
-@pytest.mark.parametrize("bits", ["4X4", "5X5", "6X6", "7X7"])
-def test_opencvs_dictionaries_begin_with_the_same_marks(bits):
-    names = [f"DICT_{bits}_{size}" for size in (50, 100, 250, 1000)]
-    lists = [cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, n)).bytesList for n in names]
-    for short, long in pairwise(lists):
-        np.testing.assert_array_equal(short, long[: len(short)])
 
 
 @pytest.fixture(scope="module")
@@ -144,10 +99,10 @@ def test_corners_between_marks_are_as_exact_as_without_them(conforms, marked):
         conforms.sampled(rms(find_corners(photograph(clean, seed), MARKED) - exact), below=0.009)
 
 
-@pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])
+@pytest.mark.parametrize("side", ["left", "bottom"])
 def test_a_board_with_marks_may_be_cut_off(conforms, marked, side):
     clean, exact = marked
-    axis, end = ("left", "right", "top", "bottom").index(side) // 2, side in ("right", "bottom")
+    axis, end = (0, False) if side == "left" else (1, True)
     low, high = exact[axis].min(), exact[axis].max()
     cut = round((0.35 * low + 0.65 * high) if end else (0.65 * low + 0.35 * high))
     part = np.s_[:cut] if end else np.s_[cut:]
@@ -170,15 +125,6 @@ def test_corners_beside_a_covered_mark_are_not_seen(conforms, marked):
     gone = np.isnan(found[0])
     np.testing.assert_array_equal(np.flatnonzero(gone), [16, 17, 23, 24])
     conforms.closed_form(rms((found - exact)[:, ~gone]), below=0.005)
-
-
-def test_small_marks_seen_from_aside_leave_corners_exact(conforms):
-    camera, (R, t) = resize_camera(rig()[0], (640, 360)), default_poses()  # tiles of 35 × 21 px
-    exact = exact_images([camera], R[4:5], t[4:5], MARKED.corners)[0, 0]
-    found = find_corners(photograph(picture(camera, R[4], t[4], MARKED, samples=64), 0), MARKED)
-    seen = np.isfinite(found[0])
-    assert seen.sum() >= 25
-    conforms.sampled(rms((found - exact)[:, seen]), below=0.015)
 
 
 @pytest.mark.slow
@@ -207,39 +153,22 @@ def test_another_board_with_marks_is_refused_by_what_is_seen(marked, change, wor
         find_corners(photograph(marked[0]), replace(MARKED, **change))
 
 
-def test_a_board_of_which_little_is_seen_is_refused(marked):
-    clean, exact = marked
-    u, v = exact.min(axis=1).astype(int) - 60
-    with pytest.raises(BoardNotFound, match=r"^\d marks .*; \d corners between .*, needs 12$"):
-        find_corners(photograph(clean[v : v + 180, u : u + 230]), MARKED)
-    with pytest.raises(BoardNotFound, match=r"^0 marks of DICT_5X5_1000 seen; 0 corners"):
-        find_corners(np.full((200, 300), 128, np.uint8), MARKED)
-
-
-def test_pictures_in_colour_are_refused():
-    with pytest.raises(ValueError, match=r"^image: given uint8 of shape \(9, 9, 3\)"):
-        find_corners(np.zeros((9, 9, 3), np.uint8), BOARD)
-
-
 # Images as cameras make them, and boards as people print them.
 
 
-def sharpened(image, amount):
-    soft = cv2.GaussianBlur(image.astype(float), (0, 0), 1.0)
-    return np.clip(np.rint(image + amount * (image - soft)), 0, 255).astype(np.uint8)
+def test_sharpened_images_give_the_same_corners(conforms, scenes, marked):
+    def sharpened(image):
+        soft = cv2.GaussianBlur(image.astype(float), (0, 0), 1.0)
+        return np.clip(np.rint(image + 4 * (image - soft)), 0, 255).astype(np.uint8)
 
-
-@pytest.mark.parametrize("amount", [2, 4])
-def test_sharpened_images_give_the_same_corners(conforms, scenes, marked, amount):
-    for clean, exact in scenes[::2]:
-        found = find_corners(sharpened(photograph(clean, 1), amount), BOARD)
-        # noise is five times as much
-        conforms.sampled(rms(nearest_order(found, exact)), below=0.06)
-    found = find_corners(sharpened(photograph(marked[0], 1), amount), MARKED)
+    clean, exact = scenes[0]
+    found = find_corners(sharpened(photograph(clean, 1)), BOARD)
+    conforms.sampled(rms(nearest_order(found, exact)), below=0.06)  # noise is five times as much
+    found = find_corners(sharpened(photograph(marked[0], 1)), MARKED)
     conforms.sampled(rms(found - marked[1]), below=0.06)
 
 
-@pytest.mark.parametrize("scale", [0.5, 1, 2])
+@pytest.mark.parametrize("scale", [0.5, 2])
 def test_a_slightly_bent_board_is_found_at_any_size(scenes, scale):
     clean, exact = scenes[0]
     (u, v), size = exact.mean(axis=1), np.ptp(exact[0])
@@ -251,13 +180,12 @@ def test_a_slightly_bent_board_is_found_at_any_size(scenes, scale):
     assert np.isfinite(find_corners(image, BOARD)).all()
 
 
-@pytest.mark.parametrize("scale", [3, 5])
-def test_large_tiles_are_found(conforms, scenes, marked, scale):
+def test_large_tiles_are_found(conforms, scenes, marked):
     for board, (clean, exact) in ((BOARD, scenes[1]), (MARKED, marked)):
         low, high = (np.round(f(exact, axis=1)).astype(int) for f in (np.min, np.max))
         part = clean[low[1] - 60 : high[1] + 60, low[0] - 60 : high[0] + 60]
-        image = cv2.resize(photograph(part, 2), None, fx=scale, fy=scale)
-        found = find_corners(image, board) / scale + (low - 60)[:, None]
+        image = cv2.resize(photograph(part, 2), None, fx=4, fy=4)
+        found = find_corners(image, board) / 4 + (low - 60)[:, None]
         off = found - exact if board.mark else nearest_order(found, exact)
         conforms.sampled(rms(off), below=0.03)
 
@@ -275,37 +203,37 @@ def test_a_mirrored_board_with_marks_is_named(marked):
         find_corners(image, MARKED)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tiles", [(8, 9), (9, 7), (6, 6)])
+@pytest.mark.parametrize("tiles", [(8, 9), (6, 6)])
 def test_a_larger_board_than_expected_is_refused(scenes, tiles):
-    for clean, _ in scenes[:3]:
-        with pytest.raises(BoardNotFound):
-            find_corners(photograph(clean), Board(*tiles))
+    with pytest.raises(BoardNotFound):
+        find_corners(photograph(scenes[0][0]), Board(*tiles))
 
 
 @pytest.mark.parametrize(
-    ("blurred", "words"),
+    ("spoiled", "words"),
     [
         (lambda image: cv2.blur(image, (25, 1)), "the edges are blurred unevenly, as by motion"),
         (lambda image: cv2.GaussianBlur(image, (0, 0), 8), "the image is blurred: edges are wider"),
+        (lambda image: np.full_like(image, 128), "^no checkerboard seen$"),
     ],
 )
-def test_a_moving_or_a_blurred_board_is_refused(scenes, blurred, words):
+def test_a_moving_a_blurred_or_no_board_is_refused(scenes, spoiled, words):
     with pytest.raises(BoardNotFound, match=words):
-        find_corners(blurred(photograph(scenes[0][0], 0)), BOARD)
+        find_corners(spoiled(photograph(scenes[0][0], 0)), BOARD)
 
 
-@pytest.mark.slow
-@pytest.mark.few(1)
-@pytest.mark.parametrize("covering", [30, 115, 200])
-def test_a_corner_with_something_before_it_is_refused_or_right(scenes, covering):
+def test_a_corner_with_something_before_it_is_refused_or_right(scenes):
     clean, exact = scenes[0]
     u, v = exact[:, 27].astype(int)
-    for size in (4, 7, 12):
+    for size in (4, 12):
         spoiled = clean.copy()
-        spoiled[v : v + size, u : u + size] = covering
+        spoiled[v : v + size, u : u + size] = 200
         try:
             found = find_corners(photograph(spoiled, 0), BOARD)
         except BoardNotFound:
             continue
         assert np.abs(nearest_order(found, exact)).max() < 1
+    hidden = clean.copy()
+    hidden[v - 14 : v + 14, u - 14 : u + 14] = 200
+    with pytest.raises(BoardNotFound):
+        find_corners(photograph(hidden), BOARD)

@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.bundle_adjustment import adjust_bundle
 from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES, jackknife_cameras
-from thesis_lib.measure.fitting import errors
 
 POINTS = BOARD.corners
 ROUGH = 0.02  # px by which every corner is off by itself
@@ -49,9 +48,9 @@ def calibrated(kind, shots, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.few(5)
-@pytest.mark.parametrize("kind", ["plain", "tails", "bent", "bent, tails"])
-@pytest.mark.parametrize("shots", [2, 3, 4, 5, 12])
+@pytest.mark.few(3)
+@pytest.mark.parametrize("kind", ["plain", "tails", "bent, tails"])
+@pytest.mark.parametrize("shots", [2, 4, 12])
 def test_stated_deviations_are_the_scatter_of_independent_calibrations(conforms, kind, shots):
     """Nothing of the formula is assumed: 40 calibrations, each from poses of its own."""
     made = [calibrated(kind, shots, seed) for seed in range(40)]
@@ -105,16 +104,6 @@ def test_frame_and_order_do_not_matter(conforms):
     conforms.invariance(back.deviations, own.deviations, rtol=1e-5)
 
 
-def test_what_is_held_fixed_has_no_deviation():
-    uv = observations(0.02)
-    for shots in (3, 12):
-        some = uv[:, :shots]
-        held = jackknife_cameras(some, POINTS, adjust_bundle(some, POINTS, rig(), False, False))
-        np.testing.assert_array_equal(held.deviations, 0)
-        assert (np.diag(held.covariance)[:24] > 0).all()
-        assert held.covariance.shape == (56, 56)
-
-
 def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
     """A camera that a single shot ties to the others: without it there is no answer."""
     uv = observations(0.02)
@@ -133,31 +122,3 @@ def test_few_shots_are_never_stated_narrower_than_by_the_adjustment(conforms):
         ratio = deviations_of(jackknife_cameras(uv, POINTS, full)) / deviations_of(full)
         conforms.invariance(ratio, ratio[0], rtol=1e-6)
         conforms.invariance(ratio.min(), above=1 - 1e-9)
-
-
-def test_exact_corners_leave_nothing(conforms):
-    uv = observations()
-    stated = jackknife_cameras(uv, POINTS, adjust_bundle(uv, POINTS, rig()))
-    conforms.closed_form(np.abs(stated.deviations).max(), below=1e-6)
-
-
-# What errors of the calibration do to all markers alike.
-
-
-def test_fewer_rows_keep_what_sizes_and_phases_do_together():
-    """An error of all sizes alike stays one of sizes, with no share that turns phases.
-
-    Real and imaginary parts have the covariance that they have by all rows.
-    """
-    rng = np.random.default_rng(3)
-    shape = rng.standard_normal(20) * np.exp(0.1j * rng.standard_normal(20))
-    scale = np.outer(rng.standard_normal(12), shape)  # each turns nothing
-    turn = 1e-3j * np.outer(rng.standard_normal(12), np.ones(20))
-    rows = np.concatenate([scale, turn])
-    fewer = errors._keep_largest(rows)
-    assert len(fewer) <= errors.MAX_DIRECTIONS
-    parts = [np.concatenate([each.real, each.imag], axis=1) for each in (rows, fewer)]
-    before, after = (each.T @ each for each in parts)
-    np.testing.assert_allclose(after, before, rtol=0, atol=1e-12 * before.max())
-    turned = [np.linalg.norm((each / shape).imag, axis=0) for each in (rows, fewer)]
-    np.testing.assert_allclose(turned[1], turned[0], rtol=1e-6)

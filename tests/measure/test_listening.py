@@ -1,15 +1,10 @@
 """What a folder's sound tells: the force against truth, memory, and sounds that are refused."""
 
-import time
 import tracemalloc
 
 import numpy as np
 import pytest
 
-from thesis_lib.facts import setups
-from thesis_lib.laboratory import recording_files as laboratory_film
-from thesis_lib.laboratory import rig as laboratory
-from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
 from thesis_lib.measure.recordings.manifest_parts import Excitation
 from thesis_lib.measure.recordings.media import write_video
@@ -48,8 +43,8 @@ def refusal(manifest, folder, kind=SynchronisationError):
     return str(error.value)
 
 
-@pytest.mark.parametrize("rate", [8000, 44100, RATE])
-def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
+def test_delays_and_force_are_the_true_ones(conforms, tmp_path):
+    rate = 44100
     t = np.arange(4 * rate) / rate
     starts = np.array([0.1, 0.0, 0.2371])
     found = estimate_delays(
@@ -64,32 +59,6 @@ def test_delays_and_force_are_the_true_ones(conforms, tmp_path, rate):
     assert 3.9 < end <= 4
 
 
-@pytest.mark.parametrize("noise_db", [0, 20, 120])
-def test_the_laboratory_s_sound_is_heard(conforms, tmp_path, noise_db):
-    directions = [(10, 22), (100, 22), (190, 22)]
-    rig = laboratory.default_rig(setups.thesis_beam(), directions, audio_noise_db=noise_db, seed=5)
-    sounds = [laboratory_film.render_sound(rig, index) for index in range(3)]
-    found = estimate_delays(folder_of(tmp_path, sounds), tmp_path)
-    starts = np.array([station.start for station in rig.stations])
-    error = 60 * np.abs(found.synchronisation.delays - (starts - starts[0])).max()
-    conforms.sampled(error, below=0.04 * 10 ** (-noise_db / 20) + 1e-3)
-
-
-@pytest.mark.slow
-def test_long_recordings_take_little_memory_and_time(tmp_path):
-    t = np.arange(60 * RATE) / RATE
-    manifest = folder_of(tmp_path, [force(t + start) for start in (0, 0.1, 0.2, 0.05)])
-    began = time.process_time()  # which a busy machine does not stretch
-    estimate_delays(manifest, tmp_path)
-    assert time.process_time() - began < 6  # of all cores together
-    tracemalloc.start()
-    try:
-        estimate_delays(manifest, tmp_path)
-        assert tracemalloc.get_traced_memory()[1] < 150e6
-    finally:
-        tracemalloc.stop()
-
-
 T = np.arange(4 * RATE) / RATE
 NOISE = 0.1 * np.random.default_rng(0).standard_normal(len(T))
 
@@ -98,14 +67,11 @@ NOISE = 0.1 * np.random.default_rng(0).standard_normal(len(T))
     ("sound", "frequency", "words"),
     [
         (force(T), 4.46, ["excitation.frequency_hz: given 4.46, but the sound of A has 4.25 Hz"]),
-        (force(T), 4.05, ["excitation.frequency_hz: given 4.05, but the sound of A has 4.25 Hz"]),
         (NOISE, 4.25, ["A: 0.", "steady tone of 4.25 Hz", "0.706 s, 3 periods"]),
-        (force(T)[: 2 * RATE], 4.25, ["A: 0.", "s of steady tone of 4.25 Hz", "3 periods"]),
-        (0.4 * np.sin(2 * np.pi * (3 * T + 0.5 * T**2)), 4.25, ["A: ", "allowed: at least"]),
         (force(T) + 0.3 * np.sin(2 * np.pi * 50 * T), 4.25, ["A: a tone near 4.25 Hz", "80 %"]),
     ],
-    ids=["5 % more", "5 % less", "noise", "short", "chirp", "hum"],
-)  # fmt: skip
+    ids=["5 % more", "noise", "hum"],
+)
 def test_a_sound_that_is_not_the_force_names_the_camera(tmp_path, sound, frequency, words):
     manifest = folder_of(tmp_path, [sound, sound], frequency_hz=frequency)
     message = refusal(manifest, tmp_path)
@@ -113,7 +79,7 @@ def test_a_sound_that_is_not_the_force_names_the_camera(tmp_path, sound, frequen
         assert word in message
 
 
-@pytest.mark.parametrize("rates", [(RATE, 44100), (44100, RATE), (96000, 44100), (RATE, 8000)])
+@pytest.mark.parametrize("rates", [(RATE, 44100), (96000, 8000)])
 def test_cameras_of_unlike_sample_rates_are_put_on_one_clock(conforms, tmp_path, rates):
     starts = np.array([0.1, 0.2371])
     sounds = [
@@ -128,11 +94,15 @@ def test_cameras_of_unlike_sample_rates_are_put_on_one_clock(conforms, tmp_path,
     conforms.closed_form(abs(found.force / turned - 1), below=5e-4)
 
 
-@pytest.mark.parametrize("frequency", [1e5, 30.0])
-def test_a_frequency_that_cannot_be_filmed_is_refused_before_anything_is_read(tmp_path, frequency):
-    manifest = folder_of(tmp_path, [force(T), force(T)], frequency_hz=frequency)
-    (tmp_path / "A.mkv").unlink()
-    assert refusal(manifest, tmp_path, ManifestError).startswith("excitation.frequency_hz: given")
+def test_a_frequency_that_cannot_be_filmed_is_refused(tmp_path):
+    manifest = folder_of(tmp_path, [hum(T), hum(T)], frequency_hz=None)
+    message = refusal(manifest, tmp_path, ManifestError)
+    assert "given null, and the sound has 50 Hz, allowed: below half of the frame rate, 30 Hz" in (
+        message
+    )
+    given = manifest.model_copy(update={"excitation": Excitation(frequency_hz=30.0)})
+    (tmp_path / "A.mkv").unlink()  # before anything is read
+    assert refusal(given, tmp_path, ManifestError).startswith("excitation.frequency_hz: given")
 
 
 # Frequencies.
@@ -167,23 +137,13 @@ def test_the_frequency_is_measured_whether_it_is_given_or_not(conforms, tmp_path
     conforms.invariance(abs(at[0] / at[1] - 1), below=1e-3)
 
 
-def test_a_tone_too_fast_for_the_cameras_is_named(tmp_path):
-    manifest = folder_of(tmp_path, [hum(T), hum(T)], frequency_hz=None)
-    message = refusal(manifest, tmp_path, ManifestError)
-    assert "given null, and the sound has 50 Hz, allowed: below half of the frame rate, 30 Hz" in (
-        message
-    )
-
-
 @pytest.mark.parametrize(
     ("sounds", "words"),
     [
-        ([NOISE, NOISE], ["A: no steady tone below 500 Hz", "80 %", "sound: room"]),
         ([force(T), hum(T) + force(T)], ["B: no steady tone", "(that of 4.2", "Hz is 6"]),
         ([force(T), force(1.1 * T)], ["B: its tone has 4.675", "that of A 4.25", "the same"]),
-        ([force(T), 0 * T], ["B: silent audio"]),
     ],
-    ids=["noise", "hum", "two tones", "silence"],
+    ids=["hum", "two tones"],
 )
 def test_sounds_without_one_tone_are_refused_if_it_is_sought(tmp_path, sounds, words):
     message = refusal(folder_of(tmp_path, sounds, frequency_hz=None), tmp_path)
@@ -192,50 +152,34 @@ def test_sounds_without_one_tone_are_refused_if_it_is_sought(tmp_path, sounds, w
 
 
 @pytest.mark.parametrize(
-    ("frequency", "line"),
+    ("frequency", "declared", "told"),
     [
-        (None, None),
-        (29.9, None),
-        (70.0, "excitation.frequency_hz: given 70, allowed: below half of the frame rate, 30 Hz"),
-        ((70.0,), None),
-        ((59.39,), None),
-        ((59.41,), "excitation.frequency_hz: given 59.41, allowed: at least 0.6 Hz from 60 Hz, a "
-         "multiple of half the frame rate of cameras[0]"),
-        ((30.0,), "excitation.frequency_hz: given 30, allowed: at least 0.6 Hz from 30 Hz, a "
-         "multiple of half the frame rate of cameras[0]"),
-        ((74.9,), "excitation.frequency_hz: given 74.9, allowed: at least 0.5 Hz from 75 Hz, a "
-         "multiple of half the frame rate of cameras[1]"),
+        (29.9, False, None),
+        (70.0, False, "given 70, allowed: below half of the frame rate, 30 Hz"),
+        (59.39, True, None),
+        (59.41, True, "given 59.41, allowed: at least 0.6 Hz from 60 Hz"),
     ],
-)  # fmt: skip
-def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, line):
-    """Frequencies in brackets are declared; B films at 60 and C at 50 frames per second."""
-    declared = isinstance(frequency, tuple)
-    excitation = Excitation(
-        frequency_hz=frequency[0] if declared else frequency, undersampled=declared
-    )
+)
+def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, declared, told):
+    excitation = Excitation(frequency_hz=frequency, undersampled=declared)
     cameras = tuple(
         CameraFiles(
-            name=name, video=f"{name}.mkv", exposure_s=0.004, board_images="s", frame_rate_hz=rate
+            name=name, video=f"{name}.mkv", exposure_s=0.004, board_images="s", frame_rate_hz=60
         )
-        for name, rate in (("B", 60.0), ("C", 50.0 if line and "cameras[1]" in line else 60.0))
+        for name in "BC"
     )
     lines = check_excitation(Manifest(cameras=cameras, excitation=excitation))
-    assert lines == ([] if line is None else [line])
-
-
-def test_a_declared_fast_tone_is_heard(conforms, tmp_path):
-    sounds = [force(16.6 * (T + start)) for start in (0, 0.05)]  # 70.55 Hz
-    manifest = folder_of(tmp_path, sounds, frequency_hz=16.6 * FREQUENCY, undersampled=True)
-    found = estimate_delays(manifest, tmp_path)
-    conforms.closed_form(found.synchronisation.delays, [0, 0.05], atol=1e-3 / 60)
-    conforms.closed_form(abs(found.force / FORCE - 1), below=1e-3)
+    if told is None:
+        assert lines == []
+    else:
+        (line,) = lines
+        assert line.startswith(f"excitation.frequency_hz: {told}")
 
 
 # A steady part that is given.
 
 
-@pytest.mark.parametrize("given", [4.25, None])
-def test_the_given_steady_part_is_used(conforms, tmp_path, given):
+def test_the_given_steady_part_is_used(conforms, tmp_path):
     """After 3 s the force is half as large, which alone would be taken for the end of the part."""
 
     def stepped(t):
@@ -243,7 +187,7 @@ def test_the_given_steady_part_is_used(conforms, tmp_path, given):
 
     t = np.arange(6 * RATE) / RATE
     sounds = [stepped(t), stepped(t + 0.1)]
-    manifest = folder_of(tmp_path, sounds, steady_interval_s=(3.2, 5.8), frequency_hz=given)
+    manifest = folder_of(tmp_path, sounds, steady_interval_s=(3.2, 5.8), frequency_hz=None)
     found = estimate_delays(manifest, tmp_path)
     assert found.steady == (3.2, 5.8)
     middle = np.exp(2j * np.pi * 4.5 * (found.frequency - FREQUENCY))
@@ -258,8 +202,6 @@ def test_the_given_steady_part_is_used(conforms, tmp_path, given):
     ("kind", "steady", "limits"),
     [
         ("force", (2.0, 4.2), "from 0.000 to 4.000 s"),
-        ("force", (2.0, 3.98), "from 0.100 to 3.950 s"),
-        ("room", (0.05, 3.9), "from 0.100 to 3.950 s"),
         ("room", (2.0, 3.98), "from 0.100 to 3.950 s"),
     ],
 )
@@ -268,10 +210,7 @@ def test_a_steady_part_outside_of_what_all_recorded_is_refused(tmp_path, kind, s
     sounds = faint([sound(T), sound(T + 0.1), sound(T[: round(3.85 * RATE)] + 0.1)])
     manifest = folder_of(tmp_path, sounds, sound=kind, steady_interval_s=steady)
     message = refusal(manifest, tmp_path, ManifestError)
-    given = f"[{steady[0]:g}, {steady[1]:g}]"
-    assert message == (
-        f"excitation.steady_interval_s: given {given}, allowed: within the recordings, {limits}"
-    )
+    assert message.endswith(f"allowed: within the recordings, {limits}")
 
 
 # A room.
@@ -294,7 +233,7 @@ def clapping(moments=(1.5, 2.1, 2.3), seed=0):
     return sound
 
 
-@pytest.mark.parametrize("frequency", [None, 4.25, 7.5])
+@pytest.mark.parametrize("frequency", [None, 4.25])
 def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
     sound = clapping()
     starts = np.array([0.1, 0.0, 0.37])
@@ -309,12 +248,8 @@ def test_a_room_gives_the_starts_alone(conforms, tmp_path, frequency):
     assert found.force is None
     assert found.frequency == frequency
     assert found.found_frequency is None
-    assert found.frequency_deviation is None
     # C starts last, at 0.27 s of A, and rests for 1 s; B ends first, at 3.9 s.
     conforms.closed_form(found.steady, (1.27, 3.9), atol=1e-4)
-    part = manifest.model_copy(update={"excitation": manifest.excitation.model_copy(
-        update={"steady_interval_s": (1.4, 3.5)})})  # fmt: skip
-    assert estimate_delays(part, tmp_path).steady == (1.4, 3.5)
 
 
 def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
@@ -332,18 +267,11 @@ def test_buttons_that_are_pressed_are_not_taken_for_claps(conforms, tmp_path):
 def test_rooms_that_tell_too_little_are_refused(tmp_path):
     sound = clapping()
     good = faint([sound(T), sound(T + 0.1)])
-    message = refusal(
-        folder_of(tmp_path, good, sound="room", rest_duration_s=3.95), tmp_path, ManifestError
-    )
-    assert message.startswith(
-        "excitation.rest_duration_s: given 3.95, allowed: less than the 3.900 s"
-    )
+    manifest = folder_of(tmp_path, good, sound="room", rest_duration_s=3.95)
+    assert "allowed: less than the 3.900 s" in refusal(manifest, tmp_path, ManifestError)
     unlike = faint([sound(T), clapping((1.2, 2.0, 2.9), 1)(T)])
     message = refusal(folder_of(tmp_path, unlike, sound="room"), tmp_path)
     assert message.startswith("B: no sound in it matches that of A beyond doubt; clap")
-    short = [good[0], good[1][:RATE]]
-    message = refusal(folder_of(tmp_path, short, sound="room"), tmp_path)
-    assert message == "B: 1.000 s of audio, allowed: at least 2.000 s"
 
 
 # Recordings longer than what is held at a time.
@@ -373,14 +301,7 @@ def test_a_late_event_is_found_with_little_held(conforms, tmp_path, monkeypatch)
     conforms.invariance(found.steady, whole.steady, atol=0.1)
 
 
-def test_a_late_clap_is_found_with_little_held(conforms, tmp_path, monkeypatch):
-    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 16)  # 8 s at 8 kHz
-    sounds = low(clapping((21.0, 22.2)), 30, (0.0, 3.3))
-    found = estimate_delays(folder_of(tmp_path, sounds, 8000, sound="room"), tmp_path)
-    conforms.closed_form(found.synchronisation.delays, [0, 3.3], atol=0.01 / 60)
-
-
-@pytest.mark.parametrize("options", [{}, {"frequency_hz": None}, {"sound": "room"}])
+@pytest.mark.parametrize("options", [{}, {"sound": "room"}])
 def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, options):
     monkeypatch.setattr(hearing, "SPAN_SAMPLES", 1 << 15)
     peaks = []
@@ -394,42 +315,3 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, options):
         finally:
             tracemalloc.stop()
     assert peaks[1] < 1.1 * peaks[0] + 5e5
-
-
-@pytest.mark.parametrize("length", [10, 99, 100, 101, 150, 700])
-@pytest.mark.parametrize("skip", [0, 30, 99, 130])
-def test_what_is_held_is_the_whole_or_what_follows_the_rest(monkeypatch, length, skip):
-    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 100)
-    x = np.arange(length, dtype=float)
-    for size in (1, 7, 64, 1000):
-        blocks = [x[k : k + size] for k in range(0, length, size)]
-        kept, begin = hearing.hold_signal(iter(blocks), skip)
-        assert begin == (skip if length > 100 else 0)
-        np.testing.assert_array_equal(kept, x[begin : begin + 100])
-
-
-@pytest.mark.parametrize("size", [1, 7, 30, 1000])
-def test_parts_and_spans_of_blocks_are_those_of_the_whole(monkeypatch, size):
-    monkeypatch.setattr(hearing, "SPAN_SAMPLES", 40)
-    x = np.arange(101.0)
-    blocks = [x[k : k + size] for k in range(0, len(x), size)]
-    np.testing.assert_array_equal(np.concatenate(list(hearing.part_of(blocks, 13, 57))), x[13:57])
-    ends = np.concatenate(list(hearing.without_ends(blocks, 9)))
-    np.testing.assert_array_equal(ends, x[9:-9])
-    both = list(hearing.joint_spans([blocks, [x[:45]]]))
-    assert [[len(one) for one in span] for span in both] == [[40, 40], [40, 25]]
-    for k, span in enumerate(both):
-        np.testing.assert_array_equal(span[0], x[20 * k : 20 * k + 40])
-    alone = list(hearing.joint_spans([[x[:15]], blocks]))
-    assert [[len(one) for one in span] for span in alone] == [[15, 40]]
-
-
-def test_a_track_is_read_in_blocks_that_do_not_grow(tmp_path):
-    sound = force(np.arange(9 * RATE) / RATE)
-    write_video(tmp_path / "A.mkv", np.zeros((3, 16, 16), np.uint8), 60, sound)
-    with open_audio(tmp_path / "A.mkv") as audio:
-        blocks = list(audio.blocks)
-        assert (audio.rate, audio.start) == (RATE, 0.0)
-    assert len(blocks) == 5
-    assert max(map(len, blocks)) < 120000
-    np.testing.assert_array_equal(np.concatenate(blocks), read_audio(tmp_path / "A.mkv")[0])

@@ -1,14 +1,11 @@
 """``thesis measure`` as a stranger runs it: the example, broken folders, interruptions."""
 
-import errno
-import hashlib
 import json
 import os
 import resource
 import shutil
 import signal
 import tracemalloc
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,7 +21,6 @@ from scenes.measure import (
     Running,
     change_manifest,
     copied,
-    few_shots,
 )
 
 from thesis_lib.acoustics.radiation import AIR
@@ -40,8 +36,7 @@ from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.recordings.media_info import frame_times
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape
-from thesis_lib.measure.tracking.tracks import Recording, _state
-from thesis_lib.studies import storage
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.structure import deflection_shape
 from thesis_lib.vision.pinhole import project_points
 from thesis_lib.vision.simulation import assurance_criterion
@@ -51,7 +46,6 @@ pytestmark = pytest.mark.slow  # for the report of conformance
 NETCDF = ["calibration.nc", "cameras.nc", "sound.nc", "videos.nc"]
 WHOLE = [*(f".{name}.sha256" for name in NETCDF), CACHE_TAG, *NETCDF]
 STEPS = sorted(WHOLE + [f"tracks-{k:02d}.{kind}" for k in range(3) for kind in ("json", "npy")])
-LATER = "the same command goes on where this one stopped"
 
 
 @pytest.fixture(scope="module")
@@ -112,22 +106,14 @@ def assert_same_results(one: xr.Dataset, other: xr.Dataset) -> None:
 # The example, against what was rendered.
 
 
-def test_the_example_is_small_and_has_a_manifest_to_start_from(example, rig):
-    size = sum(path.stat().st_size for path in example.rglob("*.*"))
-    assert size < 20e6
+def test_it_is_checked_before_anything_is_filmed(example, rig, tmp_path):
     assert read_manifest(example / "manifest.yaml") == example_manifest(rig)
-
-
-def test_it_is_checked_before_anything_is_filmed(example, tmp_path):
     shutil.copy(example / "manifest.yaml", tmp_path)
     done = thesis("measure", tmp_path / "manifest.yaml", "--check")
     assert (done.status, done.err) == (0, "")
     assert "smallest deflection" in done.out
     assert done.out.endswith("It will do.\n")
     assert names(tmp_path) == ["manifest.yaml"]
-    values = json.loads(thesis("measure", tmp_path / "manifest.yaml", "--check", "--json").out)
-    assert len(values["table"]) == 3
-    assert values["text"] in " ".join(done.out.split())
 
 
 def test_the_deflection_is_the_rendered_one(conforms, data, rig):
@@ -190,7 +176,7 @@ def test_rendered_and_measured_now_it_is_what_is_kept_for_the_book(measured):
 # What is written.
 
 
-def test_every_file_is_there_and_no_other(measured):
+def test_every_file_is_there_and_the_report_loads_no_other(measured, data):
     out = measured / "measured"
     assert names(out) == sorted(RESULTS | {".steps"})
     of_all = {file for one in OUTPUT_FILES for file in out.glob(one)}
@@ -198,20 +184,12 @@ def test_every_file_is_there_and_no_other(measured):
         file for file in out.rglob("*.*") if not {".steps", RECORD_NAME} & {*file.parts}
     } == of_all
     assert names(out / ".steps") == STEPS
-    assert len(names(out / "figures")) == 8
-
-
-def test_the_report_loads_nothing_and_describes_its_pictures(measured, data):
-    page = Page(measured / "measured" / "report.html")
+    page = Page(out / "report.html")
     assert all(source.startswith("data:") for source in page.loaded)
-    assert len(page.pictures) == 8
+    assert len(page.pictures) == len(names(out / "figures")) == 8
     assert all(page.pictures)
     assert "http" not in page.styles
     assert f"{1e3 * float(np.abs(data['deflection']).max()):.4g} ±" in page.text
-    for path in (measured / "measured" / "figures").glob("*.svg"):
-        for node in ET.parse(path).iter():
-            links = [value for name, value in node.attrib.items() if name.endswith("href")]
-            assert all(value.startswith(("#", "data:")) for value in links)
 
 
 def test_the_cube_opens_anywhere_and_says_what_it_holds(data):
@@ -237,35 +215,7 @@ def test_table_and_universal_file_hold_the_cube_s_numbers(conforms, measured, da
     assert sum(part["type"] == 58 for part in sets) == 75
 
 
-# Folders that are broken, and requests that are wrong.
-
-
-def camera(index, **fields):
-    return lambda values: values["cameras"][index].update(fields)
-
-
-def excitation(**fields):
-    return lambda values: values["excitation"].update(fields)
-
-
-def markers(**fields):
-    return lambda values: values["structure"]["markers"].update(fields)
-
-
-def many(values):
-    values["cameras"] = [
-        {**values["cameras"][0], "name": f"{k}", "video": f"{k}.mkv"} for k in range(17)
-    ]
-
-
-# What is wrong: change of the manifest, words; more are in test_bad_input and test_manifest.
-REFUSED = {
-    "17 cameras": (many, ["cameras: given a list of 17", "2 to 16"]),
-    "a long name": (camera(1, video="x" * 480), ["cameras[1].video", "no such file"]),
-    "one column": (markers(columns=1), ["structure.markers.columns: given 1", "not on one line"]),
-    "a rest in motion": (excitation(rest_duration_s=2.5),
-                         ["excitation.rest_duration_s: given 2.5", "allowed: at most the 1."]),
-}  # fmt: skip
+# Folders that are broken, and requests that are wrong: more are in test_bad_input.
 
 
 def line_of(done, status: int) -> str:
@@ -274,34 +224,19 @@ def line_of(done, status: int) -> str:
     assert done.err.endswith("\n")
     assert len(done.err.splitlines()) == 1, done.err
     assert done.err.startswith("thesis: ")
-    assert "Traceback" not in done.err
     assert len(done.err) < 700
     assert done.warned == ()
     return done.err.removeprefix("thesis: ").strip()
 
 
-def assert_words(line: str, words: list[str]) -> None:
-    for word in words:
-        assert word in line
-
-
-@pytest.mark.parametrize("wrong", REFUSED)
-def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(
-    example, tmp_path, capfd, wrong
-):
-    change, words = REFUSED[wrong]
+def test_a_wrong_manifest_is_refused_in_one_line_and_leaves_no_trace(example, tmp_path, capfd):
     folder = copied(example, tmp_path / "recording")
-    change_manifest(folder, change)
+    change_manifest(folder, lambda values: values["excitation"].update(rest_duration_s=2.5))
     before = sorted(folder.rglob("*"))
     line = line_of(thesis("measure", folder / "manifest.yaml"), 2)
-    assert_words(line, words)
+    assert "excitation.rest_duration_s: given 2.5, allowed: at most the 1." in line
     assert sorted(folder.rglob("*")) == before
     assert capfd.readouterr() == ("", "")
-
-
-def cut(path, share):
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
 
 
 def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
@@ -329,26 +264,6 @@ def test_the_sound_is_told_if_it_is_asked_for(measured, tmp_path, conforms):
     assert error < 0.03 * power
 
 
-WHILE_TRACKING = {  # what is wrong in the manifest: change, words
-    "corners elsewhere": (camera(0, corners_px=[[100, 600], [1100, 600], [1100, 640], [100, 640]]),
-                          ["A.mkv: frame 0", "0 of 76 markers", "corners_px as filmed?"]),
-    "a column too few": (markers(columns=24), ["frame 0", "markers", "as filmed?"]),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("wrong", WHILE_TRACKING)
-def test_markers_that_are_not_there_are_told_before_anything_is_tracked(measured, tmp_path, wrong):
-    change, words = WHILE_TRACKING[wrong]
-    folder = copied(measured, tmp_path / "recording", results=True)
-    before = stamps(folder / "measured")
-    change_manifest(folder, change)
-    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
-    assert_words(line, words)
-    assert names(folder / "measured") == [".steps"]
-    after = stamps(folder / "measured")
-    assert after["calibration.nc"] == before["calibration.nc"]
-
-
 def with_tracks_of(measured, patch):
     """Take the tracks of the whole measurement instead of tracking anew."""
 
@@ -359,124 +274,59 @@ def with_tracks_of(measured, patch):
     patch.setattr(steps_module, "record_track", take)
 
 
-def swapped(values):
-    few_shots(values, 5)
-    first, second = values["cameras"][:2]
-    first["board_images"], second["board_images"] = second["board_images"], first["board_images"]
+def test_shots_of_another_camera_do_not_fit_the_markers(measured, tmp_path, monkeypatch):
+    def swapped(values):
+        for camera, letter in zip(values["cameras"], "BAC", strict=True):
+            camera["board_images"] = [f"board/{letter}-{k:02d}.jpg" for k in range(5)]
 
-
-def small_tiles(values):
-    few_shots(values, 5)
-    values["board"]["tile_mm"] = 40.0
-
-
-@pytest.mark.parametrize("change", [swapped, small_tiles])
-def test_shots_of_another_camera_or_board_do_not_fit_the_markers(
-    measured, tmp_path, monkeypatch, change
-):
     folder = copied(measured, tmp_path / "recording")
     with_tracks_of(measured, monkeypatch)
-    change_manifest(folder, change)
+    change_manifest(folder, swapped)
     line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
-    assert_words(line, ["off their grid", "allowed: 1 mm", "the same cameras, and tile"])
+    assert all(word in line for word in ("off their grid", "allowed: 1 mm", "the same cameras"))
     assert names(folder / "measured") == [".steps"]
-
-
-def lose(folder, lost):
-    """Make tracks as of markers that were not found."""
-    for k in range(3):
-        path = folder / "measured" / ".steps" / f"tracks-{k:02d}.npy"
-        centres = np.load(path)
-        lost(k, centres)
-        np.save(path, centres)
-        note = path.with_suffix(".json")
-        state = json.loads(note.read_text(encoding="utf-8"))
-        state["digest"] = hashlib.sha256(path.read_bytes()).hexdigest()
-        note.write_text(json.dumps(state), encoding="utf-8")
-
-
-def test_markers_on_one_line_that_alone_are_seen_tell_nothing(measured, tmp_path):
-    folder = copied(measured, tmp_path / "recording", results=True)
-
-    def all_rows_but_one(_, centres):
-        centres[:, :, 25:] = np.nan
-
-    lose(folder, all_rows_but_one)
-    line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
-    assert_words(line, ["25 of 75 markers", "on one line", "move a camera"])
-    assert names(folder / "measured") == [".steps"]
-
-
-@pytest.mark.nightly
-def test_a_camera_that_loses_everything_is_told_in_the_report_alone(measured, data, tmp_path):
-    folder = copied(measured, tmp_path / "recording", results=True)
-
-    def camera_c_and_a_marker(k, centres):
-        centres[:, :, 5] = np.nan
-        if k == 2:
-            centres[:] = np.nan
-
-    lose(folder, camera_c_and_a_marker)
-    done = thesis("measure", folder / "manifest.yaml")
-    assert (done.status, done.err, done.warned) == (0, "", ())
-    assert "Camera C lost 100% of its marker images" in Page(folder / "measured/report.html").text
-    found = results_of(folder / "measured")["deflection"].values
-    assert np.flatnonzero(np.isnan(found)).tolist() == [5]
-    assert np.nanmax(np.abs(found - data["deflection"].values)) < 1e-4
 
 
 # Places to write to.
 
 
-def test_a_file_is_no_folder_to_write_to(example, tmp_path):
+def test_places_that_cannot_be_written_to_are_told_before_the_work(example, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("mine")
     (tmp_path / "nowhere").symlink_to(tmp_path / "none")
-    for out in ("file", "file/inside", "nowhere", "nowhere/inside"):
+    for out in ("file/inside", "nowhere"):
         line = line_of(thesis("measure", example / "manifest.yaml", "--out", tmp_path / out), 2)
-        assert_words(line, [f"--out: given {tmp_path / out}", "allowed: a folder, new or not"])
-    line = line_of(thesis("measure", "--example", tmp_path / "file"), 2)
-    assert line.startswith("--example: given")
+        assert line.startswith(f"--out: given {tmp_path / out}")
+        assert "allowed: a folder, new or not" in line
     line = line_of(thesis("measure", "--example", example), 2)
-    assert_words(line, ["--example: ", str(example), "allowed: a new or empty folder"])
+    assert line.startswith("--example: ")
+    assert "allowed: a new or empty folder" in line
     assert (tmp_path / "file").read_text() == "mine"
     assert names(tmp_path) == ["file", "nowhere"]
+    closed = tmp_path / "closed"
+    closed.mkdir(0o555)
+    if os.access(closed, os.W_OK):  # as the superuser may
+        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != closed)
+    line = line_of(thesis("measure", example / "manifest.yaml", "--out", closed / "new"), 2)
+    assert f"{closed} cannot be written to" in line
+    assert names(closed) == []
 
 
-def test_a_folder_that_may_not_be_written_to_is_told_before_the_work(
-    example, tmp_path, monkeypatch
-):
-    tmp_path.chmod(0o555)
-    if os.access(tmp_path, os.W_OK):  # as the superuser may
-        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
-    line = line_of(thesis("measure", example / "manifest.yaml", "--out", tmp_path / "new"), 2)
-    tmp_path.chmod(0o755)
-    assert_words(line, [f"--out: given {tmp_path / 'new'}", f"{tmp_path} cannot be written to"])
-    assert names(tmp_path) == []
-
-
-def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path, monkeypatch):
+def test_a_full_disk_leaves_the_results_of_before(measured, tmp_path):
     folder = copied(measured, tmp_path / "recording", results=True)
     out = folder / "measured"
     (out / "part").mkdir()
     (out / "part" / "report.html").write_text("of before")
     put_files(out / "part", out)
     (out / "part").rmdir()
-
-    def full(path, write):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with monkeypatch.context() as patch:
-        patch.setattr(storage, "whole_file", full)
-        line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
-    assert_words(line, [str(out), "No space left on device", LATER])
-    # And where a limit is met, which the HDF5 library would not survive.
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # the HDF5 library would not survive
     try:
         line = line_of(thesis("measure", folder / "manifest.yaml"), 1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert_words(line, [str(out), "File too large", LATER])
+    assert f"{out}" in line
+    assert "File too large" in line
+    assert "the same command goes on where this one stopped" in line
     assert names(out) == [".steps", RECORD_NAME, "report.html"]
     assert (out / "report.html").read_text() == "of before"
     assert names(out / ".steps") == STEPS
@@ -502,12 +352,14 @@ def test_only_what_depends_on_a_change_is_done_again(measured, data, tmp_path, m
     np.testing.assert_array_equal(again["deflection"], data["deflection"])
     assert float(again["model_frequency"][0]) < 0.95 * float(data["model_frequency"][0])
     # Another steady part: the sound is heard again, the markers are where they were.
-    change_manifest(folder, excitation(steady_interval_s=[1.95, 2.8]))
+    change_manifest(
+        folder, lambda values: values["excitation"].update(steady_interval_s=[1.95, 2.8])
+    )
     done = thesis("measure", "manifest.yaml", "--out", "./measured/../measured")
     assert (done.status, done.err, done.warned) == (0, "", ())
     after = stamps(folder / "measured")
-    assert {name for name in before if after[name] != before[name]} == {
-        "sound.nc", ".sound.nc.sha256"}  # fmt: skip
+    changed = {name for name in before if after[name] != before[name]}
+    assert changed == {"sound.nc", ".sound.nc.sha256"}
     assert results_of(folder / "measured")["steady"].values.tolist() == [1.95, 2.8]
 
 
@@ -517,8 +369,10 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     steps = folder / "measured" / ".steps"
     before, edited = stamps(folder / "measured"), steps / "tracks-01.npy"
     whole = edited.read_bytes()
-    cut(steps / "sound.nc", 0.5)
-    cut(steps / "tracks-02.npy", 0.5)
+    for name in ("sound.nc", "tracks-02.npy"):
+        content = (steps / name).read_bytes()
+        (steps / name).write_bytes(content[: len(content) // 2])
+    (steps / "tracks-00.json").write_text('{"key": ')
     edited.write_bytes(whole[:-8] + np.float64(1.0).tobytes())
     done = thesis("measure", folder / "manifest.yaml")
     told = f"{steps / 'sound.nc'} is not what was stored there; it is computed again\n"
@@ -526,71 +380,20 @@ def test_damaged_and_edited_steps_are_done_again(measured, data, tmp_path):
     assert_same_results(results_of(folder / "measured"), data)
     after = stamps(folder / "measured")
     changed = {name for name in before if after[name] != before[name]}
-    tracks = {f"tracks-0{k}.{kind}" for k in (1, 2) for kind in ("npy", "json")}
+    tracks = {f"tracks-0{k}.{kind}" for k in range(3) for kind in ("npy", "json")}
     assert changed == {"sound.nc", ".sound.nc.sha256", *tracks}
     assert edited.read_bytes() == whole
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("npy", b""),
-        ("npy", b"no array"),
-        ("npy", None),
-        ("json", b"{"),
-        ("json", b"[]"),
-        ("json", b'{"key": "k"}'),
-        ("json", b'{"key": "k", "done": "all"}'),
-        ("json", b'{"key": "k", "done": 5}'),
-        ("json", b"\xff"),
-        ("json", b'{"key": "k", "done": 99}'),
-        ("json", None),
-    ],
-)
-def test_tracks_that_are_not_whole_are_not_used(tmp_path, name, content):
-    note, path = tmp_path / "t.json", tmp_path / "t.npy"
-    np.save(path, np.zeros((9, 2, 5)))
-    frame = 2 * 5 * 8
-    digest = hashlib.sha256(path.read_bytes()[: -4 * frame]).hexdigest()
-    state = {"key": "k", "done": 5, "moved": [], "before": [], "digest": digest}
-    note.write_text(json.dumps(state))
-    assert _state(note, path, "k", 9, frame) is not None
-    assert _state(note, path, "other", 9, frame) is None
-    assert _state(note, path, "k", 8, frame) is None
-    if content is None:
-        (tmp_path / f"t.{name}").unlink()
-    else:
-        (tmp_path / f"t.{name}").write_bytes(content)
-    assert _state(note, path, "k", 9, frame) is None
-
-
 @pytest.mark.nightly
-def test_names_of_all_kinds(measured, tmp_path, monkeypatch):
-    folder = copied(measured, tmp_path / "ä ö – [x] #%20 'q'")
+def test_odd_names_of_cameras_are_shown_as_they_are(measured, tmp_path, monkeypatch):
+    """Neither marks of a page nor formulas of a figure."""
+    folder, name = copied(measured, tmp_path / "ä ö – [x] #%20 'q'"), "<b>Müller's</b> & $\\foo_$"
     with_tracks_of(measured, monkeypatch)
-    board = folder / "Brett [1] (alt)"
-    for letter in "ABC":
-        (board / letter).mkdir(parents=True)
-        for path in sorted((folder / "board").glob(f"{letter}-*"))[:5]:
-            path.rename(board / letter / path.name)
-        (board / letter / f"._{letter}-00.jpg").write_bytes(b"beside it, by a Mac")
-        (board / letter / "Thumbs.db").write_bytes(b"by Windows")
-    shutil.move(folder / "A.mkv", folder / "Kamera 1 (früh) 50%.mkv")
-
-    def change(values):
-        for one in values["cameras"]:
-            one["board_images"] = f"Brett [1] (alt)/{one['name']}"
-        values["cameras"][0] |= {"video": "Kamera 1 (früh) 50%.mkv",
-                                 "name": "<b>Müller's</b> & $\\foo_$ 50 %"}  # fmt: skip
-
-    change_manifest(folder, change)
-    text = (folder / "manifest.yaml").read_text(encoding="utf-8").replace("\n", "\r\n")
-    (folder / "Manifest ä.yaml").write_bytes(b"\xef\xbb\xbf" + text.encode())  # as Notepad has it
-    (tmp_path / "link").symlink_to(folder)
-    done = thesis("measure", tmp_path / "link" / "Manifest ä.yaml", "--out", folder)
+    change_manifest(folder, lambda values: values["cameras"][0].update(name=name))
+    done = thesis("measure", folder / "manifest.yaml", "--out", folder)
     assert (done.status, done.err, done.warned) == (0, "", ())
-    page = Page(folder / "report.html")
-    assert "<b>Müller's</b> & $\\foo_$ 50 %" in page.text
+    assert name in Page(folder / "report.html").text
     assert set(names(folder)) >= RESULTS | {".steps", "manifest.yaml", "B.mkv"}
 
 
@@ -625,20 +428,14 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
     assert killed.status == -signal.SIGKILL
     kept = done_of(steps)
     assert 0 < min(kept.values()) < frames
-    for how in (signal.SIGINT, signal.SIGTERM):
-        running = Running(*command)
-        running.wait_for(goes_on(steps))
-        stopped, seconds = running.end(how)
-        assert stopped.status == 130
-        assert stopped.err.split("\n")[-2:] == [
-            "interrupted; run the same command again to go on",
-            "",
-        ]
-        assert stopped.err.count("\n") <= 2
-        assert seconds < 10
-        assert all(done_of(steps)[name] >= count for name, count in kept.items())
-        kept = done_of(steps)
-        assert names(out) == [".steps"]
+    running = Running(*command)
+    running.wait_for(goes_on(steps))
+    stopped, seconds = running.end(signal.SIGINT)
+    assert stopped.status == 130
+    assert stopped.err.endswith("interrupted; run the same command again to go on\n")
+    assert seconds < 10
+    assert all(done_of(steps)[name] >= count for name, count in kept.items())
+    assert names(out) == [".steps"]
 
     running = Running(*command)
     done, _ = running.end()

@@ -1,6 +1,5 @@
 """Several modes in tracks: frequencies, damping, shapes and their errors; and what is refused."""
 
-import json
 import re
 from dataclasses import replace
 
@@ -12,24 +11,12 @@ from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest
 
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
-from thesis_lib.measure.fitting.errors import common_errors
 from thesis_lib.measure.modes.identify import (
     Asked,
     ModalError,
-    _disagreeing,
-    _scale,
     identify_modes,
     modal_assurance,
     modes_result,
-)
-from thesis_lib.measure.modes.poles import (
-    Poles,
-    block_of,
-    fit_known,
-    fit_poles,
-    left_of,
-    pole_columns,
-    residual_scatter,
 )
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
@@ -77,16 +64,6 @@ def test_markers_taken_for_their_neighbours_are_left_out_and_told():
     np.testing.assert_allclose(found.left_out, [0.1 * 20 / 75, 0, 0, 0], atol=2e-3)
     np.testing.assert_allclose(found.damping, truth.damping, rtol=0.05)
     assert min(similar(found.shape, truth.shape_at(found.zero))) > 0.999
-
-
-def test_a_marker_whose_frames_tell_no_mode_is_none():
-    """Seen twenty times within a hundredth of the fast mode's decay: no column differs there."""
-    block = block_of(np.linspace(0, 1, 400), np.ones((400, 2)), np.ones(2))
-    known = block.known.copy()
-    known[:380, 1] = False
-    rates = np.array([[2000.0, 60.0], [2010.0, 63.0]])
-    _, spread = fit_known(pole_columns(block.times, rates), replace(block, known=known))
-    assert np.isinf(spread[1]).all()
 
 
 # What missing centres, and all else, do to standard errors.
@@ -140,20 +117,18 @@ def rms(values):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "fastest"), [(0.1, False), (0.1, True)])
-def test_standard_errors_hold_where_centres_are_missing(share, fastest):
+def test_standard_errors_hold_where_centres_are_missing():
     """With dampings that no start has; a gap that is filled pulls both rates by 5 and more."""
-    *rates, shapes = standardised(decaying(0.01), 5, share, fastest)
+    *rates, shapes = standardised(decaying(0.01), 5, share=0.1, fastest=True)
     assert 0.6 < rms(rates) < 1.5
     assert 0.9 < rms(shapes) < 1.1
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("share", "fastest"),
-    [(0.0, False), (0.02, False), (0.05, False), (0.1, False), (0.05, True), (0.1, True)],
+    ("share", "fastest"), [(0.0, False), (0.02, False), (0.1, False), (0.1, True)]
 )
-@pytest.mark.parametrize("zeta", [(0.003,), (0.01,), (0.006, 0.009, 0.003)], ids=str)
+@pytest.mark.parametrize("zeta", [(0.003,), (0.006, 0.009, 0.003)], ids=str)
 def test_standard_errors_are_what_many_draws_scatter_by(zeta, share, fastest):
     """All cases have the same draws: enough of them to tell these limits from chance."""
     draws = 100 if len(zeta) > 1 else 150
@@ -165,51 +140,6 @@ def test_standard_errors_are_what_many_draws_scatter_by(zeta, share, fastest):
     assert 0.9 < rms(shapes) < 1.1
 
 
-def test_errors_of_frequency_and_damping_are_those_of_their_poles():
-    """First order, by differences: of strongly damped modes whose two rates err together."""
-    rates, step = np.array([[3.0, 8.0], [6.0, 9.0]]), 1e-6
-    covariance = np.array([[4, 3, 1, 0], [3, 9, 0, 1], [1, 0, 5, -4], [0, 1, -4, 6]]) * 1e-4
-
-    def told(flat):
-        one = Poles(flat.reshape(2, 2), covariance, np.zeros((0, 4)), np.zeros((0, 4)), 1.0)
-        return np.concatenate([one.frequency, one.damping]), np.concatenate(one.deviations)
-
-    slopes = [
-        (told(rates.ravel() + d)[0] - told(rates.ravel() - d)[0]) / (2 * step)
-        for d in step * np.eye(4)
-    ]
-    expected = np.sqrt(np.diag(np.transpose(slopes) @ covariance @ slopes))
-    np.testing.assert_allclose(told(rates.ravel())[1], expected, rtol=1e-6)
-
-
-def test_the_noise_of_few_frames_is_told_in_full():
-    """Of twelve frames, three coefficients of each track have taken a quarter of the noise."""
-    rng, t = np.random.default_rng(0), np.arange(12) / 12
-    start = np.array([[1.0, 20.0]])
-    values = pole_columns(t, start) @ rng.standard_normal((3, 800)) + rng.standard_normal((12, 800))
-    values[rng.random(values.shape) < 0.1] = np.nan
-    block = block_of(t, values, np.ones(800))
-    assert fit_poles([block], start, damped=True).noise == pytest.approx(1, abs=0.02)
-    B = pole_columns(t, start)
-    told = residual_scatter(block, B, fit_known(B, block)[0])
-    assert rms(told) == pytest.approx(1, abs=0.02)
-    assert not left_of(block, start)[~block.known].any()
-
-
-def test_two_clocks_that_differ_tell_a_frequency_to_half_their_difference():
-    """Two values a distance d apart have a mean with the standard error d / 2."""
-    rng, t, start = np.random.default_rng(0), np.arange(240) / 60, np.array([[0.7, 70.0]])
-    ones = np.ones(9)
-    blocks = [
-        block_of(
-            t, pole_columns(t * clock, start)[:, 1:2] + 0.01 * rng.standard_normal((240, 9)), ones
-        )
-        for clock in (1 + 1e-3, 1 - 1e-3)
-    ]
-    found = _disagreeing(fit_poles(blocks, start, damped=True), np.ones(1), [])
-    np.testing.assert_allclose(np.sqrt(found.covariance[1, 1]), 1e-3 * 70, rtol=0.05)
-
-
 def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping():
     """e^{−αt} fitted to e^{−(α + δ)t}, ∞ long: its size is off by δ / 2α, and ζ by δ / α."""
     own = rig(3)
@@ -218,17 +148,6 @@ def test_a_decay_that_is_over_errs_in_scale_by_half_of_what_it_does_in_damping()
     )
     expected = found.damping_deviation / (2 * found.damping)
     np.testing.assert_allclose(found.scale_deviation, expected, rtol=0.06)
-
-
-def test_the_scale_is_less_certain_where_the_first_centres_are_missing():
-    """An amplitude at the begin is extrapolated from the middle of what is known of the decay."""
-    rates = np.array([[2.0, 60.0]])
-    poles = Poles(rates, np.diag([0.04, 0.0]), np.zeros((1, 2)), np.ones((1, 2)), 1.0)
-    times, values = np.linspace(0, 6, 601), np.ones((601, 4))
-    late = np.where(times[:, None] < 0.5, np.nan, values)
-    whole, lacking = (_scale(block_of(times, one, np.ones(4)), poles)[0] for one in (values, late))
-    np.testing.assert_allclose(whole, 0.2 / 4, rtol=0.03)  # the middle is at 1 / 2α
-    np.testing.assert_allclose(lacking - whole, 0.2 * 0.5, rtol=0.03)
 
 
 def test_starts_that_are_off_are_found_beyond_a_period():
@@ -282,12 +201,6 @@ def test_curvature_of_images_is_no_mode():
     assert found.noise == pytest.approx(0.005, rel=0.05)
 
 
-def blind(seen):
-    """Tracks of which two markers alone are seen by more than one camera."""
-    lost = np.where(np.arange(75) < 2, 0, np.nan)
-    return [seen[0], *(replace(track, uv=track.uv + lost) for track in seen[1:])]
-
-
 def first_frames(seen):
     return [replace(t, times=t.times[:20], uv=t.uv[:20], rows=t.rows[:20]) for t in seen]
 
@@ -297,13 +210,10 @@ def first_frames(seen):
     [
         (beam_modes(amplitude=(0, 0, 0)), list, Asked(BAND, 2),
          r"no mode from 2 to 130 Hz stands out.*tap or drive"),
-        (beam_modes(damping=(0.0,), amplitude=(2e-3,)), list,
-         Asked(BAND, damped=False, given=(17.0,)), "no tone near 17 Hz stands out.*strongest line"),
         (beam_modes(), list, Asked(BAND, given=(10.0, 10.1)),
          r"0.1 Hz apart, and 1.\d+ s .* film 10 s or more"),
         (beam_modes(), first_frames, Asked(BAND),
          "8 modes need 36: ask for fewer modes, or film longer"),
-        (beam_modes(), blind, Asked(BAND), r"2 markers are seen by two cameras .* needs 3: add"),
     ],
 )  # fmt: skip
 def test_tracks_that_do_not_tell_what_is_asked_are_refused(truth, change, asked, told):
@@ -318,13 +228,12 @@ def test_a_neighbour_that_is_too_near_leaves_power_beside_its_mode():
     assert found.beside[0] > 30
 
 
-@pytest.mark.parametrize("apart", [0.45, 0.8, 1.4])
-def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
+def test_errors_hold_what_a_mode_that_is_not_fitted_does():
     """The further mode is found when it is tried, and what that changes counts as error."""
     one = beam_modes(damping=(0.0,), amplitude=(1e-3,)).shape[0]
     alone, pair = (
         identify_modes(
-            tracks(RIG, Truth(np.array([20.0, 20 + apart])[:n], np.zeros(n), form), seconds=3),
+            tracks(RIG, Truth(np.array([20.0, 20.8])[:n], np.zeros(n), form), seconds=3),
             REST,
             Asked(BAND, 1, damped=False),
         )
@@ -335,48 +244,11 @@ def test_errors_hold_what_a_mode_that_is_not_fitted_does(apart):
     assert off < 3 * pair.frequency_deviation[0]
 
 
-@pytest.mark.parametrize(
-    ("given", "told"),
-    [
-        (
-            {"kind": "free_decay", "frequency_hz": 5.0},
-            "given 5.0, allowed where kind is free_decay: null",
-        ),
-        ({"kind": "multisine", "sound": "none"}, "sound: given .* allowed for several modes"),
-        ({"kind": "chirp"}, "kind"),
-        ({"kind": "free_decay", "modes": {"from_hz": 9.0, "to_hz": 4.0}}, "to_hz: given 4.0"),
-        ({"kind": "free_decay", "modes": {"near_hz": [1.0]}}, "near_hz: given"),
-    ],
-)
-def test_what_a_manifest_may_not_ask_is_refused(given, told):
-    with pytest.raises(ValueError, match=told):
-        Excitation.model_validate_json(json.dumps(given))
-
-
-def test_one_tone_is_the_default_and_has_its_frequency():
-    assert (Excitation().kind, Excitation().frequency_hz) == ("sine", 4.25)
-    assert Excitation(kind="free_decay").frequency_hz is None
-
-
-@pytest.mark.nightly
-def test_calibrations_err_for_all_modes_alike(decay, conforms):
-    """Rows of all modes together hold each one's own covariance, and what they have in common."""
-    _, found = decay
-    sigma = np.tile(np.r_[[1e-4] * 3, [2e-4] * 3, 1, 1, 2, 2, [1e-4] * 4], len(RIG.cameras))
-    order = np.argsort(np.tile(np.r_[[0] * 6, [1] * 8], len(RIG.cameras)), kind="stable")
-    covariance = np.diag(sigma[order] ** 2)  # all poses, then all lenses
-    still, omegas = np.zeros(len(RIG.cameras)), found.poles.imag
-    rows = common_errors(found.fits, RIG.markers, omegas, still, covariance)
-    assert rows.shape[1:] == found.shape.shape
-    for k, (fit, omega) in enumerate(zip(found.fits, omegas, strict=True)):
-        (own,) = np.swapaxes(common_errors([fit], RIG.markers, [omega], still, covariance), 0, 1)
-        expected = np.real(np.conj(own).T @ own)
-        whole = np.real(np.conj(rows[:, k]).T @ rows[:, k])
-        conforms.invariance(whole, expected, atol=1e-2 * np.abs(expected).max())
-    size = np.sum(rows[:, :2] * found.shape[:2].conj(), axis=2).real
-    size = size / np.sum(np.abs(found.shape[:2]) ** 2, axis=1)  # relative, by mode
-    together = size[:, 0] @ size[:, 1] / np.prod(np.linalg.norm(size, axis=0))
-    conforms.closed_form(together, above=0.8, below=1)
+def test_what_a_manifest_may_not_ask_is_refused():
+    with pytest.raises(ValueError, match="allowed where kind is free_decay: null"):
+        Excitation(kind="free_decay", frequency_hz=5.0)
+    with pytest.raises(ValueError, match=r"sound: given .* allowed for several modes"):
+        Excitation(kind="multisine", sound="none")
 
 
 def known(calibration):
@@ -471,7 +343,6 @@ def test_modes_go_to_a_report_and_files(by_unknown):
     """Other programs' readers find the same."""
     truth, (manifest, text, said, out) = TWO_MODES, by_unknown
     assert text.count("data-tl-fragment=") >= 4  # two of shapes, two of sound
-    assert "stabilisation diagram" in text or "stays when another one is added" in text
     assert said[1].startswith("mode 1: 6.31")
     data = xr.open_dataset(out / "modes.nc")
     np.testing.assert_allclose(data["frequency"], truth.frequency, rtol=1e-3)

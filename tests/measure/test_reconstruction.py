@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_motion
-from thesis_lib.measure.recordings.board import on_surface, rows_on
-from thesis_lib.vibration.motion import Motion, steady_amplitudes
+from thesis_lib.measure.fitting.harmonics import fit_harmonics
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
 from thesis_lib.vision.triangulation import triangulate
 
@@ -50,23 +49,12 @@ def test_a_point_is_made_from_the_cameras_that_see_it(conforms, seed):
     conforms.independent(points[:, twice], np.transpose(expected), atol=1e-12)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_half_an_image_is_no_image(conforms, axis):
+def test_half_an_image_is_no_image(conforms):
     uv = project(P, WORLD)
-    uv[1, axis, 3] = np.nan
+    uv[1, 1, 3] = np.nan
     points, seen = rc.triangulate_seen(P, uv)
     assert seen.tolist() == [4] * 3 + [3] + [4] * 71
     conforms.closed_form(points, WORLD, atol=1e-11)
-
-
-def test_any_shape_of_points_is_kept():
-    uv = project(P, WORLD.reshape(3, 3, 5, 5))
-    uv[:3, :, 1, 2, 3] = np.nan
-    points, seen = rc.triangulate_seen(P, uv)
-    assert points.shape == (3, 3, 5, 5)
-    assert seen.shape == (3, 5, 5)
-    assert seen[1, 2, 3] == 1
-    assert np.count_nonzero(np.isnan(points)) == 3
 
 
 # The beam's frame.
@@ -84,16 +72,6 @@ def test_the_beam_s_frame_undoes_any_rigid_motion(conforms, seed):
 
 
 @given(SEEDS)
-def test_deviations_from_the_grid_do_not_depend_on_where_it_stands(conforms, seed):
-    bent = WORLD + noise(WORLD.shape, 1e-4, seed)
-    R, t = rotation(seed + 1), np.array([0.3, -2, 1.0])
-    one, other = rc.fit_grid(bent, WORLD), rc.fit_grid(R @ bent + t[:, None], WORLD)
-    conforms.invariance(one.to_beam(bent), other.to_beam(R @ bent + t[:, None]), atol=1e-12)
-    for name in ("rms", "scale", "tilt"):
-        conforms.invariance(getattr(one, name), getattr(other, name), atol=1e-7)
-
-
-@given(SEEDS)
 def test_no_small_turn_fits_the_grid_better(conforms, seed):
     bent = WORLD + noise(WORLD.shape, 1e-3, seed)
     frame = rc.fit_grid(bent, WORLD)
@@ -106,8 +84,8 @@ def test_no_small_turn_fits_the_grid_better(conforms, seed):
             assert np.sum((frame.to_beam(bent) - other) ** 2) > least
 
 
-@pytest.mark.parametrize("scale", [0.9, 1.001])
-def test_a_wrong_scale_is_reported_and_not_taken_away(conforms, scale):
+def test_a_wrong_scale_is_reported_and_not_taken_away(conforms):
+    scale = 0.9
     frame = rc.fit_grid(scale * WORLD, WORLD)
     conforms.closed_form(frame.scale, scale, rtol=1e-12)
     expected = abs(scale - 1) * np.sqrt(np.mean(np.sum(WORLD**2, axis=0)))
@@ -115,30 +93,14 @@ def test_a_wrong_scale_is_reported_and_not_taken_away(conforms, scale):
     conforms.closed_form(frame.to_beam(scale * WORLD), scale * WORLD, atol=1e-13)
 
 
-def test_a_tilt_of_the_markers_to_the_grid_is_reported(conforms):
-    # A twist that the rigid fit cannot follow: markers far along x decide, those across tilt.
-    bent = WORLD + np.stack([0 * WORLD[0], 0 * WORLD[0], 1e-3 * np.sign(WORLD[0]) * WORLD[1]])
-    conforms.closed_form(rc.fit_grid(bent, WORLD).tilt, below=1e-6)
-    noisy = WORLD + noise(WORLD.shape, 1e-4, 3)
-    frame = rc.fit_grid(noisy, WORLD)
-    x, y, z = frame.to_beam(noisy)
-    slopes = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), z, rcond=None)[0][:2]
-    conforms.closed_form(frame.tilt, np.arctan(np.hypot(*slopes)), atol=2e-4)
-
-
-def test_unknown_markers_are_left_out_of_the_fit(conforms):
+def test_unknown_markers_are_left_out_of_the_fit_which_needs_three(conforms):
     holed = WORLD.copy()
-    holed[:, 5:70] = np.nan
-    frame = rc.fit_grid(holed, WORLD)
-    conforms.closed_form(frame.to_beam(WORLD), WORLD, atol=1e-12)
-
-
-@pytest.mark.parametrize("known", [0, 1, 2])
-def test_a_grid_of_fewer_than_three_markers_is_refused(known):
-    points = np.full_like(WORLD, np.nan)
-    points[:, :known] = WORLD[:, :known]
-    with pytest.raises(ValueError, match=f"^only {known} markers") as error:
-        rc.fit_grid(points, WORLD)
+    holed[:, 3:] = np.nan
+    holed[:, 60] = WORLD[:, 60]  # of another row
+    conforms.closed_form(rc.fit_grid(holed, WORLD).to_beam(WORLD), WORLD, atol=1e-12)
+    holed[:, 2:] = np.nan
+    with pytest.raises(ValueError, match=r"^only 2 markers") as error:
+        rc.fit_grid(holed, WORLD)
     assert "\n" not in str(error.value)
 
 
@@ -158,7 +120,7 @@ def series(coefficients, times):
 TIMES = 0.731 + np.arange(70) / 60
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, 3])
 def test_harmonics_are_found_exactly_however_many_values_are_missing(conforms, order):
     rng = np.random.default_rng(order)
     exact = rng.normal(size=(1 + 2 * order, 30))
@@ -168,15 +130,6 @@ def test_harmonics_are_found_exactly_however_many_values_are_missing(conforms, o
     conforms.closed_form(found.coefficients, exact, atol=1e-10)
     conforms.closed_form(found.sigma, 0, atol=1e-10)
     conforms.closed_form(found.at(OMEGA, TIMES), series(exact, TIMES), atol=1e-9)
-
-
-def test_harmonics_keep_the_shape_of_the_tracks():
-    values = series(np.ones((5, 6)), TIMES).reshape(70, 2, 3)
-    found = fit_harmonics(OMEGA, TIMES, values)
-    assert found.coefficients.shape == (5, 2, 3)
-    assert found.covariance.shape == (5, 5, 2, 3)
-    assert found.sigma.shape == (2, 3)
-    assert found.at(OMEGA, TIMES[:4]).shape == (4, 2, 3)
 
 
 @pytest.mark.parametrize("gaps", [0.0, 0.5])
@@ -196,7 +149,7 @@ def test_the_covariance_is_the_scatter_of_many_draws(conforms, gaps):
     conforms.sampled(found.coefficients.mean(axis=1), np.ones(5), atol=5 * sigma / draws**0.5)
 
 
-@pytest.mark.parametrize(("known", "enough"), [(0, False), (3, False), (6, False), (7, True)])
+@pytest.mark.parametrize(("known", "enough"), [(6, False), (7, True)])
 def test_too_few_values_give_nothing(known, enough):
     values = series(np.ones((5, 2)), TIMES)
     values[: 70 - known, 0] = np.nan
@@ -206,9 +159,8 @@ def test_too_few_values_give_nothing(known, enough):
     assert np.isfinite(found.coefficients[:, 1]).all()
 
 
-@pytest.mark.parametrize("exposure", [1 / 250, 1 / 60, 1 / 30])
-def test_unblurring_undoes_the_mean_over_an_exposure(conforms, exposure):
-    exact = np.random.default_rng(2).normal(size=(5, 8))
+def test_unblurring_undoes_the_mean_over_an_exposure(conforms):
+    exact, exposure = np.random.default_rng(2).normal(size=(5, 8)), 1 / 60
     x, weights = np.polynomial.legendre.leggauss(20)
     blurred = np.array([weights / 2 @ series(exact, np.array(t + exposure * x / 2)) for t in TIMES])
     found = fit_harmonics(OMEGA, TIMES, blurred)
@@ -221,92 +173,32 @@ def test_unblurring_undoes_the_mean_over_an_exposure(conforms, exposure):
     np.testing.assert_array_equal(back.sigma, found.sigma)
 
 
-MOTION = Motion(BEAM)
-CLOCKS = [0.0, 0.0137, -0.1021, 0.2]  # starts of the cameras after the reference's
-
-
-def vibrating(times_of_camera):
-    """Images (cameras, frames, 2, markers) at each camera's own times."""
-
-    def seen(own, times):
-        world = on_surface(BEAM.extent, POINTS[:, None], MOTION.deflection(POINTS, times))
-        return project(own[None], world)[0].swapaxes(0, 1)
-
-    return np.array([seen(own, t) for own, t in zip(P, times_of_camera, strict=True)])
-
-
-def fitted(order=4, frames=120, clocks=CLOCKS):
-    times = MOTION.steady + 0.3 + np.add.outer(clocks, np.arange(frames) / 60)
-    return [
-        fit_harmonics(OMEGA, t, uv, order) for t, uv in zip(times, vibrating(times), strict=True)
-    ]
-
-
 AT_ORIGIN = rc.Frame(np.eye(3), np.zeros(3), 0.0, 1.0, 0.0)
-
-
-@pytest.mark.parametrize("clocks", [CLOCKS, [0.0, 0.0, 0.0, 0.0]])
-def test_a_vibration_is_recovered_from_cameras_on_their_own_clocks(conforms, clocks):
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=6, clocks=clocks))[2]
-    conforms.closed_form(found, steady_amplitudes(MOTION, POINTS, 4.25), atol=1e-9 * 0.004)
-
-
-def test_two_harmonics_of_the_images_are_enough_for_a_millionth(conforms):
-    # Perspective makes harmonics of the images; each is about a hundredth of the one before.
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, fitted(order=2))[2]
-    error = np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max()
-    conforms.closed_form(error, above=1e-12, below=4e-3 * 1e-5)
-
-
-def test_a_clock_that_is_wrong_is_not_recovered():
-    times = MOTION.steady + 0.3 + np.add.outer(CLOCKS, np.arange(120) / 60)
-    wrong = times.copy()
-    wrong[1] += 1 / 60
-    cameras = [fit_harmonics(OMEGA, t, uv, 4)
-               for t, uv in zip(wrong, vibrating(times), strict=True)]  # fmt: skip
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, cameras)[2]
-    assert np.abs(found - steady_amplitudes(MOTION, POINTS, 4.25)).max() > 1e-4
-
-
-def test_markers_that_one_camera_sees_have_no_deflection():
-    cameras = fitted()
-    for own in cameras[1:]:
-        own.coefficients[:, :, 7] = np.nan
-    cameras[0].coefficients[:, :, 9] = np.nan
-    found = harmonic_motion(P, AT_ORIGIN, OMEGA, cameras)[2]
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 
 # The shape at its maximum.
 
 
-@pytest.mark.parametrize("phase", np.linspace(-3, 3, 7))
+@pytest.mark.parametrize("phase", [-3.0, 0.5])
 def test_the_shape_has_the_sign_that_the_expected_phase_tells(conforms, phase):
-    shape = np.array([0.1, 0.5, -0.7, 2.0])
+    """It leaves least imaginary; unknown markers stay unknown."""
+    shape = np.array([0.1, 0.5, np.nan, -0.7, 2.0])
     amplitude = shape * np.exp(1j * phase)
-    for error in (-1.4, 0.0, 0.3, 1.4):  # any below a quarter turn
-        conforms.closed_form(rc.real_shape(amplitude, phase + error), shape, atol=1e-12)
-    conforms.closed_form(rc.real_shape(amplitude, phase + np.pi), -shape, atol=1e-12)
-
-
-def test_the_shape_leaves_least_imaginary(conforms):
+    for error in (-1.4, 0.0, 1.4):  # any below a quarter turn
+        found = rc.real_shape(amplitude, phase + error)
+        np.testing.assert_allclose(found, shape, atol=1e-12)
+    np.testing.assert_allclose(rc.real_shape(amplitude, phase + np.pi), -shape, atol=1e-12)
     rng = np.random.default_rng(0)
-    amplitude = rng.normal(size=9) + 1j * rng.normal(size=9)
-    shape = rc.real_shape(amplitude, 0.0)
+    mixed = rng.normal(size=9) + 1j * rng.normal(size=9)
     turns = np.exp(-1j * np.linspace(0, np.pi, 2001))
-    most = np.max(np.sum(np.real(np.outer(turns, amplitude)) ** 2, axis=1))
-    conforms.independent(np.sum(shape**2), most, rtol=1e-5)
-
-
-def test_unknown_markers_stay_unknown_in_the_shape():
-    shape = rc.real_shape(np.array([1.0, np.nan, -2.0]) * np.exp(0.4j), 0.4)
-    np.testing.assert_allclose(shape, [1, np.nan, -2], atol=1e-12)
+    most = np.max(np.sum(np.real(np.outer(turns, mixed)) ** 2, axis=1))
+    conforms.independent(np.sum(rc.real_shape(mixed, 0.0) ** 2), most, rtol=1e-5)
 
 
 # One instant.
 
 
-@pytest.mark.parametrize("points", [2, 4, 6])
+@pytest.mark.parametrize("points", [2, 6])
 def test_interpolation_converges_with_the_order_of_its_points(conforms, points):
     errors, phases = [], np.linspace(0, 2 * np.pi, 24)
     for step in (1 / 60, 1 / 120, 1 / 240):
@@ -327,20 +219,6 @@ def test_six_frames_err_by_less_than_the_bound_that_is_stated(conforms, fraction
     bound = (OMEGA / 60) ** 6 * 5 / 1024
     conforms.closed_form(np.abs(found - np.sin(OMEGA * at + phases)).max(), below=bound)
     conforms.closed_form(bound, 4e-5, rtol=0.25)
-
-
-@pytest.mark.parametrize("at", [0.0, 2 / 60, 2.3 / 60, 38.9 / 60, 39 / 60])
-def test_polynomials_are_interpolated_exactly_to_the_ends(conforms, at):
-    times = np.arange(40) / 60
-    powers = np.arange(6)
-    values = times[:, None] ** powers
-    conforms.closed_form(rc.interpolate_frames(times, values, at), at**powers, atol=1e-12)
-
-
-def test_one_point_is_the_nearest_frame():
-    times = 5 + np.arange(10) / 60
-    for at, expected in [(5 + 2.4 / 60, 2), (5 + 2.6 / 60, 3), (4.0, 0), (9.0, 9)]:
-        assert rc.interpolate_frames(times, np.arange(10.0), at, 1) == expected
 
 
 def test_a_missing_frame_is_missing_in_what_is_interpolated():
@@ -380,7 +258,7 @@ def test_rest_and_instant_are_made_from_the_same_cameras(conforms):
 # Noise.
 
 
-@pytest.mark.parametrize("cameras", [[0, 1], [0, 2], [0, 1, 2, 3]])
+@pytest.mark.parametrize("cameras", [[0, 1], [0, 1, 2, 3]])
 def test_the_deviation_of_heights_is_that_of_sampled_noise(conforms, cameras):
     own, draws = P[cameras], 4000
     sigma = np.random.default_rng(0).uniform(0.005, 0.03, (len(own), 2, 75))
@@ -408,31 +286,3 @@ def test_a_deflection_errs_by_what_the_cameras_that_see_its_marker_state(conform
     np.testing.assert_array_equal(np.isfinite(off), count >= 2)
     for n in (2, 3, 4):
         conforms.sampled(np.sqrt(np.mean(off[count == n] ** 2)), 1, atol=0.1)
-
-
-def test_cameras_that_face_each_other_tell_the_height_best(conforms):
-    # An opposite pair at 22° sees the height along its own v, two neighbours hardly do.
-    def at_middle(cameras):
-        deviation = rc.height_deviation(
-            P[cameras], AT_ORIGIN, WORLD, np.ones((len(cameras), 2, 75))
-        )
-        return deviation[MARKERS.middle_row][12]
-
-    pixel = 0.57 / 1280
-    conforms.closed_form(at_middle([0, 2]), pixel / np.sqrt(2) / np.cos(np.radians(22)), rtol=0.1)
-    assert at_middle([0, 1, 2, 3]) < at_middle([0, 2]) < 0.6 * at_middle([0, 1])
-
-
-def test_a_height_s_gain_is_its_derivative(conforms):
-    exact, h = project(P, WORLD), 1e-3
-    R = rotation(4)
-    frame = rc.Frame(R, np.array([0.1, 0, 0]), 0, 1, 0)
-    gains = rc.normal_gain(P, frame, WORLD)
-    for camera in range(4):
-        for axis in range(2):
-            step = np.zeros_like(exact)
-            step[camera, axis] = h
-            heights = [frame.to_beam(triangulate(P, exact + s, steps=8))[2] for s in (step, -step)]
-            conforms.independent(
-                (heights[0] - heights[1]) / (2 * h), gains[camera, axis], atol=1e-8
-            )

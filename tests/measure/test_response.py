@@ -23,7 +23,7 @@ from scenes.modes import calibration_of, recorded, rig
 from scipy.signal import resample_poly
 from sdypy import EMA
 
-from thesis_lib.measure.modes.identify import modal_assurance, rest_of
+from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_motion
 from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.force_table import ForceError
@@ -32,9 +32,9 @@ from thesis_lib.measure.recordings.manifest_parts import Excitation, Force, Soug
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.measure.recordings.media_info import MediaError
 from thesis_lib.measure.recordings.validation import check_recordings
+from thesis_lib.measure.report import animation
 from thesis_lib.measure.report.warnings import check_response
 from thesis_lib.measure.response.result import (
-    REPEATED_AFTER,
     cut_of,
     estimate_blur,
     estimate_response,
@@ -44,9 +44,7 @@ from thesis_lib.measure.response.result import (
 from thesis_lib.measure.response.signals import (
     at_times,
     dwell_time,
-    estimate_deflections,
     find_sweep,
-    noise_of,
     read_force,
     settling_time,
 )
@@ -65,13 +63,13 @@ class Scene:
     recordings: list[Recording]
     manifest: Manifest
 
-    def asked(self, kind: str = "random", to_hz: float | None = None, **force: Any) -> Manifest:
+    def asked(self, kind: str = "random", modes: Sought | None = None, **force: Any) -> Manifest:
         """The manifest with a kind of excitation, and fields of the force."""
         at = tuple(1e3 * x for x in self.truth.place)
         given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.5, "at_mm": at}
         changed = {
             "excitation": Excitation(
-                kind=kind, rest_duration_s=0.45, sound="room", modes=Sought(to_hz=to_hz)
+                kind=kind, rest_duration_s=0.45, sound="room", modes=modes or Sought()
             ),
             "force": Force(**given | force),
         }
@@ -133,7 +131,7 @@ def off(data, truth, marker):
 # From one clock to another.
 
 
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.3, 0.4])
+@pytest.mark.parametrize("share", [0.05, 0.4])
 def test_a_band_is_known_between_uneven_stamps_rows_and_exposures(share):
     rng = np.random.default_rng(0)
     times = (np.arange(900) + rng.uniform(-0.1, 0.1, 900)) / 60
@@ -171,17 +169,7 @@ def drawn(noise_of_force, noise_of_motion, seed, count=400):
     return receptance_of_segments(found[:, :, 0], found[:, :, 1:], cut, np.array([np.nan]))
 
 
-def test_noise_in_the_force_makes_h1_small_and_noise_in_the_motion_h2_large():
-    """H1 = H / (1 + noise of force), H2 = H (1 + noise of motion): Bendat and Piersol."""
-    for force, motion in ((0.25, 0.0), (0.0, 0.25), (0.25, 0.1)):
-        first, second, _ = np.abs(drawn(force, motion, 1).receptance[:, 0, 2:-2]).mean(axis=1)
-        assert first == pytest.approx(3 / (1 + force), rel=0.02)
-        assert second == pytest.approx(3 * (1 + motion), rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("of_force", "of_motion"), [(0.0, 0.02), (0.0, 0.3), (0.0, 1.0), (0.3, 0.0)]
-)
+@pytest.mark.parametrize(("of_force", "of_motion"), [(0.0, 0.3), (0.3, 0.0)])
 def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, of_motion):
     """About what each tends to, which noise in force and motion moves."""
     draws = [drawn(of_force, of_motion, seed, 30) for seed in range(60)]
@@ -220,10 +208,9 @@ def smoothed(frequency, seconds, values):
     return np.fft.fft(weight * np.fft.ifft(values))[: n // 2]
 
 
-@pytest.mark.parametrize("narrow", [2.0, 3.0])
-def test_the_blur_of_a_resonance_is_told(narrow):
+def test_the_blur_of_a_resonance_is_told():
     """Half its width is so many lines: to first order, H1 loses 1 / (3 lines²)."""
-    seconds, rate, line = 5.0, 100.0, 100
+    narrow, seconds, rate, line = 3.0, 5.0, 100.0, 100
     fine = np.arange(round(rate * 100 * seconds)) / (100 * seconds)
     omega, own, zeta = 2 * np.pi * fine, 2 * np.pi * 12, narrow / (12 * seconds)
     true = 1 / (own**2 - omega**2 + 2j * zeta * own * omega)
@@ -238,19 +225,6 @@ def test_the_blur_of_a_resonance_is_told(narrow):
     at = int(np.argmax(np.abs(true[::line])))
     assert abs(told[0, at]) / peak == pytest.approx(1 / (3 * narrow**2), rel=0.25)
     assert abs(told[1, at]) < 0.2 * abs(told[0, at])
-
-
-def test_a_force_may_be_sampled_more_finely():
-    """Lines of both are the same, and their ratio is the gain and the delay."""
-    fine = np.arange(8 * 1200) / 800
-    tone = np.cos(2 * np.pi * 7 * fine)
-    cut = cut_of(1200, 100.0, 2.0)
-    force = segment_spectra(tone[:, None], cut, 8)
-    moved = segment_spectra(2 * np.cos(2 * np.pi * 7 * (fine[::8] - 0.01))[:, None], cut)
-    found = receptance_of_segments(force[:, :, 0], moved, cut, np.array([np.nan]))
-    line = int(np.argmin(np.abs(found.frequency - 7)))
-    gains = found.receptance[:, 0, line]
-    np.testing.assert_allclose(gains, 2 * np.exp(-2j * np.pi * 7 * 0.01), rtol=1e-6)
 
 
 # The whole chain.
@@ -274,33 +248,6 @@ def test_receptance_is_that_of_the_structure_within_its_errors(driven, averaged)
     assert int(data["drive"]) in (46, 21, 71)
 
 
-@pytest.mark.nightly
-def test_a_table_tells_the_same_as_a_sound_file(driven, averaged):
-    times = np.arange(len(driven.truth.newtons)) / FINE
-    rows = np.column_stack([times, driven.truth.newtons])[::4]
-    np.savetxt(driven.folder / "force.csv", rows, "%.6f", ",", header="time_s,force_n", comments="")
-    table = driven.responded(driven.asked(segment_s=5.0, file="force.csv", full_scale_n=None))
-    apart = complex_of(table, "receptance")[0] / complex_of(averaged, "receptance")[0] - 1
-    assert np.median(np.abs(apart)) < 2e-3
-
-
-@pytest.mark.nightly
-def test_noise_on_both_channels_parts_h1_from_h2(tmp_path):
-    """Truth is between them; a fifth of the force's power is noise."""
-    force = random_force(31, 0.05)
-    heard = force + np.sqrt(0.2) * random_force(31, 0.05, seed=1)
-    own = scene(tmp_path, force, (0.1, 0.03), 30.0, noise=0.1, heard=heard)
-    data = own.responded(own.asked(segment_s=5.0))
-    f, k = data["frequency"].values, int(data["drive"]) - 1
-    true = np.abs(own.truth.receptance(f)[k])
-    low, high = ((f > 8) & (f < 13)), ((f > 20) & (f < 30))
-    first, second, middle = (np.abs(one[k]) / true for one in complex_of(data, "receptance"))
-    assert first[low].mean() == pytest.approx(1 / 1.2, abs=0.07)
-    assert second[low].mean() == pytest.approx(1.0, abs=0.07)  # the motion is far above noise
-    assert np.median(second[high]) > 1.2 > 1 > np.median(first[high])
-    assert np.all((first <= middle) & (middle <= second))
-
-
 @pytest.mark.slow
 def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     manifest = swept.asked("sweep")
@@ -318,33 +265,16 @@ def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     assert not codes & {"sweep-fast", "still-ringing"}
 
 
-def with_gaps(own, folder, share):
-    """The scene without a share of the centres of each camera, at random."""
-    rng, recordings = np.random.default_rng(1), []
-    for k, each in enumerate(own.recordings):
-        uv, path = np.load(each.path), folder / f"gaps-{k}.npy"
-        lost = rng.random((len(uv), 1, uv.shape[2])) < share
-        np.save(path, np.where(lost, np.nan, uv))
-        recordings.append(replace(each, path=path))
-    return replace(own, recordings=recordings)
-
-
-@pytest.mark.slow
-def test_gaps_that_are_made_again_err_as_the_gaps_do(swept, tmp_path):
-    """In the first resonance, where motion is far above noise."""
-    rest, _ = rest_of(swept.asked("sweep"), swept.recordings)
-    lossy, at = with_gaps(swept, tmp_path, 0.1).recordings, np.arange(2.0, 3.0, 1 / 120)
-    clean, found = (
-        estimate_deflections(swept.recordings, rest, at),
-        estimate_deflections(lossy, rest, at),
-    )
-    estimated = estimate_deflections(lossy, rest, at, REPEATED_AFTER) - found
-    assert 0.75 < np.std(estimated) / np.std(found - clean) < 1.3
-
-
 @pytest.mark.nightly
 def test_standard_errors_of_a_whole_sweep_hold_where_centres_are_missing(swept, tmp_path):
-    own = with_gaps(swept, tmp_path, 0.1)
+    """A tenth of each camera's centres, at random."""
+    rng, recordings = np.random.default_rng(1), []
+    for k, each in enumerate(swept.recordings):
+        uv, path = np.load(each.path), tmp_path / f"gaps-{k}.npy"
+        lost = rng.random((len(uv), 1, uv.shape[2])) < 0.1
+        np.save(path, np.where(lost, np.nan, uv))
+        recordings.append(replace(each, path=path))
+    own = replace(swept, recordings=recordings)
     data = own.responded(own.asked("sweep"))
     f = data["frequency"].values
     z = [(apart / error)[(f > 5) & (f < 38)]
@@ -366,43 +296,23 @@ def test_a_sweep_that_is_too_fast_for_its_segments_is_told_with_what_would_do(sw
     assert "more slowly, or use force.segment_s: whole" in told[0].text
 
 
-@pytest.mark.slow
-def test_a_sweep_that_still_rings_at_the_end_is_told(swept):
-    manifest = swept.asked("sweep")
-    early = manifest.excitation.model_copy(update={"steady_interval_s": (0.5, 5.0)})
-    cut = manifest.model_copy(update={"excitation": early})
-    assert [one for one in check_response(swept.responded(cut), cut) if one.code == "still-ringing"]
-
-
-def test_a_slow_sweep_dwells_until_a_resonance_settles():
-    slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
-    assert dwell_time(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
-    assert settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
-
-
-def test_a_sweep_is_found_in_the_force():
+def test_a_sweep_is_found_in_the_force_and_dwells_until_a_resonance_settles():
     found = find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep())
     assert found.from_hz == pytest.approx(20, rel=0.1)
     assert found.to_hz == pytest.approx(5, rel=0.2)
     assert found.duration_s == pytest.approx(10, rel=0.1)
-    assert find_sweep(swept_force(14, 10, 20, 5), FINE, Sweep(from_hz=21.0)).from_hz == 21
-
-
-def test_noise_at_rest_has_its_power():
-    noise = 1e-5 * np.random.default_rng(0).standard_normal((4000, 3))
-    np.testing.assert_allclose(noise_of(noise, 100.0, (5, 40)), 1e-10 / 50, rtol=0.1)
-    assert np.isnan(noise_of(noise[:6], 100.0, (5, 40))).all()
+    slow = Sweep(from_hz=5.0, to_hz=10.0, duration_s=100.0)
+    assert dwell_time(slow, 6.0, 0.01) == pytest.approx(2.4)  # s, for 0.12 Hz at 0.05 Hz a second
+    assert settling_time(6.0, 0.01) == pytest.approx(4 / (2 * np.pi * 0.06))
 
 
 # Clocks.
 
 
 @pytest.mark.slow
-@pytest.mark.few(1)
-@pytest.mark.parametrize("fast", [3e-4, -3e-4])
-def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, averaged, fast):
+def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, averaged):
     """As far apart after half a minute as by 30 ppm after five; and a start 4 ms late."""
-    middle = float(driven.recordings[0].times.mean())
+    middle, fast = float(driven.recordings[0].times.mean()), 3e-4
     wrong = [own.paced(1 + fast * k / 2, middle) for k, own in enumerate(driven.recordings)]
     wrong[3] = replace(wrong[3], delay=wrong[3].delay - 0.004)
     manifest = driven.asked(segment_s=5.0)
@@ -412,18 +322,12 @@ def test_clocks_of_cameras_that_drift_are_put_in_step_by_the_pictures(driven, av
     assert not right["camera_pace"].any()
     assert not right["camera_lag"].any()
     f, whole = (data[name].values for name in ("frequency", "standard_error"))
-    for marker in (10, 45, 74):
-        apart = (
-            complex_of(data, "receptance")[0, marker] - complex_of(right, "receptance")[0, marker]
-        )
-        apart = np.abs(apart) / whole[0, marker]
-        assert np.sqrt(np.mean(apart[f > 4] ** 2)) < 0.5
-    told = [one.text for one in check_response(data, manifest) if one.code == "clock-drift"]
-    assert len(told) == 3
-    assert [one.code for one in check_response(data, manifest)].count("start-by-pictures") == 1
-    assert re.match(
-        r"The clock of camera C runs \d+ ppm (fast|slow) compared with that of A", told[1]
-    )
+    apart = (complex_of(data, "receptance") - complex_of(right, "receptance"))[0, [10, 45, 74]]
+    apart = np.abs(apart) / whole[0, [10, 45, 74]]
+    assert np.all(np.sqrt(np.mean(apart[:, f > 4] ** 2, axis=1)) < 0.5)
+    codes = [one.code for one in check_response(data, manifest)]
+    assert codes.count("clock-drift") == 3
+    assert codes.count("start-by-pictures") == 1
 
 
 @pytest.mark.slow
@@ -475,48 +379,27 @@ def manifest_for(folder, **force):
 # What cannot be used.
 
 
-def clipped(newtons):
-    return np.clip(newtons, -SCALE, SCALE * (1 - 2**-15))
-
-
 @pytest.mark.parametrize(
-    ("made", "how", "told"),
-    [
-        (lambda n: 0 * n, {}, r"channel 1 is silent .* allowed"),
-        (lambda n: clipped(40 * n), {}, r"channel 1 is clipped \(\d+ samples .* gain down"),
-        (lambda n: n, {"channel": 2}, r"given channel 2, allowed: 1 to 1"),
-    ],
-)
-def test_a_sound_that_is_no_force_is_refused_in_one_line(tmp_path, made, how, told):
-    write_wav(tmp_path / "force.wav", made(random_force(6, 0.05)) / SCALE)
+    ("gain", "told"),
+    [(0, r"channel 1 is silent .* allowed"),
+     (40, r"channel 1 is clipped \(\d+ samples .* gain down")],
+)  # fmt: skip
+def test_a_sound_that_is_no_force_is_refused_in_one_line(tmp_path, gain, told):
+    newtons = np.clip(gain * random_force(6, 0.05), -SCALE, SCALE * (1 - 2**-15))
+    write_wav(tmp_path / "force.wav", newtons / SCALE)
     with pytest.raises((ForceError, MediaError), match=told) as error:
-        read_force(manifest_for(tmp_path, **how), tmp_path, np.zeros(2))
+        read_force(manifest_for(tmp_path), tmp_path, np.zeros(2))
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("length_s", "offset_s", "told"),
-    [
-        (6, 90.0, r"from 90.000 to .* allowed: 4 s or more in common"),
-        (2, 0.5, r"from 0.500 to 2.5.* allowed: 4 s or more"),
-    ],
-)
-def test_a_force_at_other_times_is_refused_in_one_line(brief, tmp_path, length_s, offset_s, told):
-    write_wav(tmp_path / "force.wav", brief.truth.newtons[: int(length_s * FINE)] / SCALE)
-    with pytest.raises(ForceError, match=told) as error:
-        estimate_response(brief.asked(offset_s=offset_s), SILENT, brief.recordings, tmp_path)
-    assert "\n" not in str(error.value)
-
-
-def test_a_force_sampled_too_rarely_is_refused(brief):
+def test_forces_and_films_that_do_not_fit_are_refused(brief):
+    with pytest.raises(ForceError, match=r"from 90.000 to .* allowed: 4 s or more in common"):
+        brief.responded(brief.asked(offset_s=90.0))
     rows = np.column_stack([np.arange(0, 6, 0.02), random_force(6)[::40]])
     np.savetxt(brief.folder / "slow.csv", rows, delimiter=",")
     manifest = brief.asked(file="slow.csv", full_scale_n=None)
     with pytest.raises(ForceError, match=r"slow.csv: 50 samples a second, allowed: at least 100"):
         brief.responded(manifest)
-
-
-def test_a_film_too_slow_for_a_sweep_is_refused(brief):
     manifest = brief.asked("sweep")
     sweep = Sweep(from_hz=60.0, to_hz=90.0)
     fast = manifest.excitation.model_copy(update={"sweep": sweep})
@@ -524,54 +407,25 @@ def test_a_film_too_slow_for_a_sweep_is_refused(brief):
         brief.responded(manifest.model_copy(update={"excitation": fast}))
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (
-            "t,n\n0,1\n0.01,x\n" + "".join(f"{k / 100},1\n" for k in range(2, 150)),
-            r"line 3: '0.01,x' is not a time and a force, allowed: .* as .time_s,force_N.",
-        ),
-        ("t,n\n0,1\n0,2\n", r"line 3: 0 s, allowed: after the line before"),
-        ("t,n\n0,1\n1,2\n", r"2 samples, allowed: 100 or more"),
-        ("\n".join(f"{k / 1000},1" for k in range(200)), r"silent, allowed: a force that changes"),
-    ],
-)
-def test_tables_that_are_none_are_refused(tmp_path, text, told):
-    (tmp_path / "force.csv").write_text(text)
-    manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
-    with pytest.raises(ForceError, match=told):
-        read_force(manifest, tmp_path, np.zeros(2))
-
-
 def test_a_force_is_checked_before_anything_is_calibrated(tmp_path):
     (tmp_path / "force.csv").write_text("i,force\n" + "".join(f"{k},1\n" for k in range(200)))
     manifest = manifest_for(tmp_path, file="force.csv", full_scale_n=None)
     (line,) = [one for one in check_recordings(manifest, tmp_path) if one.startswith("force.file")]
     assert "no column is clearly the time, of columns 1 (i), 2 (force)" in line
-    write_wav(tmp_path / "force.wav", np.zeros(9000))
-    (line,) = [one for one in check_recordings(manifest_for(tmp_path), tmp_path)
-               if one.startswith("force.file")]  # fmt: skip
-    assert "silent audio" in line
 
 
-@pytest.mark.parametrize(
-    ("force", "kind", "told"),
-    [
-        ({"full_scale_n": None}, "random", "full_scale_n: given null.*above 0, in N"),
-        ({"file": "x.csv"}, "random", "full_scale_n: given 2.0, allowed with a table"),
-        ({"file": "x.csv", "full_scale_n": None, "offset_s": None}, "random",
-         "offset_s: given null, allowed with a table"),
-        ({"at_mm": [700.0, 15.0]}, "random", "at_mm: given .700.0, 15.0., allowed: null, or"),
-        (None, "sweep", "force: given null, allowed where excitation.kind is sweep"),
-        ({}, "multisine", 'kind: given "multisine", allowed with a force'),
-    ],
-)  # fmt: skip
-def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind, told):
-    values = manifest_for(tmp_path).model_dump(mode="json")
-    given = None if force is None else values["force"] | force
-    values |= {"force": given, "excitation": {"kind": kind}}
-    with pytest.raises(ValueError, match=told):
-        Manifest.model_validate_json(json.dumps(values))
+def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path):
+    def said(kind="random", **force):
+        values = manifest_for(tmp_path).model_dump(mode="json")
+        given = {"force": values["force"] | force, "excitation": {"kind": kind}}
+        return Manifest.model_validate_json(json.dumps(values | given))
+
+    with pytest.raises(ValueError, match=r"full_scale_n: given null.*above 0, in N"):
+        said(full_scale_n=None)
+    with pytest.raises(ValueError, match=r"full_scale_n: given 2.0, allowed with a table"):
+        said(file="x.csv")
+    with pytest.raises(ValueError, match=r"at_mm: given .700.0, 15.0., allowed: null, or"):
+        said(at_mm=[700.0, 15.0])
 
 
 # Report and files.
@@ -581,9 +435,7 @@ def test_what_a_manifest_may_not_say_of_a_force_is_refused(tmp_path, force, kind
 def test_curves_go_to_a_report_and_files(driven, tmp_path):
     of, said = Recorded(SILENT, calibration_of(driven.recordings), driven.recordings), []
     page = measure_motion(driven.asked(), driven.folder, of, tmp_path, said.append)
-    text = page.page
-    assert text.count("<figure>") == 3
-    assert "marker 46, nearest to the force" in text
+    assert page.page.count("<figure>") == 3
     assert said[2].startswith("receptance of 75 markers from 2")
     data = xr.open_dataset(tmp_path / "response.nc")
     sets = [one for one in pyuff.UFF(str(tmp_path / "response.uff")).read_sets()
@@ -602,13 +454,16 @@ def test_curves_go_to_a_report_and_files(driven, tmp_path):
 def tapped(tmp_path_factory):
     """A hammer's pulse of 4 ms; the structure rings as long as it is filmed. Truth, results."""
     folder, damping = tmp_path_factory.mktemp("tapped"), (0.02, 0.01)
-    t = np.arange(int(9 * FINE)) / FINE
+    t = np.arange(int(6.5 * FINE)) / FINE
     pulse = np.where(t < 0.004, 1.8 * np.sin(np.pi * t / 0.004), 0.0)
-    rates = (240.0, 200.0, 239.76, 200.0)
-    own = scene(folder, pulse, damping, 8.0, 0.002, rates=rates, place=(0.3, 0.015))
-    sound = SILENT.assign(steady=("end", [0.52, 8.0]))
+    rates = (170.0, 160.0, 169.83, 160.0)
+    own = scene(folder, pulse, damping, 5.5, 0.002, rates=rates, place=(0.3, 0.015))
+    sound = SILENT.assign(steady=("end", [0.52, 5.5]))
     of, out = Recorded(sound, calibration_of(own.recordings), own.recordings), folder / "out"
-    measure_motion(own.asked("free_decay", to_hz=60.0), folder, of, out, lambda _: None)
+    manifest = own.asked("free_decay", Sought(to_hz=60.0, count=2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(animation, "write_shape", lambda *_: None)  # what takes most of the time
+        measure_motion(manifest, folder, of, out, lambda _: None)
     return own.truth, out
 
 
@@ -652,7 +507,7 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
 
 
 @pytest.mark.nightly
-def test_what_a_reader_should_know_is_told(driven, averaged):
+def test_what_a_reader_should_know_is_told(driven, averaged, swept):
     manifest, data = driven.asked(segment_s=5.0), averaged
     changes = {
         "The force covers": {"filmed": ("end", [0.0, 90.0])},
@@ -677,3 +532,8 @@ def test_what_a_reader_should_know_is_told(driven, averaged):
     stiff = short.structure.model_copy(update={"damping": 0.5})
     noted = check_response(driven.responded(short), short.model_copy(update={"structure": stiff}))
     assert "segment-short" in {one.code for one in noted}
+    sweep = swept.asked("sweep")
+    early = sweep.excitation.model_copy(update={"steady_interval_s": (0.5, 5.0)})
+    cut = sweep.model_copy(update={"excitation": early})
+    noted = check_response(swept.responded(cut), cut)
+    assert "still-ringing" in {one.code for one in noted}

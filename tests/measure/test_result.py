@@ -84,13 +84,6 @@ def manifest(**excitation):
     return given.model_copy(update={"excitation": driven, "cameras": cameras})
 
 
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    """What recordings with little noise give, of which nothing is to be noted."""
-    folder = tmp_path_factory.mktemp("plain")
-    return shape_result(manifest(), heard(), recordings(folder, noise=0.02))
-
-
 def test_exact_tracks_give_the_exact_shape(conforms, tmp_path):
     data = shape_result(manifest(), heard(), recordings(tmp_path))
     conforms.closed_form(data["deflection"], TRUE, atol=2e-5 * 0.004)
@@ -122,22 +115,15 @@ def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("frequency", "how"),
-    [
-        (4.25, {}),
-        (1.7, {"like": 0.5}),
-        (7.3, {"like": 0.5}),
-        (4.25, {"kept": 0.8}),
-        (4.25, {"kept": 0.9, "fastest": True}),
-    ],
+    [(1.7, {"like": 0.5}), (4.25, {"kept": 0.9, "fastest": True})],
     ids=str,
 )
 def test_standard_errors_are_what_noise_of_any_kind_scatters_by(
     conforms, tmp_path, monkeypatch, frequency, how
 ):
-    """White, or alike by half from frame to frame at a low and a high frequency; with gaps."""
+    """Alike by half from frame to frame; white and without the fastest centres."""
     monkeypatch.setattr("test_result.RATES", (30.0, 25.0, 29.97, 30.0))
     part = replace(PART, frequency=frequency)
     own = recordings(tmp_path, 3, motion=Motion(BEAM, (part,), 1.0, 0.4), end=BEGIN + 8)
@@ -193,7 +179,7 @@ def test_a_rolling_shutter_is_made_good_by_its_readout_time(conforms, tmp_path):
     assert np.abs(ignored["quadrature"]).max() > 10 * np.abs(data["quadrature"]).max()
 
 
-@pytest.mark.parametrize("given", [4.25, np.nan, 4.27])
+@pytest.mark.parametrize("given", [np.nan, 4.27])
 def test_the_frequency_is_that_of_the_tracks_where_no_force_tells_it(conforms, tmp_path, given):
     data = shape_result(manifest(), heard(given, of_force=0), recordings(tmp_path, noise=0.02))
     error = float(data["frequency_deviation"])
@@ -232,15 +218,10 @@ def test_two_cameras_are_enough(conforms, tmp_path):
     assert any("2 markers were seen by fewer" in line for _, line in check_shape(summed(data)))
 
 
-@pytest.mark.parametrize("change", ["moved", "zoomed"])
-def test_a_camera_that_does_not_fit_the_grid_is_refused_by_its_name(tmp_path, change):
+def test_a_camera_that_does_not_fit_the_grid_is_refused_by_its_name(tmp_path):
     own = recordings(tmp_path, noise=0.02)
-    if change == "moved":
-        own[1] = replace(own[1], camera=replace(own[1].camera, centre=own[1].camera.centre + 0.02))
-    else:
-        zoom(own, [2], 1.02)
-    named = "." if change == "moved" else "C"
-    with pytest.raises(ChainError, match=rf"camera {named} fits worst"):
+    zoom(own, [2], 1.02)
+    with pytest.raises(ChainError, match="camera C fits worst"):
         shape_result(manifest(), heard(), own)
 
 
@@ -258,6 +239,12 @@ def edited(own, change):
     change(own.times, uv)
     np.save(own.path, uv)
     return own
+
+
+def zoom(own, cameras, by):
+    for k in cameras:
+        middle = own[k].camera.K[:2, 2:]
+        edited(own[k], lambda t, uv, c=middle: uv.__isub__(c).__imul__(by).__iadd__(c))
 
 
 def test_clocks_that_run_at_different_speeds_are_told_and_mended(conforms, tmp_path):
@@ -340,19 +327,15 @@ def test_corners_that_run_the_wrong_way_round_are_refused(tmp_path):
         shape_result(manifest(), heard(), own)
 
 
-@pytest.mark.parametrize(("zoomed", "by"), [([0, 1, 2, 3], 1.005), ([2], 1.003)])
-def test_a_zoom_since_the_board_was_filmed_is_told(plain, tmp_path, zoomed, by):
-    own = recordings(tmp_path, noise=0.02)
-    assert "zoom" not in shown(plain)
-    zoom(own, zoomed, by)
-    told = "zoom or crop since the board" if len(zoomed) > 1 else "zoomed or cropped"
-    assert told in shown(shape_result(manifest(), heard(), own))
+def test_a_zoom_since_the_board_was_filmed_is_told(tmp_path):
+    def told(zoomed, by):
+        own = recordings(tmp_path, noise=0.02)
+        zoom(own, zoomed, by)
+        return shown(shape_result(manifest(), heard(), own))
 
-
-def zoom(own, cameras, by):
-    for k in cameras:
-        middle = own[k].camera.K[:2, 2:]
-        edited(own[k], lambda t, uv, c=middle: uv.__isub__(c).__imul__(by).__iadd__(c))
+    assert "zoom" not in told([], 1)
+    assert "zoom or crop since the board" in told([0, 1, 2, 3], 1.005)
+    assert "zoomed or cropped" in told([2], 1.003)
 
 
 def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
@@ -386,8 +369,3 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.mean(errors**2)), np.sqrt(np.mean(stated**2)), rtol=0.25)
     conforms.sampled(np.mean(np.abs(errors) < 2 * stated), above=0.88)
     assert np.sqrt(np.mean(errors**2)) > 3 * np.sqrt(np.mean(alone**2))
-
-
-def test_few_poses_of_the_board_are_told(plain):
-    assert "Only 4 board poses" in shown(plain.assign(board_poses=4))
-    assert "board poses" not in shown(plain.assign(board_poses=5))

@@ -52,16 +52,22 @@ def videos(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_starts_and_drifts_are_the_true_ones(conforms, videos):
+def test_starts_and_drifts_are_the_true_ones(conforms, videos, tmp_path):
     (b, c), names = synchronise_videos(videos)
     assert names == ["A", "B", "C"]
-    conforms.sampled(b.delay, 1.2312, atol=1e-5)
-    conforms.sampled(c.delay, -0.3883, atol=1e-5)
-    conforms.sampled(1e6 * b.drift, 30, atol=1)
-    conforms.sampled(1e6 * c.drift, -20, atol=1)
     for one in (b, c):
         assert 0 < 1e6 * one.drift_deviation < 1
         assert 0 < one.delay_deviation < 2e-5
+    before = {video: video.stat().st_mtime_ns for video in videos}
+    done = thesis("sync", *videos, "--out", tmp_path / "sync")
+    assert (done.status, done.err) == (0, "")
+    table = pd.read_csv(tmp_path / "sync" / "sync.csv")
+    conforms.sampled(table["starts_after_s"], [0, 1.2312, -0.3883], atol=1e-5)
+    conforms.sampled(table["in_frames"], [0, 36.936, -11.649], atol=1e-3)
+    conforms.sampled(table["clock_fast_by_ppm"], [0, 30, -20], atol=1)
+    np.testing.assert_allclose(table["starts_after_s"][1:], [b.delay, c.delay], atol=1e-6)
+    assert cv2.imread(str(tmp_path / "sync" / "sync.png")).shape[1] > 900
+    assert {video: video.stat().st_mtime_ns for video in videos} == before
 
 
 @pytest.mark.nightly
@@ -94,20 +100,6 @@ def test_a_measurement_hears_the_same_starts_though_clocks_drift(conforms, video
     assert "camera B's clock is fast by +30." in told or "camera B's clock is fast by +29." in told
 
 
-def test_the_command_writes_a_table_and_a_picture(conforms, videos, tmp_path):
-    before = {video: video.stat().st_mtime_ns for video in videos}
-    done = thesis("sync", *videos, "--out", tmp_path / "sync")
-    assert (done.status, done.err) == (0, "")
-    assert done.out.startswith("B starts +1.231")
-    table = pd.read_csv(tmp_path / "sync" / "sync.csv")
-    assert table["video"].tolist() == ["A", "B", "C"]
-    conforms.sampled(table["starts_after_s"], [0, 1.2312, -0.3883], atol=1e-5)
-    conforms.sampled(table["in_frames"], [0, 36.936, -11.649], atol=1e-3)
-    conforms.sampled(table["clock_fast_by_ppm"], [0, 30, -20], atol=1)
-    assert cv2.imread(str(tmp_path / "sync" / "sync.png")).shape[1] > 900
-    assert {video: video.stat().st_mtime_ns for video in videos} == before
-
-
 def test_names_are_neither_formulas_nor_commands_of_the_screen(videos, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = ["=cmd|' -C calc'!A0.mkv", "-12:30:05\u202e\nA starts \x1b]0;title\x07.mkv"]
@@ -125,15 +117,11 @@ def test_names_are_neither_formulas_nor_commands_of_the_screen(videos, tmp_path,
 def test_sounds_that_are_unlike_and_files_that_are_none_are_one_line(videos, tmp_path):
     pictures = np.zeros((30, 16, 16), np.uint8)
     write_video(tmp_path / "D.mkv", pictures, 30, np.zeros(0), RATE)
-    (tmp_path / "E.mkv").write_text("no video")
     track = recorded(room(5), 0.2, 0.0, 9)[: 8 * RATE]
     write_video(tmp_path / "F.mkv", pictures, 30, track, RATE)
     cases = {
         (videos[0],): (2, "two or more"),
-        (videos[0], videos[0]): (2, "given twice"),
-        (videos[0], tmp_path / "none.mkv"): (2, "no such file"),
         (videos[0], tmp_path / "D.mkv"): (1, "D.mkv"),
-        (videos[0], tmp_path / "E.mkv"): (1, "E.mkv"),
         (videos[0], tmp_path / "F.mkv"): (1, "F: no sound in it matches that of A"),
     }
     for given, (status, words) in cases.items():

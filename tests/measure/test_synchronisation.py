@@ -15,18 +15,14 @@ from thesis_lib.measure.synchronisation.audio import (
     decimate_signal,
 )
 from thesis_lib.measure.synchronisation.delays import (
-    correlation_coefficient,
     delay_deviation,
     force_match,
     phase_delays,
-    without_tone,
 )
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import (
     find_tone,
     frequency_deviation,
-    strongest_frequency,
-    tone_frequency,
 )
 
 RATE = 48000
@@ -107,13 +103,12 @@ def test_whole_frames_are_the_thesis_s(conforms):
 
 
 def test_a_steady_tone_is_aligned_within_0_005_frame_modulo_its_period(conforms):
-    conforms.sampled(np.abs(errors(tone, 30, FREQUENCY, PERIOD)).max(), below=0.005)
+    conforms.sampled(np.abs(errors(tone, 10, FREQUENCY, PERIOD)).max(), below=0.005)
 
 
-@pytest.mark.few(3)
 @pytest.mark.parametrize("signal", [transient, growing, clap])
 def test_a_transient_is_aligned_within_0_005_frame_without_doubt(conforms, signal):
-    for seed in range(12):
+    for seed in range(4):
         signals, truth = recordings(signal, seed)
         found = synchronise_sounds(signals, RATE, FPS, FREQUENCY)
         conforms.sampled(FPS * np.abs(found.delays - truth).max(), below=0.005)
@@ -122,13 +117,10 @@ def test_a_transient_is_aligned_within_0_005_frame_without_doubt(conforms, signa
         assert any("Not ambiguous" in line for line in found.describe("ABCD"))
 
 
-def test_a_known_frequency_may_be_slightly_off(conforms):
+def test_phases_correct_a_rough_guess_and_the_frequency_may_be_slightly_off(conforms):
     signals, truth = recordings(transient, 3)
     found = phase_delays(signals, RATE, FREQUENCY * 1.01, truth)
     conforms.closed_form(found, truth, atol=0.005 / FPS)
-
-
-def test_phases_only_correct_a_rough_guess(conforms):
     signals, truth = recordings(tone, 4)
     guess = truth + np.array([0, 0.3, -0.3, 0.2]) * PERIOD
     conforms.closed_form(phase_delays(signals, RATE, FREQUENCY, guess), truth, atol=0.005 / FPS)
@@ -145,22 +137,6 @@ def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
 # Correlation, frequency, scatter.
 
 
-def test_correlation_is_that_of_the_overlap(conforms):
-    rng = np.random.default_rng(0)
-    a, b = rng.normal(size=50), rng.normal(size=40)
-    lags, coefficients = correlation_coefficient(a, b, 30)
-    for lag, coefficient in zip(lags, coefficients, strict=True):
-        j = [k for k in range(40) if 0 <= k + lag < 50]
-        expected = np.corrcoef(a[np.array(j) + lag], b[j])[0, 1]
-        conforms.independent(coefficient, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("guess", [4.0, 4.25, 4.5])
-def test_the_frequency_of_a_tone_is_found(conforms, guess):
-    (signal, *_), _ = recordings(tone, 1)
-    conforms.closed_form(tone_frequency(signal, RATE, guess), FREQUENCY, atol=1e-3)
-
-
 @pytest.mark.slow
 def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
@@ -171,11 +147,11 @@ def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     conforms.sampled(abs(missed.mean()), below=4 * bound / np.sqrt(missed.size / 2))
 
 
-@pytest.mark.parametrize("signal", [transient, growing, lambda t: growing(5 - t)])
+@pytest.mark.parametrize("signal", [transient, lambda t: growing(5 - t)])
 def test_the_phase_of_a_tone_that_grows_or_fades_errs_by_the_noise_alone(conforms, signal):
     """What grows or fades is left out: none of it stays when there is no noise."""
     for snr_db, most in ((20.0, 0.005), (60.0, 1e-4)):
-        for seed in range(8):
+        for seed in range(3):
             signals, truth = recordings(signal, seed, snr_db, seconds=3.5)
             error = FPS * (phase_delays(signals, RATE, FREQUENCY, truth) - truth)
             conforms.sampled(np.abs(error).max(), below=most)
@@ -185,7 +161,7 @@ def test_the_phase_of_a_tone_that_grows_or_fades_errs_by_the_noise_alone(conform
 
 
 def test_a_pure_tone_is_ambiguous_and_says_so(conforms):
-    for seed in range(10):
+    for seed in range(3):
         found = synchronise_sounds(recordings(tone, seed)[0], RATE, FPS, FREQUENCY)
         assert found.ambiguous
         conforms.closed_form(np.abs(found.delays).max(), below=0.51 * PERIOD)
@@ -225,41 +201,20 @@ def refused(signals, *words, rate=RATE, frequency=None):
         assert word in str(error.value)
 
 
-def test_a_recording_of_something_else_is_named():
-    good, *_ = recordings(transient, 0)[0]
-    noise = 0.1 * np.random.default_rng(0).standard_normal(len(good))
-    words = "recording 1: ", "correlation of", "same sound"
-    refused([good, noise], *words, frequency=FREQUENCY)
-
-
-def test_a_tone_that_just_fits_is_not_clipped(conforms):
-    t = np.arange(3 * RATE) / RATE
-    full = [np.sin(2 * np.pi * FREQUENCY * (t + start)) for start in (0, 0.05)]
-    conforms.closed_form(synchronise_sounds(full, RATE, FPS, FREQUENCY).delays[1], 0.05, atol=1e-5)
-
-
 def test_a_small_error_of_the_frequency_is_found_in_a_long_recording():
     t = np.arange(60 * 8000) / 8000
     refused([tone(t), tone(t)], "given 4.26, but", rate=8000, frequency=4.26)
     synchronise_sounds([tone(t), tone(t)], 8000, FPS, 4.2505)
 
 
-@pytest.mark.parametrize("given", [1e5, 6001.0])
-def test_a_frequency_too_high_for_the_sound_is_refused_at_once(given):
+def test_a_frequency_too_high_for_the_sound_is_refused_at_once():
     good, *_ = recordings(transient, 0)[0]
-    refused(
-        [good, good],
-        f"excitation.frequency_hz: given {given:g}",
-        "6000 Hz, 8 samples",
-        frequency=given,
-    )
-    with pytest.raises(SynchronisationError, match="8 samples of the sound per period"):
-        phase_delays([good, good], RATE, given, [0, 0])
+    words = "excitation.frequency_hz: given 6001", "6000 Hz, 8 samples"
+    refused([good, good], *words, frequency=6001.0)
 
 
-@pytest.mark.parametrize("snr_db", [0, 10])
-def test_noise_beyond_the_tone_s_band_does_not_count(conforms, snr_db):
-    signals, truth = recordings(growing, 3, snr_db)
+def test_noise_beyond_the_tone_s_band_does_not_count(conforms):
+    signals, truth = recordings(growing, 3, 0)
     found = synchronise_sounds([0.5 * x for x in signals], RATE, FPS, FREQUENCY)
     conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
 
@@ -273,9 +228,7 @@ def divided(x, seed):
     return np.split(x, [*cuts, cuts[-1]])
 
 
-@pytest.mark.few(6)
-@pytest.mark.parametrize("step", [1, 2, 3, 12, 14])
-@pytest.mark.parametrize("length", [20000, 20001, 19993])
+@pytest.mark.parametrize(("step", "length"), [(1, 20000), (3, 20001), (14, 19993)])
 def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step, length):
     x = np.random.default_rng(step).standard_normal(length)
     whole = resample_poly(x, 1, step)[FILTER_REACH_SAMPLES:-FILTER_REACH_SAMPLES] if step > 1 else x
@@ -285,108 +238,35 @@ def test_a_signal_decimated_in_blocks_is_the_whole_one_decimated(conforms, step,
     conforms.invariance(decimate_signal(x, 48000, 48000 / step)[0], whole, atol=1e-12)
 
 
-def test_a_signal_shorter_than_the_low_pass_leaves_nothing():
-    assert len(decimate_signal(np.ones(19 * 12), 48000, 4000)[0]) == 0
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda x: x, None),
         (lambda x: x[:12000], "A: 0.250 s of audio"),
         (lambda x: 0.3 + 1.9e-4 * x, "A: silent audio (rms 9.5e-05"),
-        (lambda x: 0.3 + 2.1e-4 * x, None),
         (lambda x: np.where(np.arange(len(x)) < 0.021 * len(x), -1.0, 0.9 * x), "clipped"),
-        (lambda x: np.where(np.arange(len(x)) > 0.981 * len(x), 1.0, 0.9 * x), None),
-        (lambda x: np.where(np.arange(len(x)) == len(x) - 1, np.nan, x), "allowed: finite"),
     ],
-    ids=["good", "short", "silent", "faint", "clipped", "nearly clipped", "not a number"],
+    ids=["short", "silent", "clipped"],
 )
-def test_recordings_are_checked_in_blocks_as_in_one(change, words):
+def test_recordings_are_checked_in_blocks(change, words):
     x = change(np.tile([0.5, -0.5], 24000))
-    for blocks in ([x], divided(x, 1), divided(x, 2)):
-        if words is None:
-            np.testing.assert_array_equal(
-                np.concatenate(list(check_blocks(blocks, RATE, 0.5, "A"))), x
-            )
-            continue
-        with pytest.raises(SynchronisationError) as error:
-            list(check_blocks(blocks, RATE, 0.5, "A"))
-        assert words in str(error.value)
-
-
-# Long tones, in which the moment that tells the periods apart is a small part.
-
-LOW = 8000  # Hz, which makes the same noise denser
-
-
-def onset(t):
-    """A tone that starts at once."""
-    return 0.5 * (t > 1) * np.sin(2 * np.pi * FREQUENCY * (t - 1))
-
-
-def late_clap(t):
-    """A steady tone, and a clap after 200 s."""
-    since = np.maximum(t - 200, 0)
-    return tone(t) + 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
-
-
-def ending(t):
-    """A tone that fades over two periods after 250 s."""
-    return tone(t) * np.clip(1 - (t - 250) / (2 * PERIOD), 0, 1)
-
-
-def long_recordings(signal, seed, seconds=300, spread=0.3, snr_db=20.0):
-    rng = np.random.default_rng(seed)
-    starts = rng.uniform(0, spread, 2)
-    t = np.arange(round(seconds * LOW)) / LOW
-    spread = np.sqrt(POWER / 10 ** (snr_db / 10))
-    signals = [signal(t + start) + spread * rng.standard_normal(len(t)) for start in starts]
-    return signals, starts - starts[0]
+    with pytest.raises(SynchronisationError) as error:
+        list(check_blocks(divided(x, 1), RATE, 0.5, "A"))
+    assert words in str(error.value)
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
-@pytest.mark.parametrize("signal", [growing, onset, clap, late_clap, ending])
-def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms, signal):
-    signals, truth = long_recordings(signal, 1)
-    found = synchronise_sounds(signals, LOW, FPS, FREQUENCY)
+def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms):
+    """A clap after 200 s; at a low rate, which makes the same noise denser."""
+    rate, rng = 8000, np.random.default_rng(1)
+    starts, t = rng.uniform(0, 0.3, 2), np.arange(300 * rate) / rate
+    spread, signals = np.sqrt(POWER / 100), []
+    for start in starts:
+        since = np.maximum(t + start - 200, 0)
+        clapped = 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+        signals.append(tone(t + start) + clapped + spread * rng.standard_normal(len(t)))
+    found = synchronise_sounds(signals, rate, FPS, FREQUENCY)
     assert not found.ambiguous
-    conforms.closed_form(found.delays, truth, atol=0.05 / FPS)
-    conforms.closed_form(found.delays, truth, atol=0.002 / FPS)  # what we have
-
-
-@pytest.mark.slow
-def test_five_minutes_of_tone_alone_are_ambiguous():
-    assert synchronise_sounds(long_recordings(tone, 2)[0], LOW, FPS, FREQUENCY).ambiguous
-
-
-def test_an_onset_is_found_though_the_frequency_is_only_roughly_known(conforms):
-    signals, truth = long_recordings(growing, 3, seconds=60)
-    found = synchronise_sounds(signals, LOW, FPS, FREQUENCY * 1.0005)
-    assert not found.ambiguous
-    conforms.closed_form(found.delays, truth, atol=0.01 / FPS)
-
-
-def test_claps_of_different_recordings_leave_the_tone_ambiguous():
-    (a, b), _ = long_recordings(tone, 4, seconds=60)
-    t = np.arange(len(a)) / LOW
-    for x, moment, pitch in ((a, 20.0, 700), (b, 33.0, 450)):
-        since = np.maximum(t - moment, 0)
-        x += 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * pitch * since)
-    assert synchronise_sounds([a, b], LOW, FPS, FREQUENCY).ambiguous
-
-
-@pytest.mark.parametrize("rate", [4000, 3999.3, 272.7])
-def test_nothing_of_a_steady_tone_is_left_by_its_removal(conforms, rate):
-    t = np.arange(round(5 * rate)) / rate
-    conforms.closed_form(np.abs(without_tone(tone(t), rate, FREQUENCY)).max(), below=1e-12)
-    left = without_tone(0.2 + 0.1 * tone(2 * t), rate, FREQUENCY)  # an offset and a harmonic
-    conforms.closed_form(
-        np.abs(left).max(), below=2 * 0.05 * (2 * np.pi * FREQUENCY * 2 / rate) ** 2 + 1e-3 * 0.2
-    )
-    moved = without_tone(growing(t), rate, FREQUENCY)
-    conforms.closed_form(np.abs(moved).max(), 0.25, rtol=0.01)  # half of it in each period
+    conforms.closed_form(found.delays, starts - starts[0], atol=0.002 / FPS)
 
 
 # A room.
@@ -421,11 +301,7 @@ def heard(seed, level_db, seconds=11, colour=0, moments=(6.0,)):
     return signals, starts - starts[0]
 
 
-@pytest.mark.few(3)
-@pytest.mark.parametrize(
-    ("level_db", "colour", "least"),
-    [(-10, 0, 0), (0, 0, 0), (5, 1, 0), (10, 0, 2), (10, 2, 3), (15, 1, 3), (20, 0, 3), (20, 2, 3)],
-)
+@pytest.mark.parametrize(("level_db", "colour", "least"), [(-10, 0, 0), (10, 2, 3), (20, 0, 3)])
 def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, colour, least):
     """Starts are up to 5 s apart; at least so many of three recordings must be found."""
     found = 0
@@ -433,17 +309,14 @@ def test_a_clap_in_independent_noise_is_found_or_refused(conforms, level_db, col
         signals, truth = heard(seed, level_db, colour=colour)
         with suppress(SynchronisationError):
             delays = synchronise_sounds(signals, RATE, FPS).delays
-            conforms.closed_form(delays, truth, atol=0.1 / FPS)
-            conforms.closed_form(delays, truth, atol=0.005 / FPS)  # what we have
+            conforms.closed_form(delays, truth, atol=0.005 / FPS)
             found += 1
     assert found >= least
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize("seed", range(3))
-def test_voices_are_enough(conforms, seed):
+def test_voices_are_enough(conforms):
     """Three seconds of something like speech in every recording, 6 dB above the noise."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     n, starts = 6 * RATE, rng.integers(0, 2 * RATE, 2)
     t = np.arange(n + 2 * RATE) / RATE
     loud = np.maximum(np.interp(t, np.arange(0, 9, 0.12), rng.standard_normal(75)), 0)
@@ -496,7 +369,7 @@ def test_a_recording_that_is_mostly_digital_silence_may_hold_a_clap(conforms):
 # The frequency of a tone that is sought.
 
 
-@pytest.mark.parametrize("frequency", [0.7, 4.25, 29.3, 212.0])
+@pytest.mark.parametrize("frequency", [0.7, 212.0])
 def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
     """Over draws, the error over its stated deviation scatters by 1."""
     t = np.arange(0, max(8, 8 / frequency), 1 / 2000)
@@ -509,15 +382,3 @@ def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
         low, rate = decimate_signal(x, 2000, 64 * frequency)
         off.append((found - frequency) / frequency_deviation(low, rate, found))
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
-
-
-def test_the_strongest_line_of_a_long_signal_is_that_of_the_whole(conforms):
-    x = tone(np.arange(40000) / 200) + np.random.default_rng(0).standard_normal(40000)
-    conforms.closed_form(strongest_frequency(x, 200, 1, 50), FREQUENCY, atol=0.25 / 200)
-    conforms.closed_form(strongest_frequency(x, 200, 1, 50, most=4000), FREQUENCY, atol=0.25 / 20)
-
-
-def test_a_part_of_two_periods_is_no_steady_tone():
-    x = tone(np.arange(8 * 4000) / 4000)
-    with pytest.raises(SynchronisationError, match=r"^A: no steady tone below 500 Hz[^\n]*$"):
-        find_tone(x, 4000, "A", (3.0, 3.5))

@@ -34,17 +34,6 @@ MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 
 FULL, HALF = (1920, 1080), (960, 540)
 
 
-@pytest.fixture(params=["each frame searched", "tabulated"])
-def tracked(request):
-    """Centres of all frames, (frames, 2, markers), by either way to follow markers."""
-
-    def follow(frames, tracker):
-        own = Follower(tracker, frames[0]) if request.param == "tabulated" else tracker
-        return np.array([own.centres(frame) for frame in frames])
-
-    return follow
-
-
 def followed(video, at, markers, shares=(), corners=None):
     """What a video's file of tracks holds, and the notes."""
     files = CameraFiles(
@@ -81,6 +70,12 @@ def found_view(at, image, markers=MARKERS):
     return sharpen_view(image, find_view(image, at, markers))
 
 
+def tabulated(frames, view):
+    """Centres of all frames, (frames, 2, markers), as a measurement follows them."""
+    follower = Follower(Tracker(view), frames[0])
+    return np.array([follower.centres(frame) for frame in frames])
+
+
 def off(found, exact):
     """Distances in px."""
     return np.hypot(*(found - exact))
@@ -98,14 +93,19 @@ def rest():
 
 
 @pytest.mark.slow
-@pytest.mark.few(2)
-@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (170.0, 0.05)])
-def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1):
+@pytest.mark.parametrize(
+    ("azimuth", "k1", "by_tables"), [(-10.0, -0.1, True), (170.0, 0.05, False)]
+)
+def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1, by_tables):
     at = camera(azimuth, k1=k1)
     times = np.arange(-1, 22) / 60
     frames = filmed(at, times)
-    tracker = Tracker(found_view(at, frames[0]))
-    found = tracked(frames, tracker)
+    view = found_view(at, frames[0])
+    if by_tables:
+        found = tabulated(frames, view)
+    else:
+        tracker = Tracker(view)
+        found = np.array([tracker.centres(frame) for frame in frames])
     assert np.isfinite(found).all()
     exact = truth(at, times)
     assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
@@ -116,27 +116,23 @@ def test_centres_are_those_of_the_projected_discs(conforms, tracked, azimuth, k1
 
 
 @pytest.mark.slow
-@pytest.mark.few(1)
-def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(
-    conforms, tracked, request
-):
-    # At 22° a twist of 7° makes the discs' images a third higher or lower.
+def test_markers_turned_far_out_of_their_plane_are_missing_rather_than_wrong(conforms):
+    # At 22° a twist of 7° makes the discs' images a third higher or lower; tables know the discs
+    # as they are at rest.
     motion = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.002)), 0.0, 0.25)
     at, times = camera(), np.arange(-1, 22) / 60
     frames = filmed(at, times, motion)
-    found = tracked(frames, Tracker(found_view(at, frames[0])))
+    found = tabulated(frames, found_view(at, frames[0]))
     error = np.hypot(*(found - truth(at, times, motion)).swapaxes(0, 1))
-    # Tables know the discs as they are at rest.
-    below = 0.1 if "tabulated" in request.node.callspec.id else 0.08
-    conforms.closed_form(np.nanmax(error), below=below)
+    conforms.closed_form(np.nanmax(error), below=0.1)
     assert np.mean(np.isnan(error)) < 0.05
 
 
 @pytest.mark.slow
-def test_noise_moves_centres_little_more_than_it_must(conforms, tracked, rest):
+def test_noise_moves_centres_little_more_than_it_must(conforms, rest):
     # Cramér and Rao: 1 / variance ≤ Σ (∂I/∂u)² / (0.05 I + 1), the slopes by differences.
     at, clean, view, exact = rest
-    found = tracked(filmed(at, [-1.0] * 12, seed=5), Tracker(view))
+    found = tabulated(filmed(at, [-1.0] * 12, seed=5), view)
     scatter = np.std(found, axis=0, ddof=1)
     for axis, step in enumerate(0.25 * np.eye(2)):
         shifted = []
@@ -155,33 +151,18 @@ def test_noise_moves_centres_little_more_than_it_must(conforms, tracked, rest):
 
 
 @pytest.mark.slow
-def test_reduced_frames_are_tracked_as_well(conforms, tracked):
-    at, times = camera(size=HALF), np.arange(-1, 20) / 60
-    frames = filmed(at, times)
-    found = tracked(frames, Tracker(found_view(at, frames[0])))
-    error = found - truth(at, times)
-    assert np.mean(np.isnan(error)) < 0.03
-    conforms.closed_form(np.nanmax(np.abs(error)), below=0.05)
-    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.015)
-
-
-@pytest.mark.slow
-@pytest.mark.few(2)
-@pytest.mark.parametrize(("size", "most_missing"), [(FULL, 0.0), (HALF, 0.03)])
-def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(
-    conforms, tracked, size, most_missing
-):
+def test_no_marker_is_taken_for_its_neighbour_in_the_next_row(conforms):
     # On the plane at rest ±4 mm look like 9.9 mm, and the rows are 10 mm apart.
-    at, motion = camera(size=size), Motion(BEAM, (Component(),), 0.0, 0.25)
+    at, motion = camera(size=HALF), Motion(BEAM, (Component(),), 0.0, 0.25)
     times = np.arange(-1, 15 + 15) / 60
     exact = truth(at, times, motion)
     frames = filmed(at, times, motion, seed=1)
     view = found_view(at, frames[0])
     seen = view.to_plane(exact[:, :, MARKERS.middle_row][:, :, -1].T)
     assert np.ptp(seen[1]) > 0.018
-    found = tracked(frames, Tracker(view))
+    found = tabulated(frames, view)
     missing = np.isnan(found[:, 0])
-    assert missing.mean() <= most_missing
+    assert missing.mean() <= 0.03
     conforms.closed_form(np.hypot(*(found - exact).swapaxes(0, 1))[~missing].max(), below=0.25)
 
 
@@ -198,15 +179,6 @@ def test_a_motion_faster_than_the_frames_is_followed_from_rest(rest):
         beam.before, beam.moved = beam.moved, found - beam.grid
 
 
-def test_without_the_frames_before_the_row_is_not_known(rest):
-    # Else the test above would show nothing.
-    at, _, view, _ = rest
-    motion = Motion(BEAM, (Component(),), 0.0, 0.25)
-    (image,) = filmed(at, [0.294], motion)
-    alone = off(Tracker(view).centres(image), truth(at, [0.294], motion)[0])
-    assert not (alone < 0.25).all()
-
-
 # Hidden, cut off, doubtful.
 
 
@@ -217,9 +189,7 @@ def painted(image, where, half, grey):
     return image
 
 
-@pytest.mark.few(5)
-@pytest.mark.parametrize("grey", [60, 120, 200])
-@pytest.mark.parametrize("marker", [0, 31, 37, 49, 74])
+@pytest.mark.parametrize(("marker", "grey"), [(0, 200), (37, 60), (49, 120)])
 def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
     conforms, rest, marker, grey
 ):
@@ -232,23 +202,6 @@ def test_a_hidden_marker_is_missing_and_its_neighbours_keep_their_places(
     near = np.abs(np.arange(75) % 25 - marker % 25) == 0
     assert np.isfinite(after[:, others & ~near]).all()
     conforms.invariance(np.nanmax(off(after, before)[others]), below=0.02)
-
-
-@pytest.mark.slow
-def test_several_hidden_markers_are_all_missing_in_motion(conforms, tracked):
-    at, times = camera(), np.arange(4, 12) / 60
-    exact = truth(at, times)
-    frames = filmed(at, times)
-    view = found_view(at, *filmed(at, [-1.0]))
-    whole = tracked(frames, Tracker(view))
-    hidden = [3, 30, 45, 62]
-    for k, image in enumerate(frames):
-        for marker in hidden:
-            frames[k] = image = painted(image, exact[k][:, marker], 4, 110)
-    found = tracked(frames, Tracker(view))
-    assert np.isnan(found[:, :, hidden]).all()
-    assert np.count_nonzero(np.isnan(found[:, 0])) <= 4 * len(times) + 4
-    conforms.invariance(np.nanmax(np.hypot(*(found - whole).swapaxes(0, 1))), below=0.02)
 
 
 def test_what_was_hidden_is_followed_again(conforms):
@@ -269,26 +222,12 @@ def test_what_was_hidden_is_followed_again(conforms):
     conforms.closed_form(np.nanmax(after), below=0.08)
 
 
-@pytest.mark.slow
-def test_tables_and_searching_agree_at_a_low_camera(conforms):
-    # From 12° some markers hold in no frame, and the edges are near all of them.
-    at, times = camera(elevation=12.0, size=(1280, 720)), np.arange(-1, 12) / 60
-    frames = filmed(at, times, seed=3)
-    tracker = Tracker(found_view(at, frames[0]))
-    by_table = Follower(Tracker(tracker.view), frames[0])
-    found, other = ([own.centres(f) for f in frames] for own in (tracker, by_table))
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(other))
-    conforms.invariance(np.nanmax(np.abs(np.subtract(found, other))), below=0.05)
-
-
 def test_without_room_for_tables_each_frame_is_searched(rest, monkeypatch):
     at, image, view, _ = rest
-    frames = [image, *filmed(at, np.arange(3) / 60)]
     monkeypatch.setattr(following, "MAX_TABLE_BYTES", 0)
-    found = [Follower(Tracker(view), image)] * 4
-    by_search = [Tracker(view)] * 4
-    for frame, one, other in zip(frames, found, by_search, strict=True):
-        np.testing.assert_allclose(one.centres(frame), other.centres(frame), atol=1e-6)
+    follower, searching = Follower(Tracker(view), image), Tracker(view)
+    for frame in [image, *filmed(at, np.arange(2) / 60)]:
+        np.testing.assert_allclose(follower.centres(frame), searching.centres(frame), atol=1e-6)
 
 
 def cropped(at, image, view, left, top, right, bottom):
@@ -299,19 +238,18 @@ def cropped(at, image, view, left, top, right, bottom):
     return part, replace(view, camera=small, H_image_plane=shift @ view.H_image_plane)
 
 
-@pytest.mark.few(2)
-@pytest.mark.parametrize("border", ["left", "top", "right", "bottom"])
+@pytest.mark.parametrize("border", ["left", "bottom"])
 def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, border):
     at, image, view, exact = rest
     box = {"left": 0, "top": 0, "right": 1920, "bottom": 1080}
-    axis = 0 if border in ("left", "right") else 1
+    axis = 0 if border == "left" else 1
     through = exact[axis, 10 if axis == 0 else 12]  # the middle of a marker
     box[border] = round(through)
     part, own = cropped(at, image, view, **box)
     found = Tracker(own).centres(part) + np.array([[box["left"]], [box["top"]]])
     whole = Tracker(view).centres(image)
     place = exact[axis] - box[border]
-    place = place if border in ("left", "top") else -place
+    place = place if border == "left" else -place
     out, clear = place < 3, place > 16
     assert 5 < np.count_nonzero(out) < 70
     assert np.isnan(found[:, out]).all()
@@ -319,32 +257,21 @@ def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, 
     conforms.invariance(np.nanmax(off(found, whole)), below=0.02)
 
 
-def test_nothing_is_found_where_the_beam_has_left_the_picture(rest):
+def test_what_is_no_beam_gives_no_markers_and_it_comes_back(rest):
     at, image, view, _ = rest
     tracker = Tracker(view)
     tracker.centres(image)
     assert np.isnan(tracker.centres(np.full_like(image, 60))).all()
-    # It comes back.
+    noise = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
+    assert np.mean(np.isnan(tracker.centres(noise)[0])) > 0.95
     assert np.isfinite(tracker.centres(image)).all()
     part, own = cropped(at, image, view, 0, 800, 1920, 1080)
     assert np.isnan(Tracker(own).centres(part)).all()
 
 
-@pytest.mark.parametrize("kind", ["noise", "stripes"])
-def test_what_is_no_beam_gives_no_markers(rest, kind):
-    _, image, view, _ = rest
-    if kind == "noise":
-        image = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
-    else:
-        image = np.broadcast_to((np.arange(1920) // 6 % 2 * 200).astype(np.uint8), image.shape)
-    assert np.mean(np.isnan(Tracker(view).centres(image)[0])) > 0.95
-
-
 def test_the_hole_is_dropped_and_takes_no_marker_s_place(rest):
     at, image, view, exact = rest
-    hole = pinhole.project_points(
-        at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0])
-    )
+    hole = hole_px(at)
     found = Tracker(view).centres(image)
     assert found.shape == (2, 75)
     assert off(found, hole[:, None]).min() > 5
@@ -375,9 +302,14 @@ def corner_error(view, at):
     return off(apply_homography(view.H_image_plane, MARKERS.corners), corners(at)).max()
 
 
-@pytest.mark.few(3)
-@pytest.mark.parametrize("azimuth", [-10.0, 10.0, 170.0, 190.0])
-@pytest.mark.parametrize("upside_down", [False, True])
+def hole_px(at):
+    """Where the hole is seen."""
+    return pinhole.project_points(
+        at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0])
+    )
+
+
+@pytest.mark.parametrize(("azimuth", "upside_down"), [(-10.0, False), (10.0, True), (190.0, False)])
 def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_down):
     at = camera(azimuth)
     if upside_down:
@@ -391,61 +323,21 @@ def test_the_clamped_end_is_found_from_either_side(conforms, azimuth, upside_dow
     )
 
 
-@pytest.mark.few(3)
-@pytest.mark.parametrize("width", [1920, 960])
 @pytest.mark.parametrize(
-    ("azimuth", "elevation", "k1"),
-    [(10, 22, 0.2), (45, 22, -0.08), (40, 15, 0.3), (5, 15, -0.3), (5, 60, 0.3), (80, 15, 0.3),
-     (80, 22, -0.08), (60, 30, -0.3), (25, 60, 0.0), (70, 15, -0.2)],
+    ("azimuth", "elevation", "k1", "width"),
+    [(10, 22, 0.2, 1920), (140, 15, 0.3, 960), (80, 22, -0.08, 960), (175, 60, 0.3, 1920),
+     (-5, 15, 0.0, 640)],
 )  # fmt: skip
 def test_the_beam_is_found_in_any_rig_that_the_laboratory_allows(
     conforms, azimuth, elevation, k1, width
 ):
-    for one in (azimuth, 180 - azimuth):
-        at = camera(one, elevation, k1=k1)
-        assert np.isfinite(corners(at)).all()
-        (image,) = filmed(at, [-1.0])
-        small = pinhole.resize_camera(at, (width, width * 9 // 16))
-        view = find_view(following.reduce_frame(image, width), small, MARKERS)
-        conforms.closed_form(corner_error(view, small), below=2)
-
-
-def test_a_beam_that_its_markers_cut_in_two_is_found_whole(conforms):
-    at = camera(-5.0, 15.0, k1=0.0)
+    """In the last its markers cut it in two."""
+    at = camera(azimuth, elevation, k1=k1)
+    assert np.isfinite(corners(at)).all()
     (image,) = filmed(at, [-1.0])
-    small = pinhole.resize_camera(at, (640, 360))
-    view = find_view(following.reduce_frame(image, 640), small, MARKERS)
+    small = pinhole.resize_camera(at, (width, width * 9 // 16))
+    view = find_view(following.reduce_frame(image, width), small, MARKERS)
     conforms.closed_form(corner_error(view, small), below=2)
-
-
-@pytest.mark.slow
-def test_a_turned_picture_gives_turned_centres(conforms, rest):
-    at, image, view, _ = rest
-    K = at.K.copy()
-    K[:2, 2] = np.array(FULL) - at.K[:2, 2]
-    p1, p2 = at.distortion[2:4]
-    turned = replace(at, K=K, distortion=at.distortion * [1, 1, -1, -1, 1])
-    assert (p1, p2) != (0, 0)
-    again = np.ascontiguousarray(image[::-1, ::-1])
-    found = Tracker(found_view(turned, again)).centres(again)
-    conforms.invariance(np.array(FULL)[:, None] - found, Tracker(view).centres(image), atol=0.005)
-
-
-def one_line(call, *arguments):
-    with pytest.raises(TrackingError) as error:
-        call(*arguments)
-    assert "\n" not in str(error.value)
-    return str(error.value)
-
-
-def test_without_a_hole_the_corners_have_to_be_given(conforms):
-    markers, at = rows_on(BEAM, hole=None), camera()
-    (image,) = filmed(at, [-1.0], markers=markers)
-    message = one_line(find_view, image, at, markers)
-    assert message.startswith("camera A: ")
-    assert "corners_px" in message
-    view = sharpen_view(image, view_of(at, markers, corners(at)))
-    conforms.closed_form(off(Tracker(view).centres(image), truth(at, [-1.0])[0]).max(), below=0.02)
 
 
 def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
@@ -467,61 +359,34 @@ def test_a_detector_is_a_function_and_a_line(monkeypatch, rest):
     np.testing.assert_allclose(detector.centres(frame), discs.centres(frame), atol=0.05)
 
 
-def test_a_hidden_hole_is_said(rest):
+def one_line(call, *arguments):
+    with pytest.raises(TrackingError) as error:
+        call(*arguments)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_pictures_that_do_not_show_the_beam_are_refused(rest):
     at, image, _, _ = rest
-    hole = pinhole.project_points(
-        at, np.array([0.024 - BEAM.length / 2, 0.010 - BEAM.width / 2, 0])
-    )
-    message = one_line(find_view, painted(image, hole, 5, 200), at, MARKERS)
-    assert "the hole is not seen" in message
-    assert "corners_px" in message
-
-
-@pytest.mark.parametrize("grey", [0, 60, 255])
-def test_a_picture_without_a_beam_is_refused(grey):
-    at = camera()
-    one_line(found_view, at, np.full((1080, 1920), grey, np.uint8))
-
-
-def test_a_bright_spot_is_no_beam():
-    image = np.zeros((1080, 1920), np.uint8)
-    image[500:505, 700:703] = 250
-    assert "too small" in one_line(find_view, image, camera(), MARKERS)
-
-
-def test_a_beam_without_markers_is_refused(rest):
-    at, image, _, _ = rest
+    spot = np.zeros((1080, 1920), np.uint8)
+    spot[500:505, 700:703] = 250
+    assert "too small" in one_line(find_view, spot, at, MARKERS)
+    one_line(found_view, at, np.full((1080, 1920), 60, np.uint8))
+    hole = painted(image, hole_px(at), 5, 200)
+    assert "the hole is not seen" in one_line(find_view, hole, at, MARKERS)
     blank = np.where(image > 60, 200, image).astype(np.uint8)
     message = one_line(sharpen_view, blank, view_of(at, MARKERS, corners(at)))
     assert "of 76 markers" in message
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        [[5.0, 5, 5, 5], [7.0, 7, 7, 7]],
-        [[0.0, 100, 200, 300], [0.0, 100, 200, 300]],
-        [[np.nan, 1800, 1800, 100], [500, 500, np.nan, 600]],
-        [[-1e9, 1e9, 1e9, -1e9], [-1e9, -1e9, 1e9, 1e9]],
-        [[100, 1800, 100, 1800], [100, 900, 900, 100]],
-    ],
-)
-def test_absurd_corners_are_refused(rest, given):
-    at, image, _, _ = rest
-    message = one_line(lambda: sharpen_view(image, view_of(at, MARKERS, np.array(given))))
-    assert message.startswith("camera A: ")
-    if np.isnan(given).any():
-        assert "only 2 of 4 points" in message
+    crossed = view_of(at, MARKERS, np.array([[100, 1800, 100, 1800], [100, 900, 900, 100]]))
+    assert one_line(sharpen_view, image, crossed).startswith("camera A: ")
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (rows_on(BEAM, rows=4), "of 101 markers"),
         (rows_on(BEAM, rows=4, row_spacing=0.0075), "one of the rows"),
         (rows_on(BEAM, row_spacing=0.007), "corners"),
         (rows_on(replace(BEAM, n_markers=24)), "of 73 markers"),
-        (rows_on(replace(BEAM, marker_spacing=0.024)), "of 76 markers"),
     ],
 )
 def test_markers_of_another_grid_are_refused(rest, wrong, said):
@@ -529,17 +394,6 @@ def test_markers_of_another_grid_are_refused(rest, wrong, said):
     message = one_line(lambda: sharpen_view(image, view_of(at, wrong, corners(at))))
     assert message.startswith("camera A: ")
     assert said in message
-
-
-def test_markers_off_their_grid_are_refused(rest):
-    # Every other column stands 4 mm to the right.
-    at, _, _, _ = rest
-
-    x, y = MARKERS.centres
-    shifted = np.stack([x + 0.004 * (np.round((x - x[0]) / 0.025) % 2), y])
-    (image,) = filmed(at, [-1.0], markers=replace(MARKERS, centres=shifted))
-    message = one_line(lambda: sharpen_view(image, view_of(at, MARKERS, corners(at))))
-    assert "px off their grid; do rows, columns and spacing agree" in message
 
 
 def test_given_corners_need_not_be_exact(conforms, rest):
@@ -568,11 +422,13 @@ def video(tmp_path_factory):
     return path, at, times
 
 
-def test_given_corners_are_those_in_the_picture(conforms, video):
+def test_given_corners_are_those_in_the_picture(conforms, rest, video):
+    """They have to be given where no hole tells the clamped end."""
     path, at, times = video
     px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
+    assert "corners_px" in one_line(find_view, rest[1], at, markers)
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
         off(given.swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
@@ -600,15 +456,13 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
     assert all("320 px" in note for note in notes)
 
 
-@pytest.mark.parametrize("width", [640, 960, 1280])
-def test_reduced_frames_show_the_same_places(conforms, rest, width):
+def test_reduced_frames_show_the_same_places(conforms, rest):
     at, image, _, exact = rest
-    small = following.reduce_frame(image, width)
-    assert following.reduce_frame(image, 1920 + width) is image  # never larger
-    assert small.shape == (width * 9 // 16, width)
-    own = pinhole.resize_camera(at, (width, width * 9 // 16))
+    small = following.reduce_frame(image, 640)
+    assert following.reduce_frame(image, 1920 + 640) is image  # never larger
+    own = pinhole.resize_camera(at, (640, 360))
     view = sharpen_view(small, find_view(small, own, MARKERS))
-    error = Tracker(view).centres(small) - exact * width / 1920
+    error = Tracker(view).centres(small) - exact / 3
     assert np.mean(np.isnan(error)) < 0.25
     conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
     conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
@@ -617,15 +471,13 @@ def test_reduced_frames_show_the_same_places(conforms, rest, width):
 # The beam resampled on its plane.
 
 
-@pytest.mark.parametrize(("azimuth", "k1"), [(-10.0, -0.1), (45.0, 0.1)])
-def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms, azimuth, k1):
-    at, times = camera(azimuth, k1=k1), np.arange(3, 9) / 60
+def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
+    at, times = camera(45.0, k1=0.1), np.arange(3, 7) / 60
     view = found_view(at, *filmed(at, [-1.0]))
     tracker, away = Tracker(view), []
     assert np.isnan(tracker.matched).all()
     for frame in filmed(at, times):
         centres = tracker.centres(frame)
-        assert tracker.matched.shape == centres.shape
         away.append(tracker.scale * (view.to_plane(tracker.matched) - view.to_plane(centres)))
     away = np.hypot(*np.moveaxis(away, 1, 0))  # pixels of the plane
     conforms.closed_form(np.nanmax(away), below=0.75 * np.sqrt(2))
@@ -634,7 +486,7 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms, azimuth,
     assert np.isnan(tracker.matched).all()
 
 
-@pytest.mark.parametrize("factor", [0.1, 1.0, 1000.0])
+@pytest.mark.parametrize("factor", [0.1, 1000.0])
 def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
     _, image, view, exact = rest
     beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
@@ -649,18 +501,10 @@ def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
     conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
 
 
-def test_a_beam_too_large_for_its_markers_is_refused(rest):
-    _, _, view, _ = rest
-    large = rows_on(replace(BEAM, length=100.0, width=1.0))
-    message = one_line(Tracker, replace(view, markers=large))
-    assert message.startswith("camera A: ")
-    assert "diameter" in message
-
-
 # Assignment and homographies.
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
     rng = np.random.default_rng(seed)
     predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
@@ -668,17 +512,6 @@ def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
     conforms.independent(np.sum((places - predicted) ** 2), best, rtol=1e-12)
-    assert spare == 0
-
-
-def test_what_is_too_far_is_not_assigned():
-    predicted = np.array([[0.0, 1, 2, 3], [0, 0, 0, 0]])
-    found = np.array([[0.1, 2.9, 1.5, 9.0], [0, 0, 0, 0]])
-    places, spare = assign_places(predicted, found, gate=0.4)
-    np.testing.assert_array_equal(places[0], [0.1, np.nan, np.nan, 2.9])
-    assert spare == 2
-    places, spare = assign_places(predicted, np.zeros((2, 0)), 0.4)
-    assert np.isnan(places).all()
     assert spare == 0
 
 
@@ -699,13 +532,8 @@ def test_a_homography_is_found_from_points_some_of_them_missing(conforms):
     image[:, 3] = np.nan
     again = apply_homography(fit_homography(plane, image), plane)
     conforms.closed_form(np.delete(again - image, 3, axis=1), 0, atol=1e-3)
-
-
-def test_fewer_than_four_points_give_no_homography():
-    plane = np.random.default_rng(0).uniform(0, 1, (2, 5))
-    plane[0, :2] = np.nan
-    assert "only 3 of 5 points" in one_line(fit_homography, plane, plane)
-    assert "line" in one_line(fit_homography, np.ones((2, 6)), np.ones((2, 6)))
+    image[:, 3:] = np.nan
+    assert "only 3 of 20 points" in one_line(fit_homography, plane, image)
 
 
 def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
@@ -720,25 +548,23 @@ def test_plane_and_picture_are_each_other_s_inverse(conforms, rest):
 # Light.
 
 
-def stripes(image, depth, phase, columns=False):
+def stripes(image, depth, phase):
     """A frame in light that flickers at 100 Hz, read row by row in 16 ms."""
-    at = np.arange(image.shape[columns])[:, None] / image.shape[columns] * 1.6 + phase
+    at = np.arange(image.shape[0])[:, None] / image.shape[0] * 1.6 + phase
     gain = 1 - depth + depth * np.sin(2 * np.pi * at)
-    return np.clip(image * (gain.T if columns else gain), 0, 255).astype(np.uint8)
+    return np.clip(image * gain, 0, 255).astype(np.uint8)
 
 
-def shaded(image, *_):
+def shaded(image):
     """A frame in the light of a lamp at its left."""
     return (image * np.geomspace(1, 0.25, image.shape[1])).astype(np.uint8)
 
 
-@pytest.mark.few(2)
-@pytest.mark.parametrize("light", ["0.2 by rows", "0.25 by rows", "0.25 by columns", "shaded"])
+@pytest.mark.parametrize("light", ["by rows", "shaded"])
 def test_the_beam_is_found_in_uneven_light(conforms, rest, light):
     at, image, _, exact = rest
-    depth, _, kind = light.partition(" by ")
-    for phase in (0.0, 0.3, 0.7):
-        seen = shaded(image) if not kind else stripes(image, float(depth), phase, kind == "columns")
+    for phase in (0.0, 0.3):
+        seen = shaded(image) if light == "shaded" else stripes(image, 0.25, phase)
         found = following.first_view(seen, at, MARKERS, None)
         centres = Tracker(found).centres(seen)
         conforms.closed_form(np.nanmax(off(centres, exact)), below=0.15)

@@ -74,18 +74,11 @@ def copied(folder: Path, to: Path, results: bool = False) -> Path:
 
 
 def change_manifest(folder: Path, change: Callable[[dict], object]) -> None:
-    """Rewrite the manifest; a change that returns text replaces it."""
+    """Rewrite the manifest."""
     path = folder / "manifest.yaml"
     values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    text = change(values)
-    plain = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
-    path.write_text(text if isinstance(text, str) else plain, encoding="utf-8")
-
-
-def few_shots(values: dict, count: int) -> None:
-    """The same manifest with fewer pictures of the board."""
-    for camera in values["cameras"]:
-        camera["board_images"] = [f"board/{camera['name']}-{k:02d}.jpg" for k in range(count)]
+    change(values)
+    path.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 class Page(HTMLParser):
@@ -95,12 +88,10 @@ class Page(HTMLParser):
         super().__init__()
         self.loaded: list[str] = []
         self.pictures: list[str | None] = []
-        self.tags: set[str] = set()
         self.text = self.styles = ""
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
         self.loaded += [value for name, value in attrs
                         if name in {"src", "srcset", "data", "poster", "action"}
                         or (name == "href" and tag != "a")]  # fmt: skip

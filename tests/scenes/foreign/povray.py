@@ -193,33 +193,24 @@ def poses(count: int = 9, away: float = 0.03) -> list[tuple[np.ndarray, np.ndarr
     return found
 
 
-def film(folder: Path, takes: dict[str, dict[str, str]]) -> dict[str, Path]:
-    """Render once, and code each take with its own options of x264; the manifests, by take."""
+def film(folder: Path) -> Path:
+    """Render and code all that is filmed; the manifest."""
     rng = np.random.default_rng(4)
     for phone in PHONES:
         stamps = phone.stamps()
-        q = (
-            AMPLITUDE
-            * envelope(stamps + phone.start)
-            * np.sin(2 * np.pi * FREQUENCY * (stamps + phone.start))
-        )
+        since = stamps + phone.start
+        q = AMPLITUDE * envelope(since) * np.sin(2 * np.pi * FREQUENCY * since)
         work = folder / "work" / phone.name
         frames = rendered(work, plate_scene(phone, q), phone.size, len(q))
-        frames = [noisy(frame, rng) for frame in frames]
-        boards = [
-            noisy(rendered(work / f"board{k}", board_scene(phone, R, t), phone.size)[0], rng)
-            for k, (R, t) in enumerate(poses())
-        ]
-        for take, options in takes.items():
-            place = folder / take
-            (place / phone.name).mkdir(parents=True, exist_ok=True)
-            for k, picture in enumerate(boards):
-                cv2.imwrite(str(place / phone.name / f"{k:02d}.jpg"), picture, [1, 95])
-            write(place / f"{phone.name}.mp4", phone, frames, stamps, options)
+        write(folder / f"{phone.name}.mp4", phone, [noisy(frame, rng) for frame in frames], stamps)
+        (folder / phone.name).mkdir()
+        for k, (R, t) in enumerate(poses()):
+            (board,) = rendered(work / f"board{k}", board_scene(phone, R, t), phone.size)
+            cv2.imwrite(str(folder / phone.name / f"{k:02d}.jpg"), noisy(board, rng), [1, 95])
     shutil.rmtree(folder / "work")
-    for take in takes:
-        (folder / take / "manifest.yaml").write_text(yaml.safe_dump(manifest(), sort_keys=False))
-    return {take: folder / take / "manifest.yaml" for take in takes}
+    path = folder / "manifest.yaml"
+    path.write_text(yaml.safe_dump(manifest(), sort_keys=False))
+    return path
 
 
 def photograph_boards(folder: Path, away: float) -> dict:
@@ -241,7 +232,7 @@ def noisy(picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.clip(np.rint(soft + 1.2 * rng.standard_normal(soft.shape)), 0, 255).astype(np.uint8)
 
 
-def write(path: Path, phone: Phone, frames, stamps: np.ndarray, options: dict[str, str]) -> None:
+def write(path: Path, phone: Phone, frames, stamps: np.ndarray) -> None:
     """H.264 in colour at frames' own times, with the force as AAC; turned if the phone was."""
     t = np.arange(int(SECONDS * SOUND_RATE)) / SOUND_RATE + phone.start
     sound = (0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * t)).astype(np.float32)
@@ -251,7 +242,8 @@ def write(path: Path, phone: Phone, frames, stamps: np.ndarray, options: dict[st
         track = file.add_stream("aac", rate=SOUND_RATE, layout="mono")
         stored = phone.size[::-1] if phone.turned else phone.size
         video.width, video.height, video.pix_fmt = *stored, "yuv420p"
-        video.codec_context.time_base, video.options = tick, options
+        video.codec_context.time_base = tick
+        video.options = {"crf": "23", "preset": "medium"}
         for image, stamp in zip(frames, stamps, strict=True):
             image = np.rot90(image) if phone.turned else image
             tinted = np.stack([image, 0.97 * image, 0.92 * image], axis=-1)

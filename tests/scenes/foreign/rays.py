@@ -66,11 +66,10 @@ def _refined(values, fine):
     return (1 - share) * values[left] + share * values[left + 1]
 
 
-def looking(name, place, roll_deg, size, focal, principal=(0, 0), distortion=(0.0,) * 5, at=0.0):
-    """A camera at a place that looks at the origin, or `at` on the X axis; up is about +Y."""
+def looking(name, place, roll_deg, size, focal, principal=(0, 0), distortion=(0.0,) * 5):
+    """A camera at a place that looks at the origin; up is about +Y."""
     place = np.array(place, float)
-    z = np.array([at, 0, 0]) - place
-    z /= np.linalg.norm(z)
+    z = -place / np.linalg.norm(place)
     x = np.cross([0, -1, 0], z)
     x /= np.linalg.norm(x)
     roll, _ = cv2.Rodrigues(np.array([0, 0, np.radians(roll_deg)]))
@@ -224,7 +223,7 @@ class Strip:
 class Film:
     """What one camera sees of a beam whose tip moves."""
 
-    def __init__(self, eye, strip, tip, most, exposure, optics, seed=0):
+    def __init__(self, eye, strip, tip, most, exposure, optics):
         self.eye, self.strip, self.tip, self.optics = eye, strip, tip, optics
         rim = [[x, y, z] for x in np.linspace(-0.5, 0.5, 9) * strip.length
                for y in (-0.5 * strip.width, 0.5 * strip.width) for z in (-most, most)]  # fmt: skip
@@ -237,7 +236,7 @@ class Film:
         self.spacing = _spacing(self.x, self.y)
         # Every point of a pixel has its own moment of the exposure, in an order of its own.
         moments, shape = optics.fine**2, self.x.shape
-        rng = np.random.default_rng([seed, 7])
+        rng = np.random.default_rng([0, 7])
         order = rng.permuted(np.tile(np.arange(moments, dtype=np.uint8), (211, 1)), axis=1)
         pixel = np.add.outer(np.arange(shape[0]) // optics.fine * 37,
                              np.arange(shape[1]) // optics.fine) % 211  # fmt: skip

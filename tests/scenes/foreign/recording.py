@@ -3,7 +3,7 @@
 The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictures.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -23,6 +23,7 @@ RATE, SOUND_RATE = 60, 48000  # frames and samples a second
 FREQUENCY, TIP = 11.3, 0.004  # Hz, m
 EXPOSURE = 1 / 250  # s
 REST, START, RAMP, LENGTH = 0.2, 0.25, 0.1, 0.8  # s
+STAMPS = np.arange(int(LENGTH * RATE)) / RATE  # of every camera's frames by its own clock, s
 
 
 def envelope(t):
@@ -31,56 +32,25 @@ def envelope(t):
     return s**3 * (10 - 15 * s + 6 * s * s)
 
 
-@dataclass(frozen=True)
-class Drive:
-    """How the beam moves."""
-
-    frequency: float = FREQUENCY  # Hz
-    tip: float = TIP  # m
-
-    def at(self, t):
-        """Deflection of the beam's tip in m."""
-        return self.tip * envelope(t) * np.sin(2 * np.pi * self.frequency * (t - START))
-
-    def force(self, t):
-        """What the cameras hear: in phase with the tip's velocity."""
-        return 0.4 * envelope(t) * np.cos(2 * np.pi * self.frequency * (t - START))
+def tip(t):
+    """Deflection of the beam's tip in m."""
+    return TIP * envelope(t) * np.sin(2 * np.pi * FREQUENCY * (t - START))
 
 
-@dataclass(frozen=True)
-class Clock:
-    """When a camera takes its frames, and what it believes that the time is."""
-
-    rate: float = RATE  # frames per second, by its own clock
-    ppm: float = 0.0  # by which that clock is fast
-    jitter: float = 0.0  # standard deviation in s of when a frame is taken, and said to be
-    wander: float = 0.0  # s by which frames come early and late in turn, slowly
-    dropped: float = 0.0  # share of the frames that are missing
-    seed: int = 0
-
-    def stamps(self, length):
-        """Time stamps of all frames of so many seconds, by its own clock, from 0, s."""
-        rng = np.random.default_rng([self.seed, 5])
-        t = np.arange(int(length * self.rate)) / self.rate
-        t = t + self.wander * np.sin(0.9 * t) + self.jitter * rng.standard_normal(len(t))
-        kept = rng.random(len(t)) >= self.dropped
-        kept[:1] = True
-        return t[kept] - t[0]
-
-    def true(self, own):
-        """Seconds that have passed when its clock says so many."""
-        return own / (1 + 1e-6 * self.ppm)
+def force(t):
+    """What the cameras hear: in phase with the tip's velocity."""
+    return 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * (t - START))
 
 
-def eyes(size=(960, 540)) -> list[Eye]:
+def eyes() -> list[Eye]:
     """Three cameras above the beam that are alike, but not the same."""
-    k = size[0] / 960
+    size = (960, 540)
     return [
-        looking("A", (0.05, -0.60, 0.68), 2.0, size, (1150 * k, 1152 * k), (6 * k, -4 * k),
+        looking("A", (0.05, -0.60, 0.68), 2.0, size, (1150, 1152), (6, -4),
                 (-0.120, 0.05, 0.0008, -0.0005, 0)),
-        looking("B", (0.42, 0.42, 0.66), -13.0, size, (1141 * k, 1140 * k), (-5 * k, 3 * k),
+        looking("B", (0.42, 0.42, 0.66), -13.0, size, (1141, 1140), (-5, 3),
                 (-0.105, 0.03, -0.0006, 0.0007, 0)),
-        looking("C", (-0.45, -0.15, 0.76), -8.0, size, (1163 * k, 1161 * k), (3 * k, 7 * k),
+        looking("C", (-0.45, -0.15, 0.76), -8.0, size, (1163, 1161), (3, 7),
                 (-0.135, 0.06, 0.0004, 0.0003, 0)),
     ]  # fmt: skip
 
@@ -102,37 +72,19 @@ def poses(shots=8):
 class Take:
     """How the recording is coded and written.
 
-    Parameters
-    ----------
-    folder : Path
-        Where it is written.
-    sensor : Sensor
-        Noise and coding.
-    shots : str
-        Ending of the pictures of the board.
-    quality : int
-        Of JPEG pictures.
-    video : str
-        ``ffv1`` gray, lossless; or ``h264`` in colour at half the chroma's resolution.
-    crf, preset : int, str
-        Rate factor of H.264, and how much is computed for it.
-    sound : str
-        ``pcm`` or ``aac``.
+    Pictures of the board are ``png`` or ``jpg``; the video is ``ffv1`` in gray, lossless, or
+    ``h264`` in colour at half the chroma's resolution; the sound is ``pcm`` or ``aac``.
     """
 
     folder: Path
     sensor: Sensor = field(default_factory=Sensor)
     shots: str = "png"
-    quality: int = 90
     video: str = "ffv1"
-    crf: int = 20
-    preset: str = "veryfast"
     sound: str = "pcm"
-    ending: str = ""
 
-    def __post_init__(self):
-        if not self.ending:
-            object.__setattr__(self, "ending", "mkv" if self.video == "ffv1" else "mp4")
+    def video_of(self, eye):
+        """Name of a camera's video."""
+        return f"{eye.name}.{'mkv' if self.video == 'ffv1' else 'mp4'}"
 
 
 @dataclass(frozen=True)
@@ -146,25 +98,11 @@ class Scene:
     poses: tuple = field(default_factory=poses)
     starts: Sequence[float] = (0.0, 0.0137, 0.0291)
     noise_db: float = 25.0  # power of the force over that of the noise in the sound
-    length: float = LENGTH
-    seed: int = 0
-    drive: Drive = field(default_factory=Drive)
-    clocks: Sequence[Clock] = ()  # one for each camera, or all alike
-    exposure: float = EXPOSURE
-    moved: Callable = lambda camera, eye, t: eye  # the eye at a time: who touches a camera?
-
-    def clock(self, camera):
-        return self.clocks[camera] if self.clocks else Clock()
-
-    def times(self, camera):
-        """When its frames are taken, s."""
-        clock = self.clock(camera)
-        return self.starts[camera] + clock.true(clock.stamps(self.length))
 
     def tracks(self, camera):
         """Where the markers are, (frames, 2, markers), from the sensor's corner in px."""
-        return np.array([self.eyes[camera].project(self.strip.world(self.drive.at(t)))
-                         for t in self.times(camera)])  # fmt: skip
+        times = self.starts[camera] + STAMPS
+        return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
 
     def corners(self, camera):
         """Where the board's corners are, (shots, 2, corners), px."""
@@ -177,8 +115,8 @@ class Scene:
             list(pool.map(lambda i: self._film(i, takes, shots), range(len(self.eyes))))
 
     def _film(self, index, takes, shots):
-        eye = self.eyes[index]
-        rng = [np.random.default_rng([self.seed, index, k]) for k in range(len(takes))]
+        eye, start = self.eyes[index], self.starts[index]
+        rng = [np.random.default_rng([0, index, k]) for k in range(len(takes))]
         for take in takes:
             (take.folder / eye.name).mkdir(parents=True, exist_ok=True)
         for shot, (R, t) in enumerate(zip(*self.poses, strict=True) if shots else ()):
@@ -187,23 +125,16 @@ class Scene:
                 picture = Image.fromarray(take.sensor.grey(light, own))
                 path = take.folder / eye.name / f"{shot:02d}.{take.shots}"
                 if take.shots == "jpg":
-                    picture.convert("RGB").save(path, quality=take.quality)
+                    picture.convert("RGB").save(path, quality=90)
                 else:
                     picture.save(path)
-        clock, drive = self.clock(index), self.drive
-        own = np.arange(int(self.length * SOUND_RATE)) / SOUND_RATE
-        clean = drive.force(self.starts[index] + clock.true(own))
+        clean = force(start + np.arange(int(LENGTH * SOUND_RATE)) / SOUND_RATE)
         spread = 0.4 / np.sqrt(2) * 10 ** (-self.noise_db / 20)
-        sound = clean + spread * np.random.default_rng([self.seed, index, 99]).standard_normal(
-            len(clean)
-        )
-        writers = [_Writer(take, eye, sound, clock.rate) for take in takes]
-        stamps, seen, view = clock.stamps(self.length), None, None
-        for t, stamp in zip(self.times(index), stamps, strict=True):
-            if seen is not (seen := self.moved(index, eye, t)) or view is None:
-                view = Film(seen, self.strip, drive.at, 1.3 * drive.tip, self.exposure, self.optics,
-                            self.seed)  # fmt: skip
-            light = view.picture(t)
+        noise = np.random.default_rng([0, index, 99]).standard_normal(len(clean))
+        writers = [_Writer(take, eye, clean + spread * noise) for take in takes]
+        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.optics)
+        for stamp in STAMPS:
+            light = view.picture(start + stamp)
             for take, own, writer in zip(takes, rng, writers, strict=True):
                 writer.add(take.sensor.grey(light, own), stamp)
         for writer in writers:
@@ -214,45 +145,41 @@ class Scene:
         return Manifest(
             cameras=tuple(
                 CameraFiles(
-                    name=eye.name, video=f"{eye.name}.{take.ending}", width_px=eye.size[0],
-                    height_px=eye.size[1], frame_rate_hz=self.clock(i).rate,
-                    exposure_s=self.exposure,
+                    name=eye.name, video=take.video_of(eye), width_px=eye.size[0],
+                    height_px=eye.size[1], frame_rate_hz=RATE, exposure_s=EXPOSURE,
                     readout_s=(eye.size[1] - 1) * self.optics.row_time,
                     board_images=f"{eye.name}/*.{take.shots}",
                 )
-                for i, eye in enumerate(self.eyes)
+                for eye in self.eyes
             ),
             board=BoardSpec(
                 columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
                 margin_mm=1e3 * self.board.margin, two_sided=False,
             ),
-            excitation=Excitation(frequency_hz=self.drive.frequency, rest_duration_s=REST),
+            excitation=Excitation(frequency_hz=FREQUENCY, rest_duration_s=REST),
         )  # fmt: skip
 
 
 class _Writer:
     """One video with its sound."""
 
-    def __init__(self, take, eye, sound, rate):
-        self.take = take
-        self.file = av.open(str(take.folder / f"{eye.name}.{take.ending}"), "w")
-        colour = take.video == "h264"
-        exact = Fraction(rate).limit_denominator(1001)
-        self.video = self.file.add_stream("libx264" if colour else "ffv1", rate=exact)
-        self.tick = 1 / exact if take.ending == "mkv" else Fraction(1, 90_000)
+    def __init__(self, take, eye, sound):
+        self.colour = take.video == "h264"
+        self.file = av.open(str(take.folder / take.video_of(eye)), "w")
+        self.video = self.file.add_stream("libx264" if self.colour else "ffv1", rate=RATE)
+        self.tick = Fraction(1, 90_000 if self.colour else RATE)
         self.video.codec_context.time_base = self.tick
         self.video.width, self.video.height = eye.size
-        self.video.pix_fmt = "yuv420p" if colour else "gray"
-        if colour:
-            self.video.options = {"crf": str(take.crf), "preset": take.preset}
-        pcm = take.sound == "pcm"
-        self.track = self.file.add_stream("pcm_s16le" if pcm else "aac", rate=SOUND_RATE,
-                                          layout="mono")  # fmt: skip
+        self.video.pix_fmt = "yuv420p" if self.colour else "gray"
+        if self.colour:
+            self.video.options = {"crf": "12", "preset": "veryfast"}
+        self.track = self.file.add_stream("pcm_s16le" if take.sound == "pcm" else "aac",
+                                          rate=SOUND_RATE, layout="mono")  # fmt: skip
         self.samples = np.rint(32767 * np.clip(sound, -1, 1)).astype(np.int16)
         self.heard = 0
 
     def add(self, image, stamp):
-        if self.take.video == "h264":  # paper that is not quite white, a lamp that is not either
+        if self.colour:  # paper that is not quite white, a lamp that is not either
             image = np.stack([image, image * 0.98, image * 0.93], axis=-1)
             frame = av.VideoFrame.from_ndarray(np.rint(image).astype(np.uint8), format="rgb24")
         else:

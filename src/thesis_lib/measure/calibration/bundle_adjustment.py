@@ -454,16 +454,15 @@ def align_cameras(
     return found, centres, Rotation.from_matrix(turns).as_rotvec()
 
 
-def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[Array, Array]:
-    """Compute standard deviations of the cameras' poses with respect to a datum.
+def camera_deviations(adjustment: Adjustment) -> tuple[Array, Array]:
+    """Compute standard deviations of the cameras' poses with respect to the cameras themselves.
+
+    Of such a free network deviations compare with errors after :func:`align_cameras`.
 
     Parameters
     ----------
     adjustment : Adjustment
         A bundle adjustment.
-    shot : int, optional
-        The shot whose board is the datum. Without one, the cameras themselves are (a free
-        network): deviations then compare with errors after :func:`align_cameras`.
 
     Returns
     -------
@@ -474,12 +473,8 @@ def camera_deviations(adjustment: Adjustment, shot: int | None = None) -> tuple[
     """
     n = len(adjustment.cameras)
     weight = np.zeros(len(adjustment.covariance))
-    if shot is None:
-        weight[: n * POSE_UNKNOWNS] = np.tile(
-            [*[_lever_length(adjustment.cameras) ** 2] * 3, 1, 1, 1], n
-        )
-    else:
-        weight[(n + shot) * POSE_UNKNOWNS :][:POSE_UNKNOWNS] = 1
+    lever = _lever_length(adjustment.cameras)
+    weight[: n * POSE_UNKNOWNS] = np.tile([lever**2] * 3 + [1, 1, 1], n)
     G = gauge_directions(adjustment)
     S = np.eye(len(weight)) - G @ np.linalg.solve(G.T @ (weight[:, None] * G), G.T * weight)
     variances = np.einsum("ij,jk,ik->i", S, adjustment.covariance, S, optimize=True)
