@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from scenes.small import REQUESTS, small_cube
 from scipy.stats import qmc
 
-from thesis_lib.figure_sets.design_law import compute as design_study
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
-from thesis_lib.figure_sets.design_law.figure_set import DesignLaw
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.display import fill_text
 from thesis_lib.figure_sets.registry import validate_request
@@ -159,23 +157,6 @@ def test_large_motions_and_too_few_cameras_are_refused():
         cone_law.cone_deflection_error(1, 213, [4, 1], 1)
 
 
-@pytest.mark.slow
-@pytest.mark.few(1)
-@pytest.mark.parametrize("part", design_study.CHAPTER_PARTS)
-@pytest.mark.parametrize("structure", ["beam", "plate"])
-def test_law_of_each_setting_of_the_thesis_is_that_of_draws(conforms, structure, part):
-    study = validate_request("design-law", {})
-    request = design_sweeps.thesis_study(study, structure, part)
-    peak = request.peaks_m[0]
-    points = design_sweeps.mode_shapes(request.structure, peak)
-    points = points[..., :: 1 if structure == "beam" else 6]  # 25 markers of each
-    for setting in request.settings():
-        rig = setting.cameras(24, 36)
-        variance = rounding.deflection_variance(rig.P, points[:, :1], points[:, 1:])
-        found = np.sqrt(np.mean(drawn(rig, points, 10)[2] ** 2, axis=(1, 2)))
-        conforms.sampled(found, np.sqrt(np.mean(variance, axis=-1)), rtol=0.01)
-
-
 @given(st.floats(0, 30), st.floats(0, 2), st.floats(0.01, 2))
 def test_mean_over_amplitudes_is_that_of_many(conforms, displacement, least, more):
     scale = least + more * (np.arange(20000) + 0.5) / 20000
@@ -267,12 +248,6 @@ def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
     conforms.sampled(np.abs(ratio - 1), below=0.2)
 
 
-def test_independent_roundings_are_up_to_twice_too_many_and_too_few_at_half_pixels(conforms, cube):
-    factor = (cube["naive_error"] / cube["law_error"]).values
-    conforms.closed_form(factor.max(), above=2.1, below=2.2)
-    conforms.closed_form(factor.min(), above=np.sqrt(2 / 3), below=1)  # 1/6 against 1/4 at worst
-
-
 # (b) The cone.
 
 
@@ -324,27 +299,6 @@ def test_closed_forms_are_the_first_order_at_the_centre(conforms, study):
             conforms.closed_form(far.centre_error(), rounded, rtol=2e-3)
 
 
-@pytest.mark.parametrize("structure", ["beam", "plate"])
-def test_wide_apertures_stop_helping_over_the_markers(conforms, cube, structure):
-    part = cube.sel(finding="aperture", structure=structure)
-    for kind, name in (("of the thesis", "exact_error"), ("averaged", "expected_error")):
-        best = float(part["best_aperture"].sel(amplitudes=kind))
-        conforms.closed_form(best, above=120, below=135)
-        at = part["swept"].values[np.argmin(part[name].values)]
-        conforms.independent(abs(at - best), below=3)  # where the sweep has its least
-        conforms.closed_form(float(part["wide_gain"].sel(amplitudes=kind)), above=1.03, below=1.12)
-    conforms.closed_form(part["centre_error"] / part["centre_error"][0], 1, rtol=1e-12)
-    assert np.all(np.diff(part["noisy_centre_error"]) < 0)  # to noise it helps all the way
-
-
-def test_growing_arrays_are_not_a_cone(conforms, cube):
-    exponents = cube["array_exponent"]
-    conforms.order(exponents.sel(array="4a"), -0.79, atol=0.05)  # it starts with a poor pair
-    conforms.order(exponents, below=-0.35)
-    beam = exponents.sel(structure="beam")
-    assert abs(float(beam.sel(array="4a'")) + 0.5) < abs(float(beam.sel(array="4a")) + 0.5)
-
-
 # (d) Equal pixels per second.
 
 
@@ -366,47 +320,6 @@ def test_drawn_frames_and_films_are_the_law(conforms, cube):
     films = cube["drawn_fit_error"].isel(estimator=0) / cube["fit_error"]
     conforms.sampled(films, 1, atol=0.4)  # 60 numbers each: 9 % of one deviation
     conforms.sampled(abs(float(films.mean()) - 1), below=0.1)
-
-
-def amplitude_error(rig, filmed, seed):
-    images, number = design_shares.round_images(rig, filmed, seed)
-    wrong = design_shares.amplitude_errors(filmed, triangulate(rig.P, images)[2][number])
-    return np.sqrt(np.mean(wrong**2))
-
-
-@pytest.mark.parametrize(("count", "rate"), [(2, 60.0), (8, 480.0)])
-def test_law_of_a_film_is_its_simulation(conforms, count, rate):
-    study = validate_request(
-        "design-law", {"trials": 600, "counts": [count], "frame_rates_hz": [rate]}
-    )
-    rig = study.settings()[0].cameras(24, 36)
-    filmed = design_shares.sample_vibration(float(study.shared[2][0, 0]), study)
-    law = design_shares.predict_amplitude_error(rig, filmed)
-    drawn = [amplitude_error(rig, filmed, seed) for seed in range(4)]
-    conforms.sampled(np.sqrt(np.mean(np.square(drawn))), law, rtol=0.1)
-
-
-def test_frames_repeat_their_errors(cube):
-    law, independent = cube["fit_error"], cube["independent_fit_error"]
-    assert np.all(law > independent)
-    assert np.all(law.isel(rate=1) > 1.7 * law.isel(rate=0))  # eight times the frames, and worse
-    few, many = law.isel(rate=0, count=[0, -1]).values
-    assert many > few
-
-
-def test_many_coarse_cameras_win_with_an_estimator_that_knows_of_pixels(conforms, cube):
-    frames, films = (cube[f"drawn_{kind}_error"] for kind in ("frame", "fit"))
-    squares = frames.sel(estimator="least squares").values
-    for name in ("analytic centre", "interval"):
-        frame, film = (kind.sel(estimator=name).values for kind in (frames, films))
-        conforms.sampled(frame[0], squares[0], rtol=0.05)  # two cameras gain nothing
-        conforms.sampled(frame[-1], below=0.7 * squares[-1])
-        conforms.sampled(frame[-1], below=0.7 * frame[0])
-        conforms.sampled(film[-1], below=0.9 * film[0])
-    for kind in (frames, films):
-        ratio = kind.sel(estimator="interval") / kind.sel(estimator="analytic centre")
-        conforms.sampled(ratio, below=1.02)
-        conforms.sampled(ratio.isel(count=-1), below=0.97)
 
 
 # With noise.
@@ -501,50 +414,3 @@ def test_tolerated_noise_leaves_half_of_the_gain(conforms):
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
     conforms.sampled(gains[1] / gains[0], 0.5, atol=0.1)
-
-
-@pytest.mark.nightly
-def test_estimators_and_dither_stand_in_the_cube(conforms) -> None:
-    study = DesignLaw.model_validate({"trials": 12})
-    made = design_shares.simulate_estimators(study) | design_shares.simulate_dither(study)
-    equidistant_rig = np.asarray(made["equidistant_rig_error"])
-    linear, least, centre, joint = equidistant_rig.T
-    assert np.allclose(linear, least, rtol=0.02)  # equal distances: nothing to refine
-    assert (joint < centre).all()
-    conforms.sampled(centre[2:], below=0.85 * least[2:])
-    noisy = np.asarray(made["noise_error"])
-    conforms.sampled(noisy[0, 2], below=0.85 * noisy[0, 1])
-    conforms.sampled(noisy[-1, 2], above=0.97 * noisy[-1, 1])  # noise takes the gain away
-    stand = np.asarray(made["unequal_distance_error"])
-    conforms.sampled(abs(stand[0, 0] / stand[0, 1] - 1), below=0.02)
-    conforms.sampled(stand[1:, 0], above=1.5 * stand[1:, 1])
-    for name in ("fitted_amplitude", "shake", "disc"):
-        drawn, closed = (np.asarray(made[f"{k}{name}_error"]) for k in ("drawn_", ""))
-        conforms.sampled(np.sqrt(np.mean((drawn / closed) ** 2)), 1, atol=0.25)
-    assert (np.asarray(made["endless_shake_error"]) <= made["shake_error"]).all()
-
-
-# Statements of the page.
-
-
-def test_statements_of_the_page_have_the_numbers_of_the_cube(cube):
-    shares, noisy, findings = (
-        " ".join(fill_text(cube, name).split()) for name in ("few-shares", "few-noisy", "findings")
-    )
-    slow = cube["frame_error"].sel(rate=60)
-    assert f"{float(slow.min()):.1f} to {float(slow.max()):.1f} % for 2 to 24 cameras" in shares
-    centre = cube["drawn_frame_error"].sel(estimator="analytic centre", count=8, rate=60)
-    assert f"with markers that can be followed, to at most 8, {float(centre):.1f}" in shares
-    best = " / ".join(f"{value:.0f}" for value in cube["best_aperture"].values[0])
-    assert f"least error at {best}°" in findings
-    assert f"{float(of(cube, 'expected', 'elevation')[0]):.2f}".replace("-", "−") in findings
-    at = {"count": 24, "image_noise": 0.05}
-    interval, squares = (
-        1e6 * float(cube["noisy_share_error"].sel(approach=name, **at))
-        for name in ("interval", "least squares")
-    )
-    assert f"24 coarse cameras measure to {interval:.0f} µm by *interval*" in noisy
-    assert f"to {squares:.0f} by least squares" in noisy
-    assert f"below {1e6 * float(cube['least_share_error'].sel(at)):.0f}. 2 sharp ones" in noisy
-    bear = cube["equal_pixels_tolerated_noise"].sel(approach="interval")
-    assert f"{float(bear.min()):.2f} to {float(bear.max()):.2f} px" in noisy

@@ -70,20 +70,6 @@ def misleading(drawing: Figure) -> list[str]:
     return faults
 
 
-def test_what_misleads_is_found():
-    drawing = Figure()
-    left, right = drawing.subplots(1, 2)
-    left.bar([1, 2, 3], [1, 10, 100], color=["b", "r", "b"])
-    left.set_yscale("log")
-    right.plot([1, 2], label="two cameras", color="b")
-    right.plot([2, 3], label="eight cameras", color="b")
-    assert misleading(drawing) == [
-        "bars on a logarithmic axis",
-        "bars of one colour that are not one setting",
-        "alike: ['eight cameras', 'two cameras']",
-    ]
-
-
 @pytest.mark.book
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_figure_of_the_book_misleads(name):
@@ -260,19 +246,6 @@ def attributes_of(cube: xr.Dataset) -> dict[str, dict[str, str]]:
         str(name): {"units": units[name]} | dict(variable.attrs)
         for name, variable in cube.variables.items()
     }
-
-
-@pytest.mark.parametrize(
-    ("attributes", "faulty"),
-    [
-        ({"units": "m", "long_name": "deflection of the markers"}, False),
-        ({"units": "m"}, True),
-        ({"long_name": "deflection of the markers"}, True),
-        ({"units": "W", "long_name": "that of the true motion"}, True),
-    ],
-)
-def test_what_a_fault_is(attributes, faulty):
-    assert bool(faults({"a": attributes})) == faulty
 
 
 def test_declared_variables_are_understood_alone():

@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-import xarray as xr
 from scenes.laboratory import MATCH, estimated, recordings, replicates
 
 from thesis_lib.facts import setups
@@ -121,31 +120,6 @@ def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method):
             conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
         else:  # interpolation has less noise of its own
             assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
-
-
-@pytest.fixture(scope="module")
-def again():
-    """The chain's own result of sixty recordings that differ by noise alone."""
-    study = resolution(trials=0, widths_px=[1920])
-    request = study.recordings.model_copy(update={"widths_px": [1920]})
-    every = [estimated(request, [recordings(request, SIGMA, n)]) for n in range(60)]
-    return xr.concat([es.run(study, data) for data in every], "trial", data_vars="all")
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("case", ["literal", "aligned", "harmonic"])
-def test_filming_again_scatters_as_is_predicted(conforms, again, case):
-    part = of(again, case)
-    measured = part["measured_deflection"].values.reshape(60, 25).astype(float)
-    scatter = np.sqrt(np.mean(measured.var(axis=0, ddof=1)))
-    predicted = part["predicted_error"].values.mean() / 100 * 0.004 * np.abs(
-        Component().shape(BEAM, BEAM.markers)
-    ).max()  # fmt: skip
-    conforms.sampled(scatter, predicted, rtol=0.15 if case == "aligned" else 0.08)
-    if case == "harmonic":
-        drawn = part["amplitude"].values.reshape(60, 25).std(axis=0, ddof=1)
-        stated = part["standard_error"].values.reshape(60, 25).mean(axis=0)
-        conforms.sampled(np.sqrt(np.mean((drawn / stated)[3:] ** 2)), 1, atol=0.08)
 
 
 # The methods.

@@ -15,7 +15,6 @@ from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate
 from thesis_lib.figure_sets.lab_plate.figure_set import stands_of
-from thesis_lib.figure_sets.lab_plate.figures import compare_errors
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.recordings.board import rows_on
@@ -143,17 +142,6 @@ def test_an_exposure_takes_what_the_sinc_says(conforms):
 
 
 @pytest.mark.nightly
-def test_cameras_agree_at_the_true_frequency_alone(conforms, beam_cube):
-    conforms.closed_form(beam_cube["found_frequency"], beam_cube["frequency"].values[:, None]
-                               + np.zeros(4), atol=0.05)  # fmt: skip
-    best = beam_cube["misfit"].min("candidate")
-    conforms.sampled(np.abs(best - 1), below=0.15)
-    second = beam_cube["misfit"].values
-    second = np.sort(second, axis=-1)[..., 1]
-    assert np.nanmin(second) > 5
-
-
-@pytest.mark.nightly
 def test_where_frames_suffice_reading_is_enough_and_where_they_do_not_it_is_wrong(
     conforms, beam_cube
 ):
@@ -189,13 +177,6 @@ def test_trials_scatter_as_is_predicted(conforms, beam_cube):
         for kind in ("bending", "torsion"):
             spread = part[f"{kind}_amplitude"].isel(trial=slice(1, None)).std("trial")
             conforms.sampled(spread / part[f"{kind}_standard_error"], 1, atol=0.25)
-
-
-@pytest.mark.nightly
-def test_a_wrong_frequency_costs_the_amplitude_that_is_predicted(conforms, beam_cube):
-    slow = beam_cube.isel(frame_rate=0)
-    conforms.closed_form(slow["detuned_error"], slow["detuned_prediction"], atol=3)
-    assert np.all(slow["detuned_error"].diff("cycles") > 0)
 
 
 def test_static_torsion_is_saint_venant_s(conforms):
@@ -293,14 +274,6 @@ def test_neighbours_of_noise_are_not_correlated_and_those_of_a_shape_are(conform
     conforms.closed_form(lab_plate.neighbour_correlation(np.ones((1, 150)), grid), 1, rtol=1e-6)
 
 
-@pytest.mark.nightly
-def test_the_sound_s_error_is_a_fixed_part_of_the_deflection_s(conforms, plate_cube):
-    for mode, plane in ((1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")):
-        ratio = np.divide(*compare_errors(plate_cube, mode, plane)["trials"][::-1])
-        free = float(plate_cube["independent_ratio"].sel(mode=mode, plane=plane))
-        conforms.sampled(ratio, free, rtol=0.25)
-
-
 @pytest.mark.parametrize(("name", "case"), [("lab-modes", "known"), ("lab-plate", "cameras")])
 def test_without_trials_everything_is_still_shown(name, case):
     few = {"camera_counts": [2]} if name == "lab-plate" else {"frame_rates_hz": [120.0]}
@@ -341,24 +314,6 @@ def test_too_few_rendered_frames_are_as_good_as_enough(conforms):
     order = np.sort(cube.isel(mode=0, frame_rate=0)["misfit"].values)
     conforms.sampled(order[0], below=1.6)
     assert order[1] > 5 * order[0]
-
-
-@pytest.mark.nightly
-def test_the_prediction_is_the_scatter_of_renders_with_other_noise(conforms):
-    study = modes_study(**{**QUICK, "frames": 8, "cases": ["known"]}, frame_rates_hz=[60.0])
-    rig = lab_modes.rigs_of(study)[0]
-    errors, predicted = [], []
-    data = tracking.record_tracks([replace(rig, seed=seed) for seed in range(4)], study.frames)
-    for tracks in data["tracks"].values:
-        found = tracking.read_tracks(tracks, rig)
-        recording = lab_modes.ModeRecording(rig, found, study.exposure_ms / 1000)
-        again = np.empty((0, tracks.shape[-1]))
-        result = lab_modes.case_results(recording, "known", recording.frequency, again)
-        errors.append(float(result["mean_error"][0]))
-        predicted.append(float(result["predicted_error"]))
-    conforms.sampled(
-        np.sqrt(np.mean(np.square(errors))), np.sqrt(np.mean(np.square(predicted))), rtol=0.2
-    )
 
 
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):

@@ -1,11 +1,7 @@
 """Parameters: what is refused and how, what stands for a request, what the notebooks say."""
 
 import ast
-import json
 import math
-import os
-import subprocess
-import sys
 import typing
 from pathlib import Path
 
@@ -18,13 +14,11 @@ from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
-from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
-from thesis_lib.studies.request import ParameterError, describe_parameters, validate_values
+from thesis_lib.studies.request import ParameterError, describe_parameters
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -180,38 +174,6 @@ def test_what_is_not_run_refuses_nothing():
     validate_request(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
 
 
-class Own(CameraStudy):
-    """A study of a reader's own, which repeats none of the shared fields."""
-
-    name, title, study = "own", "own", "distance"
-    elevation_deg: float = 20.0
-
-    def thesis_settings(self):
-        return setups.distance_settings([600], 30, self.elevation_deg, (320, 180))
-
-
-def test_a_camera_study_of_ones_own_has_the_shared_defaults():
-    shared = set(CameraStudy.model_fields)
-    beam = validate_request(DISTANCE, {}).model_dump(include=shared)
-    assert validate_values(Own, {}).model_dump(include=shared) == beam
-    with pytest.raises(ParameterError, match="an elevation above 0, at most 90"):
-        validate_values(Own, {"elevation_deg": 90.5})
-
-
-def test_values_that_are_not_json_are_refused_by_name():
-    nested: list = []
-    for _ in range(50_000):
-        nested = [nested]
-    hopeless = [nested, nested[0], object(), {(1, 2): 3}, 10**5000]
-    for value in hopeless:
-        for field in ("modes", "cube", "trials"):
-            message = refusal(DISTANCE, **{field: value})
-            assert message.startswith(f"{DISTANCE}: {field}")
-            assert message.endswith(allowed(DISTANCE, field))
-    while nested:  # freed link by link: freeing all at once would recurse
-        nested = nested[0]
-
-
 def test_what_is_meant_is_accepted():
     ints = validate_request(DISTANCE, {"distances_mm": (500, 800), "resolution_px": (640, 360)})
     floats = validate_request(
@@ -258,27 +220,6 @@ def test_digest_is_the_same_for_the_same_request():
     mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}  # in the order of the settings
     one = validate_request(ARRAYS, {"layouts": {**mine, **yours}})
     assert one.digest != validate_request(ARRAYS, {"layouts": {**yours, **mine}}).digest
-
-
-@pytest.mark.slow
-def test_digest_is_stable_across_processes():
-    values = {"pair_order": {"4b": "reversed", "4a": "printed"}, "layouts": {"b": [PAIR]}}
-    code = (
-        "import json, sys; from thesis_lib.figure_sets.registry import validate_request; "
-        f"print(validate_request({ARRAYS!r}, json.loads(sys.argv[1])).digest)"
-    )
-    digests = {validate_request(ARRAYS, values).digest}
-    for seed in ("1", "2"):
-        done = subprocess.run(
-            [sys.executable, "-c", code, json.dumps(values)],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
-        digests.add(done.stdout.strip())
-    assert len(digests) == 1
 
 
 @pytest.mark.parametrize("name", STUDIES)
