@@ -14,41 +14,18 @@ from scipy.optimize import brentq
 from thesis_lib.facts import claims as stated_numbers
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import CORRECT_VALUES, read_numbers
+from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision.optics import angle_of_view
 
 NUMBERS = read_numbers()
 BY_ID = {number.id: number for number in NUMBERS}
 DIFFERENT = [
-    "cameras-sizes",
-    "format-1280-4-3",
-    "view-up",
-    "view-diagonal-43",
-    "sine-factor",
-    "instant",
-    "zero-column",
-    "figures-announced",
-    "axes-1",
-    "axes-2a-160",
-    "caption-2c",
-    "reversed-4a",
-    "mirrored-4e",
-    "plate-density",
-    "plate-modulus",
-    "mixed-term",
-    "rank-2-2",
-    "rank-1-4",
-    "resonance",
-    "resonance-rounded",
-    "tip",
-    "distance",
-    "axes-rig",
-    "places",
-    "board",
-    "frames-per-resonance",
-    "simulated-width",
-    "wave-sign",
-    "parameters",
-]
+    "cameras-sizes", "format-1280-4-3", "view-up", "view-diagonal-43", "sine-factor", "instant",
+    "zero-column", "figures-announced", "axes-1", "axes-2a-160", "caption-2c", "reversed-4a",
+    "mirrored-4e", "plate-density", "plate-modulus", "mixed-term", "rank-2-2", "rank-1-4",
+    "resonance", "resonance-rounded", "tip", "distance", "axes-rig", "places", "board",
+    "frames-per-resonance", "simulated-width", "wave-sign", "parameters",
+]  # fmt: skip
 
 
 def value(name):
@@ -238,11 +215,6 @@ def infeasible(claim, others):
     return "nearly" if needed > NEARLY * rest[1] else ""
 
 
-def made(quantity, low, high=None, relation="about", excepted=0):
-    return {"quantity": quantity, "low": str(low), "high": str(high or low), "relation": relation,
-            "excepted": str(excepted)}  # fmt: skip
-
-
 CONFLICTING = [name for name, claim in CLAIMS.items() if claim["conflicts"]]
 
 
@@ -268,31 +240,11 @@ def test_no_conflict_within_a_setup_is_left_out():
 
 def places(claim):
     """Cameras, distances and pixels of the beam's settings that a claim speaks of."""
-    structure, study = claim["figure_set"].split("-")
-    if structure != "beam":
+    if not claim["figure_set"].startswith("beam-"):
         return []
-    facts = setups.setup_table(structure, study)
-    pixels = tuple(facts.get("resolution_px", (320, 180)))
-    cases = [claim["case"]]
-    if study == "distance":
-        found = setups.distance_settings(
-            facts["distances_mm"], facts["azimuth_deg"], facts["elevation_deg"], pixels
-        )
-    elif study == "aperture":
-        found = setups.aperture_settings(
-            cases, facts["half_apertures_deg"], facts["elevations_deg"], facts["elevation_deg"],
-            facts["distance_mm"], pixels,
-        )  # fmt: skip
-    elif study == "resolution":
-        found = setups.resolution_settings(
-            facts["widths_px"], facts["distance_mm"], facts["azimuth_deg"], facts["elevation_deg"]
-        )
-    else:
-        order = {"4d": "reversed"}
-        found = setups.array_settings(cases, order, {}, facts["distance_mm"], pixels)
-    values = None if claim["value"] == "all" else [float(v) for v in claim["value"].split(";")]
+    values = claim["value"].split(";")
     return [
         (s.distance_mm, frozenset((a % 360, e) for a, e in s.directions_deg), s.resolution_px)
-        for s in found
-        if values is None or s.value in values
+        for s in validate_request(claim["figure_set"], {}).settings()
+        if s.case == claim["case"] and (values == ["all"] or s.value in map(float, values))
     ]
