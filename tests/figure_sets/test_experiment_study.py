@@ -106,22 +106,6 @@ def test_trials_scatter_as_is_predicted(conforms, cubes, case):
     conforms.sampled(scatter, part["predicted_error"].values[:, 0], rtol=0.15)
 
 
-@pytest.mark.parametrize("method", ["literal", "aligned"])
-def test_the_noise_of_the_rest_shrinks_with_its_frames(conforms, noisy, method):
-    instant = shapes.find_maxima(noisy, BEAM.damping)
-
-    def predicted(frames):
-        own = replace(tracks(noisy, method), rest_frames=frames)
-        return shapes.measure_deflection(own, instant, method, np.zeros(4))[1]
-
-    for frames in (1, 4):
-        ratio = predicted(frames) / predicted(10**9)
-        if method == "literal":
-            conforms.closed_form(ratio, np.sqrt(1 + 1 / frames), rtol=1e-6)
-        else:  # interpolation has less noise of its own
-            assert np.all(ratio**2 - 1 >= (1 - 1e-6) / frames)
-
-
 # The methods.
 
 

@@ -90,12 +90,6 @@ def test_rays_from_the_ends_of_the_depth_of_field_fill_the_circle(
         conforms.independent(spread(focal, f_number, d, 1e12 * focal), below=circle * (1 + 1e-6))
 
 
-def test_from_the_hyperfocal_distance_half_of_it_to_infinity_is_sharp():
-    H = float(optics.hyperfocal_distance(24, 8, 0.03))
-    assert optics.depth_of_field(24, 8, H, 0.03) == pytest.approx((H / 2, np.inf))
-    assert np.isfinite(optics.depth_of_field(24, 8, 0.999 * H, 0.03)[1])
-
-
 # Two parallel cameras.
 
 
@@ -178,11 +172,6 @@ def test_coarse_pixels_keep_the_mean_and_split_the_variance(conforms):
         repeated = coarse.repeat(block, axis=0).repeat(block, axis=1)
         within = np.mean((picture - repeated) ** 2, axis=(0, 1))
         conforms.invariance(coarse.var(axis=(0, 1)) + within, picture.var(axis=(0, 1)), rtol=1e-7)
-
-
-def test_blocks_that_do_not_fill_the_picture_are_refused():
-    with pytest.raises(ValueError, match="block: given 24, allowed: a divisor of 12 and 24"):
-        optics.block_means(np.zeros((12, 24)), 24)
 
 
 # Colours.

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims
-from thesis_lib.facts.setups import ADOPTED_READING, READINGS, Reading
+from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings
 from thesis_lib.figure_sets.parametric import compute as studies
@@ -52,18 +52,6 @@ def test_the_adopted_reading_is_what_the_figure_sets_say(few):
     ]
     assert made == expected
     assert {check.claim.chapter for check in made} == set(compute.CHAPTER_OF_GROUP.values())
-
-
-def test_a_reading_that_changes_nothing_gains_and_loses_nothing(few, monkeypatch):
-    same = {"rest": "rebuilt", "focal_length_mm": 24.0, "azimuth_zero": "Y",
-            "principal_offset_px": 0.0, "first_marker_mm": 11.5}  # fmt: skip
-    monkeypatch.setitem(READINGS, "the same", Reading("the same", "nothing", same))
-    made = run("the same")
-    assert made["reading"].values.tolist() == [ADOPTED_READING, "the same"]
-    assert not made["gained"].values.any()
-    assert not made["lost"].values.any()
-    one, other = (made.isel(reading=[i]).drop_vars("reading") for i in (0, 1))
-    xr.testing.assert_identical(one, other)
 
 
 def test_counts_are_those_of_the_checks(few):

@@ -117,13 +117,3 @@ def test_numbers_of_the_walk_through_are_numbers(data):
         text = walk.fill_text(data, name)
         assert re.search(r"\d", text), name
         assert "nan" not in text, name
-
-
-@pytest.mark.nightly
-def test_pictures_are_drawn_alike_each_time(data, tmp_path):
-    first, second = (walk.write_pictures(data, tmp_path / name) for name in ("one", "two"))
-    names = [walk.file_name(name) for name in walk.WALK_FIGURES]
-    assert [path.name for path in first] == names
-    for one, other in zip(first, second, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-    assert sum(path.stat().st_size for path in first) < 4e6

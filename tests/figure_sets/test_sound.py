@@ -154,14 +154,6 @@ def test_fields_shown_are_those_of_the_settings_with_least_and_largest_errors(co
         conforms.independent(field.values, exact, atol=3e-7 * np.abs(exact).max())
 
 
-@pytest.mark.filterwarnings("ignore:k times the size of a piston")
-def test_cube_tells_how_large_a_piston_is_for_the_wave(conforms):
-    values = {"speed_of_sound_m_s": 200.0, "grid": (8, 6), "plane_shape": (8, 6)}
-    cube = both("distance", distances_mm=(750.0,), trials=1, **values)[2]
-    omega = cube["frequency"].values * 2 * np.pi * np.sqrt(1 - 2 * 0.02**2)
-    conforms.closed_form(cube["piston_size"], omega / 200 * 0.668 / 8, rtol=1e-12)
-
-
 # Invariances.
 
 
@@ -240,19 +232,6 @@ def test_ratio_of_field_to_deflection_error_falls_as_the_root_of_the_number_of_m
     markers = [nx * ny for nx, ny in grids]
     exponent = np.polyfit(np.log(markers), np.log(ratios), 1)[0]
     conforms.order(exponent, above=-0.55, below=-0.45)
-
-
-def test_ratio_in_the_cube_is_that_of_independent_errors(conforms):
-    request, plate, cube = both("distance")
-    structure = request.structure
-    omega = resonance_frequency(structure, 1)
-    factor = omega * full_factor(plane_operator(structure, request.planes[0], omega))
-    errors = np.random.default_rng(0).normal(size=(4000, 150))
-    field = np.sqrt(np.mean(np.sum((errors @ factor.T) ** 2, axis=-1)))
-    own = cube.sel(mode=1, plane="XZ")
-    deflection = 1 / np.max(np.abs(plate["reference_deflection"].values[0]))
-    ratio = field / float(own["largest_pressure"]) / deflection
-    conforms.closed_form(float(own["independent_ratio"]), ratio, rtol=0.03)
 
 
 # The thesis's stated errors.

@@ -259,14 +259,6 @@ def test_a_finer_grid_has_more_markers_between_the_same_edges(conforms):
     conforms.invariance(ratio, 1, atol=0.1)
 
 
-def test_own_layout_joins_the_cases():
-    layout = {"mine": [[[0, 30], [120, 30]], [[0, 30], [120, 30], [240, 30]]]}
-    study = validate_request("beam-arrays", {"trials": 3, "cases": ["4b"], "layouts": layout})
-    cube = studies.run(study)
-    assert list(cube["case"].values) == ["4b"] * 4 + ["mine"] * 2
-    np.testing.assert_array_equal(cube["camera_azimuth"].values[5, :4], [0, 120, 240, np.nan])
-
-
 # Files.
 
 

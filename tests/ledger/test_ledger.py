@@ -148,14 +148,6 @@ def test_the_other_order_is_the_other_one():
     }  # fmt: skip
 
 
-def test_cameras_one_by_one_pass_through_the_pairs_of_4a(conforms):
-    series = next(s for s in own()["beam-singly"] if (s.quantity, s.mode) == ("mean_error", 1))
-    assert series.values.tolist() == list(range(2, 13))
-    cube = cube_of("beam-arrays")
-    pairs = cube["mean_error"].sel(mode=1)[cube["case"].values == "4a", 1:]
-    conforms.invariance(series.errors[::2], pairs, rtol=1e-6)
-
-
 def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
     cube = cube_of("plate-arrays")
     here = cube.isel(setting=cube["case"].values == "4a").sel(mode=1)
