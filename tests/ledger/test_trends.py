@@ -308,14 +308,8 @@ def test_no_material_change_is_said_if_no_error_changes_by_more_than_a_tenth(by,
 def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_draws_is_not_sure():
     """Errors of the rendered experiment at 640, 1280 and 1920 px: least at 1280."""
     means, widths = [2.80, 2.16, 2.41], [640, 1280, 1920]
-    for test, errors in (("falls", means), ("rises", means[::-1])):
-        values = widths if test == "falls" else widths[::-1]
-        found = judge_trend(trend(test), [series(np.c_[errors, errors], values=values)])
-        assert (found.verdict, round(min(found.effect, 1 / found.effect), 2)) == ("agrees", 0.86)
-        step = (
-            "2.16 at 1280 but 2.41 at 1920" if test == "falls" else "2.41 at 1920 but 2.16 at 1280"
-        )
-        assert found.step_back == step
+    found = judge_trend(trend("falls"), [series(np.c_[means, means], values=widths)])
+    assert (found.verdict, round(found.effect, 2)) == ("agrees", 0.86)
     scatter = np.random.default_rng(0).standard_normal((3, 19))  # of 19 recordings, paired
     scatter -= scatter.mean(axis=1, keepdims=True)
     made = [series(np.array(means)[:, None] + 0.35 * scatter, values=widths)]
@@ -361,21 +355,12 @@ def test_only_bounds_depend_on_the_size_of_errors_and_nothing_on_what_a_trend_do
         assert judge_trend(trend(test, **more), larger) == found
 
 
-def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
+def test_what_falls_does_not_rise_and_rises_backwards():
     for seed in range(5):
         made = [series(np.random.default_rng(seed).gamma(2, size=(5, 40)))]
-        falls, rises, none = (
-            judge_trend(trend(test), made).single for test in ("falls", "rises", "no_trend")
-        )
-        assert falls + rises <= 1
-        backwards = [series(made[0].errors[::-1])]
-        assert judge_trend(trend("rises"), backwards) == judge_trend(trend("falls"), made)
-        assert none >= 1 - falls - rises - 1e-12
-        steadily, not_steadily = (
-            judge_trend(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
-        )
-        assert steadily <= falls
-        assert steadily + not_steadily <= 1
+        falls, rises = (judge_trend(trend(test), made) for test in ("falls", "rises"))
+        assert falls.single + rises.single <= 1
+        assert judge_trend(trend("rises"), [series(made[0].errors[::-1])]) == falls
 
 
 @pytest.mark.parametrize("gaps", [slice(None), slice(0, 1)])
