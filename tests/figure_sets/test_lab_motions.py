@@ -290,32 +290,6 @@ def test_without_trials_everything_is_still_shown(name, case):
 # Rendered pictures.
 
 
-@pytest.mark.nightly
-def test_too_few_rendered_frames_are_as_good_as_enough(conforms):
-    """The beam in mode 3, small pictures, 60 and 480 frames a second, a long exposure."""
-    study = modes_study(**QUICK, frame_rates_hz=[60.0, 480.0], exposure_ms=2.0, torsion_mm=0.05)
-    cube = lab_modes.run(study, lab_modes.EXPERIMENT.load(study))
-    slow, fast = (of(cube, "known").isel(setting=s, mode=0, trial=0) for s in (0, 1))
-    for kind in ("bending", "torsion"):
-        error = np.hypot(slow[f"{kind}_standard_error"], fast[f"{kind}_standard_error"])
-        apart = abs(slow[f"{kind}_amplitude"] - fast[f"{kind}_amplitude"])
-        conforms.sampled(float(apart), below=4 * float(error))
-        for one in (slow, fast):
-            off = one[f"{kind}_amplitude"] - np.ravel(cube[f"{kind}_reference"])[0]
-            conforms.sampled(abs(float(off)), below=4.5 * float(one[f"{kind}_standard_error"]))
-    conforms.sampled(
-        of(cube, "known")["mean_error"][:, 0, 0],
-        of(cube, "known")["predicted_error"][:, 0],
-        rtol=0.3,
-    )
-    assert float(cube["missing"].max()) == 0
-    # The cameras agree at the true frequency.
-    conforms.closed_form(cube["found_frequency"], cube["frequency"].values[0], rtol=2e-3)
-    order = np.sort(cube.isel(mode=0, frame_rate=0)["misfit"].values)
-    conforms.sampled(order[0], below=1.6)
-    assert order[1] > 5 * order[0]
-
-
 def test_a_rendered_plate_without_noise_loses_what_its_markers_average(conforms):
     study = plate_study(cases=["cameras"], camera_counts=[2], modes=[3], trials=0, shot_noise=0,
                         read_noise=0, frames=8)  # fmt: skip

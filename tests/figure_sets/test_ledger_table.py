@@ -289,21 +289,6 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium: Browser, path: P
         assert verdict.inner_text().strip() == f"{ROWS[7]['verdict']}, not monotonic"
 
 
-@pytest.mark.slow
-def test_copying_the_command(chromium: Browser, path: Path) -> None:
-    with open_offline(chromium, path) as opened:
-        opened.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        one = claim(opened, 0)
-        one.get_by_role("button", name="note about figure 2.1").click()
-        second = one.locator(".tl-ledger-second")
-        assert ROWS[0]["note"] in second.inner_text()
-        second.get_by_role("button").click()
-        second.get_by_role("button", name="Copied").wait_for()
-        text = opened.page.evaluate("() => navigator.clipboard.readText()")
-        assert text == "thesis run beam-distance"
-        assert opened.trouble == []
-
-
 def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
     focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
       if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';

@@ -8,8 +8,6 @@ from pathlib import Path
 import nbformat
 import papermill
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
@@ -18,7 +16,7 @@ from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
-from thesis_lib.studies.request import ParameterError, describe_parameters
+from thesis_lib.studies.request import describe_parameters
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
@@ -41,8 +39,6 @@ DISTANCE, APERTURE = "beam-distance", "beam-aperture"
 RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
 PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
 LAW = "design-law"
-PLANNER = "planner"
-WITHOUT_SETTINGS = (LEDGER, PLANNER, "lab-radiation")
 SHAPE = "shape-l"
 
 
@@ -256,54 +252,3 @@ def test_every_number_has_a_unit_or_is_declared_to_have_none(model):
             assert unit_of_field(name) in {"px", ""}, name
         else:
             assert unit_of_field(name) == "", name
-
-
-SCALARS = (
-    st.none()
-    | st.booleans()
-    | st.integers()
-    | st.floats()
-    | st.text(max_size=8)
-    | st.sampled_from(["force", "known", "4a", "4a′", "2b", "reversed", "printed", "x.nc"])
-    | st.integers(-5, 1000)
-)
-JUNK = st.recursive(
-    SCALARS,
-    lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(st.text(max_size=5) | st.sampled_from(["4d", "mine"]), inner, max_size=3)
-    ),
-    max_leaves=12,
-)
-
-
-def outcome(name, values):
-    """The validated study, or None and what was said instead."""
-    try:
-        return validate_request(name, values), ""
-    except ParameterError as error:
-        return None, str(error)
-
-
-@pytest.mark.slow
-@settings(max_examples=300, derandomize=True)
-@given(st.data())
-def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
-    name = data.draw(st.sampled_from(list(STUDIES)))
-    field = data.draw(st.sampled_from(list(STUDIES[name].model_fields)))
-    study, message = outcome(name, {field: data.draw(JUNK)})
-    if study is None:
-        # an amplitude, a lens or a sensor can make the default distance too short, a grid or a
-        # fluid the default modes too high, and a plane's lower end its default top too low
-        also = {"amplitude_mm": "distance", "focal_length_mm": "distance",
-                "sensor_width_mm": "distance", "grid": "modes", "speed_of_sound_m_s": "modes",
-                "plane_bottom_mm": "plane_top_mm"}  # fmt: skip
-        fields = [field, also.get(field, field)]
-        if name == LAW:  # where more depends on each other
-            fields += ["cone_distance_mm", "frame_rates_hz", "duration_s", "frequency_hz"]
-        assert message.startswith(tuple(f"{name}: {field}" for field in fields))
-        assert message.isprintable()
-        assert len(message) < 500
-    else:
-        assert study.settings() or name in WITHOUT_SETTINGS
-        assert validate_request(name, study.request).digest == study.digest

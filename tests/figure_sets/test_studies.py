@@ -295,19 +295,6 @@ def test_what_is_no_cube_is_refused_in_one_line(tmp_path, kind):
         cube_file.read_cube(path)
 
 
-def test_a_cut_cube_is_refused_wherever_it_is_cut(tmp_path):
-    whole, cut = tmp_path / "whole.nc", tmp_path / "cut.nc"
-    values = np.linspace(0.0, 1.0, 3000, dtype=np.float32).reshape(3, 1000)
-    cube = xr.Dataset({"a": (("x", "y"), values), "case": ("x", ["1", "2", "3"])})
-    storage.write_netcdf(cube, whole, compact=True)
-    content = whole.read_bytes()
-    for size in range(0, len(content), len(content) // 20):
-        cut.write_bytes(content[:size])
-        with pytest.raises(cubes.CubeError, match=r"^[^\n]*cut\.nc[^\n]*$"):
-            storage.open_netcdf(cut)
-    xr.testing.assert_identical(storage.open_netcdf(whole)["case"], cube["case"])
-
-
 @pytest.mark.parametrize("limit", [1, 100_000])
 def test_a_full_disk_is_an_error_and_not_the_end_of_the_process(tmp_path, limit):
     cube = xr.Dataset({"a": ("x", np.random.default_rng(0).random(30_000))})
