@@ -13,7 +13,6 @@ from scipy.stats import qmc
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
 from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
-from thesis_lib.figure_sets.display import fill_text
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision import cone_law, rounding, simulation
@@ -328,18 +327,6 @@ def test_standard_error_of_an_rms_is_its_scatter(conforms):
     rms, std = simulation.rms_with_std(rare)
     conforms.sampled(np.sqrt(np.mean(std**2)) / np.std(rms), 1, atol=0.08)
     assert np.isnan(simulation.rms_with_std([[2.0]])[1])
-
-
-def test_rigs_that_the_tracker_cannot_follow_are_marked(conforms, cube, study):
-    text = fill_text(cube, "shares")
-    assert text.count(" † ") == int((cube["marker_height"] < FOLLOWED_PX).sum()) > 0
-    for setting, height in zip(study.settings(), cube["marker_height"].values.ravel(), strict=True):
-        rig = setting.cameras(24, 36)
-        towards = np.array([-np.sin(np.radians(setting.directions_deg[0][0])),
-                            -np.cos(np.radians(setting.directions_deg[0][0])), 0])  # fmt: skip
-        ends = MARKER_DIAMETER_M / 2 * np.stack([-towards, towards], axis=1)
-        v = project(rig.P[:1], ends)[0, 1]
-        conforms.closed_form(abs(v[1] - v[0]), height, rtol=0.01)
 
 
 def test_the_tracker_follows_markers_from_that_height_on():

@@ -14,7 +14,6 @@ from thesis_lib.facts import setups
 from thesis_lib.figure_sets import display
 from thesis_lib.figure_sets.lab_modes import compute as lab_modes
 from thesis_lib.figure_sets.lab_plate import compute as lab_plate
-from thesis_lib.figure_sets.lab_plate.figure_set import stands_of
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.laboratory import tracking
 from thesis_lib.measure.recordings.board import rows_on
@@ -243,18 +242,6 @@ def test_the_plate_s_trials_scatter_as_is_predicted(conforms, plate_cube):
         conforms.sampled(ratio[np.isfinite(ratio)], 1, atol=0.3)
         conforms.sampled(np.nanmedian(ratio), 1, atol=0.06)
     conforms.sampled(plate_cube["mean_error"][:, :, 0], plate_cube["predicted_error"], rtol=0.3)
-
-
-def test_a_camera_films_the_same_whatever_other_settings_there_are():
-    study = plate_study(cases=["cameras"], camera_counts=[4], modes=[1])
-    stands = stands_of(study.settings()[0])
-    together = lab_plate.rig_of(study, 1, stands)
-    for stand, station in zip(stands, together.stations, strict=True):
-        alone = lab_plate.rig_of(study, 1, [stand])
-        assert alone.stations[0].start == station.start
-        np.testing.assert_array_equal(alone.cameras[0].P, station.camera.P)
-    seeds = {lab_plate.rig_of(study, 1, [stand]).seed for stand in stands}
-    assert len(seeds) == len(stands)
 
 
 def test_a_missing_marker_is_put_on_a_smooth_surface(conforms):

@@ -145,9 +145,6 @@ def rewrite(file: Path, old: str, new: str) -> None:
 
 BROKEN = {
     "no figure_set.py": (lambda f: (f / "figure_set.py").unlink(), "figure_set.py is missing"),
-    "another package": (
-        lambda f: rewrite(f / "figure_set.py", "from thesis_lib.studies.request", "from nowhere"),
-        "cannot be used: ModuleNotFoundError: No module named 'nowhere'"),
     "default": (
         lambda f: rewrite(f / "figure_set.py", "24.0,", "-24.0,"),
         "focal_length_mm: given -24.0"),

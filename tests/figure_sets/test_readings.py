@@ -171,8 +171,8 @@ def displaced(cameras, offset):
     return replace(cameras, K=K)
 
 
-@pytest.mark.parametrize("offset", [0.5, -0.3])
-def test_nominal_run_is_that_of_cameras_with_the_principal_point_moved(conforms, offset):
+def test_nominal_run_is_that_of_cameras_with_the_principal_point_moved(conforms):
+    offset = -0.3
     study = validate_request("beam-aperture", {"trials": 0, "principal_offset_px": offset})
     structure, cube = study.structure, studies.run(study)
     shapes = [deflection_shape(structure, mode, structure.markers, 5.5e-3)
