@@ -26,10 +26,6 @@ def other():
     return cube_of(camera_study("beam-distance", given))
 
 
-def twice(dim):
-    return lambda cube: xr.concat([cube, cube], dim, data_vars="minimal", coords="minimal")
-
-
 def parameters(**changed):
     def change(cube):
         values = json.loads(cube.attrs["parameters"]) | changed

@@ -20,26 +20,17 @@ from thesis_lib.studies.request import describe_parameters
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
-NO_UNIT = (
-    "f_number",
-    "f_numbers",
-    "lens_k1",
-    "in_view",
-    "poissons_ratio",
-    "damping",
-    "shot_noise",  # grey levels
-    "read_noise",  # grey levels
-    "pixels_per_second",
-    "target_percent",
+NO_UNIT = {
+    "f_number", "f_numbers", "lens_k1", "in_view", "poissons_ratio", "damping",
+    "pixels_per_second", "target_percent",
+    "shot_noise", "read_noise",  # grey levels
     "prices",  # of any currency
     "layouts",  # names beside degrees
-)
+}  # fmt: skip
 NAN = math.nan
 DISTANCE, APERTURE = "beam-distance", "beam-aperture"
-RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
-PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
-LAW = "design-law"
-SHAPE = "shape-l"
+ARRAYS, PLATE, SOUND = "beam-arrays", "plate-distance", "sound-aperture"
+LEDGER, LAW, SHAPE = "claims", "design-law", "shape-l"
 
 
 def allowed(name: str, field: str) -> str:

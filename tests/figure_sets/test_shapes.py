@@ -138,20 +138,6 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
 # What a mirror does.
 
 
-def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_images(opened):
-    plate = opened[shape_figures.PLATE_SET]
-    rows = np.isin(plate["case"].values, shape_figures.MIRRORED_CASES)
-    deflection = plate["measured_deflection"].values[rows].reshape(rows.sum(), 3, -1, ROWS, COLUMNS)
-    literal = deflection[:, :, 0]
-    alike = np.abs(literal - literal[..., ::-1]) < shape_figures.MAX_ROUNDING_M
-    assert alike[:, [0, 2]].all()  # modes (1, 1) and (1, 2)
-    assert alike[:, 1].mean() < 0.2  # mode (2, 1) is not symmetric in X = 0
-    trials = (
-        np.abs(deflection[:, :, 1:] - deflection[:, :, 1:, :, ::-1]) < shape_figures.MAX_ROUNDING_M
-    )
-    assert trials.mean() < 0.2
-
-
 def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
     plate = opened[shape_figures.PLATE_SET]
     itself = shape_figures.compare_cases(plate, plate, ["4a"])

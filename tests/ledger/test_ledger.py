@@ -176,10 +176,12 @@ def test_own_runs_come_back_from_their_file(tmp_path):
 # -- Entries --
 
 
+def stated_ids():
+    return [one.id for one in (*claims.read_claims(), *claims.read_trends(), *read_numbers())]
+
+
 def test_every_statement_has_one_entry_that_can_be_shown(found):
-    stated = [one.id for read in (claims.read_claims, claims.read_trends, read_numbers)
-              for one in read()]  # fmt: skip
-    assert sorted(entry.id for entry in found) == sorted(stated)
+    assert sorted(entry.id for entry in found) == sorted(stated_ids())
     assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
     assert {entry.verdict for entry in found} <= set(VERDICTS) - {"undefined"}
     LedgerTable(data={"rows": [entry.row for entry in found]})
@@ -417,10 +419,8 @@ def test_an_interpretation_is_named_if_it_meets_the_value():
 
 
 def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
-    stated = {one.id for read in (claims.read_claims, claims.read_trends, read_numbers)
-              for one in read()}  # fmt: skip
     known = claims.read_reasons()
-    assert set(known) <= stated
+    assert set(known) <= set(stated_ids())
     items = {item["id"] for item in list_assumptions()}
     for one in known.values():
         document, _, anchor = one.page.partition("#")
