@@ -63,19 +63,6 @@ def test_markers_are_found_but_at_320_pixels(data):
 # What comes out.
 
 
-def test_the_literal_method_and_the_harmonic_fit_with_four_cameras(results):
-    literal = of(results["experiment-cameras"], "literal", "A–B–C–D")["mean_error"].values
-    assert literal[0] < 1.2
-    assert np.quantile(literal[1:], 0.95) < 1.2
-    part = of(results["experiment-cameras"], "harmonic", "A–B–C–D")
-    assert part["mean_error"].values[0] < 0.03
-    assert np.quantile(part["mean_error"][1:], 0.95) < 0.03
-    assert part["mac"].values.min() > 0.9999999
-    found = complex(float(part["mobility_real"]), float(part["mobility_imag"]))
-    model = complex(*results["experiment-cameras"]["mobility_reference"].values)
-    assert abs(found / model - 1) < 2e-3
-
-
 def test_the_thesis_to_the_letter_has_errors_of_its_size(results):
     cube = results["experiment-cameras"]
     part = cube.isel(setting=np.flatnonzero(cube["case"].values == "matched"), mode=0)

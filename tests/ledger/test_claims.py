@@ -168,15 +168,6 @@ def test_a_claim_about_some_settings_leaves_out_the_others_and_other_cases(state
             assert checked(made, claim).verdict == verdict
 
 
-def test_quantity_and_mode_are_those_of_the_claim(stated):
-    mean, largest = stated({}, {"id": "two", "quantity": "max_point_error"})
-    cube = cube_with([10], [(9, 11)])
-    assert checked(cube, largest).median == 2 * checked(cube, mean).median
-    modes = xr.concat([cube, 5 * cube[["mean_error"]]], "mode", data_vars="minimal")
-    modes = modes.assign_coords(mode=[1, 3])
-    assert checked(modes, replace(mean, mode=3)).median == 5 * checked(modes, mean).median
-
-
 @pytest.mark.parametrize(
     ("relation", "low", "high", "median", "ratio"),
     [
