@@ -164,13 +164,6 @@ def test_azimuths_from_x_are_layouts_with_90_degrees_less_them():
 # -- Principal point --
 
 
-def displaced(cameras, offset):
-    """The cameras with a principal point that is really elsewhere."""
-    K = np.stack([intrinsics(K[0, 0], cameras.size) for K in cameras.K])
-    K[:, :2, 2] += offset
-    return replace(cameras, K=K)
-
-
 def test_nominal_run_is_that_of_cameras_with_the_principal_point_moved(conforms):
     offset = -0.3
     study = validate_request("beam-aperture", {"trials": 0, "principal_offset_px": offset})
@@ -180,7 +173,9 @@ def test_nominal_run_is_that_of_cameras_with_the_principal_point_moved(conforms)
     points = world_points(structure, np.array([np.zeros(25), *shapes]))
     for number, setting in enumerate(study.settings()):
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
-        moved = displaced(cameras, offset)
+        K = np.stack([intrinsics(K[0, 0], cameras.size) for K in cameras.K])
+        K[:, :2, 2] += offset
+        moved = replace(cameras, K=K)
         shifts = np.zeros((1, len(cameras), 2))
         alone = measure_deflections(moved, points, shifts)
         shifted = measure_deflections(cameras, points, shifts + offset)
