@@ -82,11 +82,6 @@ MOVED_PX = np.array([0.1, 0.5, 0.8, 1.3, 1.5, 2.2])  # of the image, about
 DIRECTIONS = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0], [0.6, -0.3, 0.7], [-0.2, 0.5, 0.8]])
 
 
-def motions(distance, focal):
-    """Motions (3, n) of the centre, deflections first."""
-    return np.concatenate(distance / focal * MOVED_PX[:, None] * DIRECTIONS[:, None]).T
-
-
 def pair_error(distance, focal, aperture, elevation, motion):
     """Closed form of a pair for rounded motions (3, ...) of the centre in any direction, in m."""
     azimuth = [aperture / 2, -aperture / 2]
@@ -104,7 +99,7 @@ def pair_error(distance, focal, aperture, elevation, motion):
 def test_law_of_a_pair_is_that_of_draws_for_any_motion(conforms, aperture, elevation):
     alpha, phi, distance, focal = np.radians(aperture), np.radians(elevation), 0.5, 8000.0
     rig = hemisphere_cameras(distance, [alpha / 2, -alpha / 2], [phi, phi], focal, SIZE)
-    moved = motions(distance, focal)
+    moved = np.concatenate(distance / focal * MOVED_PX[:, None] * DIRECTIONS[:, None]).T
     points = np.concatenate([np.zeros((3, 1)), moved], axis=1)[..., None]
     found = np.sqrt(np.mean(drawn(rig, points, 13)[2] ** 2, axis=(1, 2)))
     law = pair_error(distance, focal, alpha, phi, moved)

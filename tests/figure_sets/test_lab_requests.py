@@ -25,7 +25,6 @@ REFUSED = [  # a row of each kind
     (RESOLUTION, {"widths_px": [640, 2000]}, ["widths_px", "given 2000", "160 to 1920"]),
     (ELEVATION, {"frequency_hz": 8}, ["frequency_hz: given 8", "an eighth of the frame rate"]),
     (ELEVATION, {"distance_mm": 400}, ["distance_mm: given 400", "see the whole beam"]),
-    (LAYOUT, {"distances_mm": [420]}, ["distances_mm: given 420", "case distance"]),
     (LAYOUT, {"directions_deg": [[10, 20], [350, 20], [-10, 20]]}, ["given [[10", "different"]),
     (LAYOUT, {"directions_deg": NINE_PLACES}, ["2 to 8"]),
     (LAYOUT, {"elevation_deg": 60}, ["see the whole beam", "case aperture, 110°"]),

@@ -14,8 +14,6 @@ from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import Check, judge_claim
 
 CLAIMS = read_claims()
-TEXT = (setups.data_folder() / "claims.csv").read_text(encoding="utf-8")
-HEADER = TEXT.splitlines()[0].split(",")
 ROW = {
     "id": "one", "figure_set": "beam-distance", "section": "3.3.1", "figure": "3.4", "panel": "d",
     "case": "1", "mode": "1", "quantity": "mean_error", "value": "500", "relation": "about",
@@ -28,11 +26,11 @@ ROW = {
 def stated(tmp_path, monkeypatch):
     """Claims read from a file with one row for each of the given changes."""
 
-    def read(*changes, header=HEADER):
+    def read(*changes):
         with (tmp_path / "claims.csv").open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(header)
-            rows.writerows([{**ROW, **change}[name] for name in header] for change in changes)
+            rows = csv.DictWriter(file, ROW)
+            rows.writeheader()
+            rows.writerows({**ROW, **change} for change in changes)
         monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
         return read_claims()
 

@@ -65,7 +65,6 @@ SILENT = planes([NAN, NAN], [2, 3], 2)
 CLEAR = [
     ("falls", {"a": [4, 3, 2]}, True, {}),
     ("falls", {"a": [4, 5, 6, 3]}, False, {}),  # last below first, but half the pairs grow
-    ("falls", {"a": [4, 3], "b": [3, 4]}, False, TWO),
     ("falls", modes([4, 3], [4, 3], [3, 4]), False, ALL),
     ("falls", modes([4, 3], [4, 3], [3, 4]), True, BOTH),
     ("rises", {"a": [2, 3, 4]}, True, {}),
@@ -77,7 +76,6 @@ CLEAR = [
     ("falls", {"a": [4, 3.8]}, False, {}),  # by less than the smallest effect
     ("flat", {"a": [1.02, 1, 1.05]}, True, {}),
     ("flat", {"a": [1.02, 1, 2.2]}, False, {}),
-    ("flat", {"a": [1, 1.05], "b": [10, 10.5]}, True, TWO),  # each by itself
     ("no_trend", {"a": [4, 3.9, 3.8]}, True, {}),  # falls, by less than the smallest effect
     ("no_trend", {"a": [8, 5, 2]}, False, {}),
     ("no_trend", {"a": [3, 9, 8, 7, 4]}, True, {}),  # last above first, most pairs fall
@@ -94,7 +92,6 @@ CLEAR = [
     ("within 1 4", {"a": [2, 3]}, True, {}),
     ("within 1 4", {"a": [0.5, 3]}, False, {}),
     ("within 1 4 5 8", modes([2, 3], [6, 7]), True, BOTH),
-    ("within 1 4 5 8", modes([2, 3], [2, 3]), False, BOTH),
     ("flat 1 4", {"a": [2, 2.1]}, True, {}),
     ("flat 1 4", {"a": [5, 5.2]}, False, {}),
     ("above 5 first", {"a": [7, 1]}, True, {}),
@@ -135,14 +132,12 @@ VALUES = {"a": [500, 750, 1000], "b": [750, 1000, 1500]}  # where there are thre
 EDGES = [
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL]}, False, {}),
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL - 1e-9]}, True, {}),
-    ("rises", {"a": [1 - MIN_MATERIAL_FALL, 1]}, False, {}),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO, MAX_ALIKE_RATIO]), True, BOTH),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
     ("below 40", {"a": [40, 1]}, False, {}),
     ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
     ("at_most 40", {"a": [40.6, 1]}, False, {}),
     ("within 10 20", {"a": [9.1, 21.9]}, True, {}),
-    ("within 10 20", {"a": [8.9, 15]}, False, {}),
     ("unrelated of", {(MEAN, "a", 1): [1, 2, 3], ("of", "a", 1): [2, 1, 3]}, True, {}),  # just ½
 ]
 
@@ -297,7 +292,6 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
 @pytest.mark.parametrize(
     ("test", "expected", "step"),
     [
-        ("falls", [4, 3, 2], ""),
         ("falls", [4, 2, 2.2], ""),  # less than the smallest effect
         ("falls_steadily", [4, 2, 2.4], "2 at 1 but 2.4 at 2"),
         ("rises", [2, 3, 2.4, 5], "3 at 1 but 2.4 at 2"),
