@@ -11,10 +11,8 @@ from thesis_lib.facts.setups import ADOPTED_READING, READINGS
 from thesis_lib.figure_sets.claims import compute
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings
 from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
-from thesis_lib.ledger import verdicts
 from thesis_lib.ledger.verdicts import VERDICTS, Check
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import intrinsics
@@ -41,17 +39,6 @@ def run(*names, **draws):
 
 
 # -- How readings are compared --
-
-
-def test_the_adopted_reading_is_what_the_figure_sets_say(few):
-    made = compute.judge_interpretation(READINGS[ADOPTED_READING], 0, TRIALS, {})
-    cubes = {name: cube_of(name) for name in FEW[:2]}
-    cubes[FEW[2]] = sound.run(validate_request(FEW[2], {"trials": TRIALS}), cubes[FEW[1]])
-    expected = [
-        c for name in FEW for c in verdicts.check_claims(cubes[name], claims.claims_of(name))
-    ]
-    assert made == expected
-    assert {check.claim.chapter for check in made} == set(compute.CHAPTER_OF_GROUP.values())
 
 
 def test_counts_are_those_of_the_checks(few):
