@@ -38,7 +38,6 @@ DOCTORED = {
     "modes that are none": lambda c: c.assign_coords(mode=[1.5, 2.5]),
     "a setting twice": lambda c: c.isel(setting=[0, 1, 1]),
     "a setting nobody asked for": lambda c: c.assign_coords(value=("setting", [500.0, 801.0])),
-    "more trials than asked for": lambda c: c.isel(trial=[0, 1, 2, 2]),
     "no mode": lambda c: c.isel(mode=[]),
     "other markers": lambda c: c.assign_coords(x=c["x"] * 2),
     "other parameters": parameters(focal_length_mm=25.0),

@@ -266,7 +266,6 @@ def test_effect_is_the_least_change(test, by, more, effect):
     [
         (modes([100, 98], [100, 91]), "no material change"),
         (modes([100, 98], [100, 60]), "differs"),  # one changes, one does not
-        (modes([100, 120], [100, 98]), "differs"),
     ],
 )
 def test_no_material_change_is_said_if_no_error_changes_by_more_than_a_tenth(by, verdict):
@@ -353,9 +352,7 @@ def test_series_without_a_reference_are_left_out(gaps):
     [
         (trend("falls", quantities=(XZ,)), {"a": [2, 1]}),
         (trend("like_case b"), {"a": [2, 1]}),
-        (trend("like_case b"), {"a": [2, 1], "b": [NAN, NAN]}),
         (trend("modes_alike", modes=(1, 2)), {"a": [2, 1]}),
-        (trend("worst_mode 3", modes=(1,)), {"a": [2, 1]}),
         (trend("falls"), {}),
     ],
 )
