@@ -26,10 +26,6 @@ def other():
     return cube_of(camera_study("beam-distance", given))
 
 
-def twice(dim):
-    return lambda cube: xr.concat([cube, cube], dim, data_vars="minimal", coords="minimal")
-
-
 def parameters(**changed):
     def change(cube):
         values = json.loads(cube.attrs["parameters"]) | changed
@@ -40,24 +36,18 @@ def parameters(**changed):
 
 DOCTORED = {
     "modes that are none": lambda c: c.assign_coords(mode=[1.5, 2.5]),
-    "modes nobody asked for": lambda c: c.assign_coords(mode=[1, 3]),
     "a setting twice": lambda c: c.isel(setting=[0, 1, 1]),
     "a setting nobody asked for": lambda c: c.assign_coords(value=("setting", [500.0, 801.0])),
-    "more trials than asked for": lambda c: c.isel(trial=[0, 1, 2, 2]),
     "no mode": lambda c: c.isel(mode=[]),
     "other markers": lambda c: c.assign_coords(x=c["x"] * 2),
     "other parameters": parameters(focal_length_mm=25.0),
     "parameters that are refused": parameters(trials=-1),
-    "parameters of nothing": lambda c: c.assign_attrs(parameters="[]"),
     "no hash": lambda c: c.drop_attrs(deep=False).assign_attrs(
         {k: v for k, v in c.attrs.items() if k != "parameters_hash"}
     ),
     "another set": lambda c: c.assign_attrs(figure_set="plate-distance"),
     "errors that are words": lambda c: c.assign(mean_error=c["mean_error"].astype(str)),
     "errors without trials": lambda c: c.assign(mean_error=c["mean_error"].isel(trial=0)),
-    "settings along trials": lambda c: c.drop_vars("case").assign_coords(
-        case=("trial", ["a", "b", "c"])
-    ),
     "no case": lambda c: c.drop_vars("case"),
 }
 
@@ -119,7 +109,6 @@ DAMAGED = {
     "empty": ("", 1),
     "another header": (GOOD.replace("median", "mean", 1), 1),
     "cut in a number": ("".join(LINES[:3]) + LINES[3][:30], 4),
-    "a number too many": ("".join([LINES[0], LINES[1].rstrip() + ",1\n", *LINES[2:]]), 2),
     "a row twice": ("".join([*LINES[:3], LINES[1], *LINES[3:]]), 4),
     "a hidden character": (GOOD.replace("500 mm", "500\u200bmm", 1), 2),
     "a quote without end": (LINES[0] + '"' + "".join(LINES[1:]), 2),

@@ -70,20 +70,6 @@ def misleading(drawing: Figure) -> list[str]:
     return faults
 
 
-def test_what_misleads_is_found():
-    drawing = Figure()
-    left, right = drawing.subplots(1, 2)
-    left.bar([1, 2, 3], [1, 10, 100], color=["b", "r", "b"])
-    left.set_yscale("log")
-    right.plot([1, 2], label="two cameras", color="b")
-    right.plot([2, 3], label="eight cameras", color="b")
-    assert misleading(drawing) == [
-        "bars on a logarithmic axis",
-        "bars of one colour that are not one setting",
-        "alike: ['eight cameras', 'two cameras']",
-    ]
-
-
 @pytest.mark.book
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_figure_of_the_book_misleads(name):
@@ -190,35 +176,16 @@ def test_cube_reads_back_and_is_compared_by_its_quantities(name, tmp_path, monke
         cube_file.read_cube(path)
 
 
-def test_cameras_come_out_as_published():
-    cube = small_cube("cameras")
-    number = cube.sizes["quantity"]
-    same = [f"no difference from published ({number} quantities compared)"]
-    assert cubes.difference_lines(cube) == same
-
-
-@pytest.mark.parametrize(
-    ("name", "values", "stays", "changes"),
-    [
-        ("cameras", {"trials": 5, "widths_px": [16]}, ["depth_error"], ["rounded_depth_error"]),
-        pytest.param(
-            "design-law", {"trials": 4, "counts": [3, 4], "frame_rates_hz": [60]},
-            ["law_error", "cone_error", "expected_error", "frame_error"],
-            ["simulated_error", "cone_drawn_error", "drawn_frame_error", "drawn_fit_error"],
-            marks=pytest.mark.nightly,
-        ),
-    ],
-)  # fmt: skip
-def test_another_seed_draws_again_and_keeps_the_laws(name, values, stays, changes):
+def test_another_seed_draws_again_and_keeps_the_laws():
+    values = {"trials": 5, "widths_px": [16]}
     one, same, other = (
-        FIGURE_SETS[name].compute(validate_request(name, values | more), {})
+        FIGURE_SETS["cameras"].compute(validate_request("cameras", values | more), {})
         for more in ({}, {}, {"seed": 5})
     )
     xr.testing.assert_equal(one, same)
-    for variable in stays:
-        xr.testing.assert_equal(other[variable], one[variable])
-    for variable in changes:
-        assert not np.array_equal(other[variable], one[variable], equal_nan=True)
+    xr.testing.assert_equal(other["depth_error"], one["depth_error"])
+    drawn = "rounded_depth_error"
+    assert not np.array_equal(other[drawn], one[drawn], equal_nan=True)
 
 
 # Each variable of a result has a unit and a long name that is understood alone.
@@ -260,19 +227,6 @@ def attributes_of(cube: xr.Dataset) -> dict[str, dict[str, str]]:
         str(name): {"units": units[name]} | dict(variable.attrs)
         for name, variable in cube.variables.items()
     }
-
-
-@pytest.mark.parametrize(
-    ("attributes", "faulty"),
-    [
-        ({"units": "m", "long_name": "deflection of the markers"}, False),
-        ({"units": "m"}, True),
-        ({"long_name": "deflection of the markers"}, True),
-        ({"units": "W", "long_name": "that of the true motion"}, True),
-    ],
-)
-def test_what_a_fault_is(attributes, faulty):
-    assert bool(faults({"a": attributes})) == faulty
 
 
 def test_declared_variables_are_understood_alone():

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from browser import CONTRAST, Opened, open_offline
+from browser import Opened, open_offline
 
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
@@ -116,9 +116,6 @@ def test_filters_and_a_search_combine_and_are_counted(chromium: Browser, path: P
         pick(opened, "Mode", "3")
         wanted = those(chapter=3, verdict="differs", case="2b, 2c", modes=[1, 2, 3])
         assert shown(opened) == wanted
-        pick(opened, "Case", "")
-        pick(opened, "Kind", "trend")
-        assert shown(opened) == those(chapter=3, verdict="differs", kind="trend", modes=[1, 2, 3])
         opened.page.get_by_role("button", name="Reset").click()
         assert shown(opened) == everything
         search = box(opened, "Search")
@@ -212,11 +209,6 @@ def test_the_address_keeps_the_filters(chromium: Browser, path: Path) -> None:
         opened.page.get_by_role("button", name="Reset").click()
         assert opened.page.url == f"{start}?other=1#top"
         assert opened.trouble == []
-    with open_offline(
-        chromium, path, query="chapter=17&verdict=%3Cb%3E&mode=2&%FF=%FF&sort=-toString"
-    ) as opened:
-        assert shown(opened) == [i for i in range(COUNT) if 2 in ROWS[i]["modes"]]
-        assert opened.trouble == []
 
 
 def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path) -> None:
@@ -289,32 +281,6 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium: Browser, path: P
         assert verdict.inner_text().strip() == f"{ROWS[7]['verdict']}, not monotonic"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("allowed", [True, False])
-def test_copying_the_command(chromium: Browser, path: Path, allowed: bool) -> None:
-    with open_offline(chromium, path) as opened:
-        context = opened.page.context
-        if allowed:
-            context.grant_permissions(["clipboard-read", "clipboard-write"])
-        else:
-            opened.page.evaluate(
-                "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
-            )
-        one = claim(opened, 0)
-        one.get_by_role("button", name="note about figure 2.1").click()
-        second = one.locator(".tl-ledger-second")
-        assert ROWS[0]["note"] in second.inner_text()
-        second.get_by_role("button").click()
-        if allowed:
-            second.get_by_role("button", name="Copied").wait_for()
-            text = opened.page.evaluate("() => navigator.clipboard.readText()")
-        else:
-            second.get_by_role("button", name="Selected: now copy it").wait_for()
-            text = opened.page.evaluate("() => getSelection().toString()")
-        assert text == "thesis run beam-distance"
-        assert opened.trouble == []
-
-
 def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
     focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
       if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
@@ -339,30 +305,15 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert opened.trouble == []
 
 
-def test_the_rows_of_a_phone_are_cards(chromium: Browser, tmp_path: Path) -> None:
-    long = "a" * 90
-    texts = ("what", "stated", "got", "command", "note", "place")
-    last = {**ROWS[30], **dict.fromkeys(texts, long), "case": "1, 2a, 2b, 2c, 2d, 4a'"}
-    rows = [*ROWS[:30], last]
-    file = tmp_path / "claims.html"
-    file.write_text(page(bundle(rows)), encoding="utf-8")
-    with open_offline(chromium, file, width=320) as opened:
-        for button in opened.page.locator(".tl-ledger-more button").all()[-3:]:
-            button.click()
+def test_the_rows_of_a_phone_are_cards(chromium: Browser, path: Path) -> None:
+    with open_offline(chromium, path, width=320) as opened:
         for width in (320, 699, 740):
             opened.page.set_viewport_size({"width": width, "height": 900})
             opened.page.wait_for_timeout(100)
             assert opened.sideways_px() <= 0
-            right = opened.page.locator(".tl-ledger").evaluate(
-                "e => Math.max(...[...e.querySelectorAll('tbody *')].map("
-                "one => one.getBoundingClientRect().right))"
-            )
-            assert right <= width
-            what, stated = (claim(opened, 2).locator(f".tl-ledger-{one}").bounding_box()
-                            for one in ("what", "stated"))  # fmt: skip
-            assert what is not None
-            assert stated is not None
-            assert (what["y"] < stated["y"] - 10) == (width < 700)
+            what, stated = (claim(opened, 2).locator(f".tl-ledger-{one}").evaluate(
+                "e => e.getBoundingClientRect().y") for one in ("what", "stated"))  # fmt: skip
+            assert (what < stated - 10) == (width < 700)
             opened.page.get_by_role("button", name="Ratio").click()  # remains
             assert opened.trouble == []
 
@@ -375,30 +326,3 @@ def test_paper_gets_what_the_filters_leave(chromium: Browser, path: Path) -> Non
         assert opened.page.locator(".tl-ledger-more:visible").count() == 0
         ground = "e => getComputedStyle(e).backgroundColor"
         assert opened.page.locator(".tl-ledger").evaluate(ground) == "rgb(255, 255, 255)"
-
-
-@pytest.mark.parametrize("dark", [False, True])
-def test_text_has_contrast_in_every_theme(chromium: Browser, path: Path, dark: bool) -> None:
-    script = (
-        CONTRAST
-        + """
-      return [ground(e), ratios('td.tl-ledger-verdict span', 'color'),
-        ratios('tbody :is(th, td, a, button, code, p, sup), thead th, p, label span, select',
-          'color'),
-        ratios('.tl-ledger-verdict svg', 'stroke')]; }"""
-    )
-    query = f"#claim-{ROWS[3]['id']}"  # a marked row, on its own ground
-    with open_offline(chromium, path, dark=dark, query=query) as opened:
-        table = opened.page.locator(".tl-ledger")
-        claim(opened, 0).locator(".tl-ledger-more button").click()
-        for attribute, expected in ((None, dark), ("dark", True), ("light", False)):
-            if attribute:
-                opened.page.evaluate(
-                    "theme => { document.documentElement.dataset.theme = theme; }", attribute
-                )
-            ground, verdicts, words, marks = table.evaluate(script)
-            assert (ground < 0.1) is expected
-            assert len(verdicts) == COUNT
-            assert min(verdicts) >= 4.5
-            assert min(words) >= 4.5
-            assert min(marks) >= 3

@@ -1,55 +1,36 @@
 """Parameters: what is refused and how, what stands for a request, what the notebooks say."""
 
 import ast
-import json
 import math
-import os
-import subprocess
-import sys
 import typing
 from pathlib import Path
 
 import nbformat
 import papermill
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from refused import refusal
 from scenes.changes import CHANGES, OWN_CHANGES, PAIR
 
 from thesis_lib.book.pieces.manifest import MANIFEST_PARTS
-from thesis_lib.facts import setups
-from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.notebook.new_set import parameter_cell
 from thesis_lib.planning.request import PlanRequest
 from thesis_lib.studies.fields import unit_of_field
-from thesis_lib.studies.request import ParameterError, describe_parameters, validate_values
+from thesis_lib.studies.request import describe_parameters
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 # Parameters without a unit beyond name and meaning; whole numbers that count need not be here.
-NO_UNIT = (
-    "f_number",
-    "f_numbers",
-    "lens_k1",
-    "in_view",
-    "poissons_ratio",
-    "damping",
-    "shot_noise",  # grey levels
-    "read_noise",  # grey levels
-    "pixels_per_second",
-    "target_percent",
+NO_UNIT = {
+    "f_number", "f_numbers", "lens_k1", "in_view", "poissons_ratio", "damping",
+    "pixels_per_second", "target_percent",
+    "shot_noise", "read_noise",  # grey levels
     "prices",  # of any currency
     "layouts",  # names beside degrees
-)
-INF, NAN = math.inf, math.nan
+}  # fmt: skip
+NAN = math.nan
 DISTANCE, APERTURE = "beam-distance", "beam-aperture"
-RESOLUTION, ARRAYS = "beam-resolution", "beam-arrays"
-PLATE, SOUND, LEDGER = "plate-distance", "sound-aperture", "claims"
-LAW = "design-law"
-PLANNER = "planner"
-WITHOUT_SETTINGS = (LEDGER, PLANNER, "lab-radiation")
-SHAPE = "shape-l"
+ARRAYS, PLATE, SOUND = "beam-arrays", "plate-distance", "sound-aperture"
+LAW, SHAPE = "design-law", "shape-l"
 
 
 def allowed(name: str, field: str) -> str:
@@ -61,11 +42,8 @@ def allowed(name: str, field: str) -> str:
 BAD = [
     (DISTANCE, "azimuth_deg", "30", "", '"30"'),
     (DISTANCE, "azimuth_deg", True, "", "true"),
-    (DISTANCE, "azimuth_deg", None, "", "null"),
     (DISTANCE, "azimuth_deg", NAN, "", "NaN"),
-    (DISTANCE, "azimuth_deg", -INF, "", "-Infinity"),
     (DISTANCE, "azimuth_deg", 360.5, "", "360.5"),
-    (DISTANCE, "azimuth_deg", {"a": [1]}, "", '{"a": [1]}'),
     (DISTANCE, "distances_mm", [], "", "[]"),
     (DISTANCE, "distances_mm", 500, "", "500"),
     (DISTANCE, "distances_mm", [500, "750"], "[1]", '"750"'),
@@ -79,16 +57,11 @@ BAD = [
     (ARRAYS, "cases", ["4a'", "4a′"], "", """["4a'", "4a'"]"""),
     (ARRAYS, "pair_order", {"4b": "forwards"}, '["4b"]', '"forwards"'),
     (ARRAYS, "layouts", {"mine": [[[80, 10], [361, 9]]]}, '["mine"][0][1][0]', "361"),
-    (ARRAYS, "layouts", {"mine": [[[80, 10], 80]]}, '["mine"][0][1]', "80"),
     (ARRAYS, "layouts", {" x": [PAIR]}, '[" x"]', '" x"'),
     (PLATE, "grid", [1, 10], "[0]", "1"),
-    (SOUND, "speed_of_sound_m_s", 0, "", "0"),
-    (LAW, "cone_deg", 90, "", "90"),
     (SHAPE, "outline_mm", [[0, 0], [500, NAN], [500, 1]], "[1][1]", "NaN"),
     (SHAPE, "outline_mm", [[0, 0], [9, 0], [0, 0]], "", "[[0.0, 0.0], [9.0, 0.0], [0.0, 0.0]]"),
     (SHAPE, "cutouts_mm", [[[100, 100], [120, 100]]], "[0]", "[[100, 100], [120, 100]]"),
-    (SHAPE, "edge_supports", {"0": "free"}, '["0"]', '"0"'),
-    (LEDGER, "readings", ["1 N", "1 N"], "", '["1 N", "1 N"]'),
 ]
 
 
@@ -133,7 +106,6 @@ def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
 @pytest.mark.parametrize(
     ("name", "values", "field", "given"),
     [
-        (DISTANCE, {"distances_mm": [500, 300]}, "distances_mm", 300.0),
         (DISTANCE, {"distances_mm": [500], "amplitude_mm": 250}, "distances_mm", 500.0),
         (LAW, {"amplitude_mm": 700}, "cone_distance_mm", 1000.0),
     ],
@@ -150,9 +122,7 @@ def test_cameras_stay_out_of_the_structures_reach(name, values, field, given):
 @pytest.mark.parametrize(
     ("name", "values", "field", "case"),
     [
-        (DISTANCE, {"azimuth_deg": 0}, "azimuth_deg", "1"),
         (APERTURE, {"elevation_deg": 90, "cases": ["2c"]}, "elevation_deg", "2c"),
-        (APERTURE, {"elevations_deg": [5, 90]}, "elevations_deg", "2b"),
         (ARRAYS, {"layouts": {"mine": [[[-90, 20], [0, 5], [270, 20]]]}}, "layouts", "mine"),
     ],
 )
@@ -169,8 +139,6 @@ def test_pistons_too_large_for_the_wave_are_refused():
     assert message.endswith("needs at most π: take lower modes or a finer grid")
     validate_request(SOUND, {"grid": [60, 60], "modes": [1, 30]})
     validate_request(SOUND, {"grid": [2, 2], "modes": [1]})
-    message = refusal(SOUND, speed_of_sound_m_s=50)
-    assert "k times the size of a piston is 5.27 at 941.7 Hz" in message
 
 
 def test_what_is_not_run_refuses_nothing():
@@ -178,38 +146,6 @@ def test_what_is_not_run_refuses_nothing():
     validate_request(APERTURE, {"elevations_deg": [90], "cases": ["2a"]})
     validate_request(APERTURE, {"elevation_deg": 90, "cases": ["2b"]})
     validate_request(ARRAYS, {"cases": [], "layouts": {"mine": [PAIR]}})
-
-
-class Own(CameraStudy):
-    """A study of a reader's own, which repeats none of the shared fields."""
-
-    name, title, study = "own", "own", "distance"
-    elevation_deg: float = 20.0
-
-    def thesis_settings(self):
-        return setups.distance_settings([600], 30, self.elevation_deg, (320, 180))
-
-
-def test_a_camera_study_of_ones_own_has_the_shared_defaults():
-    shared = set(CameraStudy.model_fields)
-    beam = validate_request(DISTANCE, {}).model_dump(include=shared)
-    assert validate_values(Own, {}).model_dump(include=shared) == beam
-    with pytest.raises(ParameterError, match="an elevation above 0, at most 90"):
-        validate_values(Own, {"elevation_deg": 90.5})
-
-
-def test_values_that_are_not_json_are_refused_by_name():
-    nested: list = []
-    for _ in range(50_000):
-        nested = [nested]
-    hopeless = [nested, nested[0], object(), {(1, 2): 3}, 10**5000]
-    for value in hopeless:
-        for field in ("modes", "cube", "trials"):
-            message = refusal(DISTANCE, **{field: value})
-            assert message.startswith(f"{DISTANCE}: {field}")
-            assert message.endswith(allowed(DISTANCE, field))
-    while nested:  # freed link by link: freeing all at once would recurse
-        nested = nested[0]
 
 
 def test_what_is_meant_is_accepted():
@@ -252,33 +188,9 @@ def test_digest_changes_with_every_parameter_but_not_with_the_cubes_place(name):
 
 def test_digest_is_the_same_for_the_same_request():
     assert validate_request(DISTANCE, {"focal_length_mm": 24}).digest == STUDIES[DISTANCE]().digest
-    one = validate_request(DISTANCE, {"amplitude_mm": [5, 6, 7]}).digest
-    assert one == validate_request(DISTANCE, {"amplitude_mm": [5.0, 6.0, 7.0]}).digest
-    assert STUDIES[APERTURE]().digest != STUDIES[ARRAYS]().digest
     mine, yours = {"mine": [PAIR]}, {"yours": [PAIR]}  # in the order of the settings
     one = validate_request(ARRAYS, {"layouts": {**mine, **yours}})
     assert one.digest != validate_request(ARRAYS, {"layouts": {**yours, **mine}}).digest
-
-
-@pytest.mark.slow
-def test_digest_is_stable_across_processes():
-    values = {"pair_order": {"4b": "reversed", "4a": "printed"}, "layouts": {"b": [PAIR]}}
-    code = (
-        "import json, sys; from thesis_lib.figure_sets.registry import validate_request; "
-        f"print(validate_request({ARRAYS!r}, json.loads(sys.argv[1])).digest)"
-    )
-    digests = {validate_request(ARRAYS, values).digest}
-    for seed in ("1", "2"):
-        done = subprocess.run(
-            [sys.executable, "-c", code, json.dumps(values)],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
-        digests.add(done.stdout.strip())
-    assert len(digests) == 1
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -323,54 +235,3 @@ def test_every_number_has_a_unit_or_is_declared_to_have_none(model):
             assert unit_of_field(name) in {"px", ""}, name
         else:
             assert unit_of_field(name) == "", name
-
-
-SCALARS = (
-    st.none()
-    | st.booleans()
-    | st.integers()
-    | st.floats()
-    | st.text(max_size=8)
-    | st.sampled_from(["force", "known", "4a", "4a′", "2b", "reversed", "printed", "x.nc"])
-    | st.integers(-5, 1000)
-)
-JUNK = st.recursive(
-    SCALARS,
-    lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(st.text(max_size=5) | st.sampled_from(["4d", "mine"]), inner, max_size=3)
-    ),
-    max_leaves=12,
-)
-
-
-def outcome(name, values):
-    """The validated study, or None and what was said instead."""
-    try:
-        return validate_request(name, values), ""
-    except ParameterError as error:
-        return None, str(error)
-
-
-@pytest.mark.slow
-@settings(max_examples=300, derandomize=True)
-@given(st.data())
-def test_junk_in_one_known_field_is_refused_in_one_line_or_valid(data):
-    name = data.draw(st.sampled_from(list(STUDIES)))
-    field = data.draw(st.sampled_from(list(STUDIES[name].model_fields)))
-    study, message = outcome(name, {field: data.draw(JUNK)})
-    if study is None:
-        # an amplitude, a lens or a sensor can make the default distance too short, a grid or a
-        # fluid the default modes too high, and a plane's lower end its default top too low
-        also = {"amplitude_mm": "distance", "focal_length_mm": "distance",
-                "sensor_width_mm": "distance", "grid": "modes", "speed_of_sound_m_s": "modes",
-                "plane_bottom_mm": "plane_top_mm"}  # fmt: skip
-        fields = [field, also.get(field, field)]
-        if name == LAW:  # where more depends on each other
-            fields += ["cone_distance_mm", "frame_rates_hz", "duration_s", "frequency_hz"]
-        assert message.startswith(tuple(f"{name}: {field}" for field in fields))
-        assert message.isprintable()
-        assert len(message) < 500
-    else:
-        assert study.settings() or name in WITHOUT_SETTINGS
-        assert validate_request(name, study.request).digest == study.digest

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from thesis_lib.figure_sets.cube_file import cube_of
-from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate_request
 
 FEW = {"trials": 400, "cases": ["2d"], "elevations_deg": [40], "plane_shape": [31, 21]}
@@ -46,18 +45,3 @@ def test_law_over_turns_is_that_of_the_turned_pairs_where_both_are(conforms, cub
     np.testing.assert_array_equal(there, np.isfinite(fine))
     conforms.independent(fine[there], cube["turned_error"].values[there], rtol=1e-9)
     assert cube.sizes["law_turn"] >= 50  # a line between fewer is not the law
-
-
-@pytest.mark.nightly
-def test_steep_pair_is_best_near_three_degrees_and_worse_beyond(conforms):
-    """At 60°, the whole grid: 1.01 % at 3°, 2.45 % at 4.25°, 1.90 % at 4.75°, 2.79 % at 5°."""
-    asked = validate_request(
-        "sound-aperture", {"trials": 0, "cases": ["2d"], "elevations_deg": [60], "modes": [1]}
-    )
-    law = cube_of(asked)["turned_law_error"].sel(mode=1, plane="XZ", elevation=60)
-    at = law.sel(law_turn=[2, 3, 3.75, 4.25, 4.75, 5]).values
-    conforms.independent(at, [1.10, 1.01, 1.34, 2.45, 1.90, 2.79], atol=0.006)
-    assert abs(float(law["law_turn"][np.argmin(law.values)]) - 3) < 0.25
-    first, last = sound.BEST_DEG
-    advised = law.sel(law_turn=slice(first, last))
-    assert float(advised.max()) < min(0.25 * float(law[0]), 0.5 * float(law[-1]))

@@ -4,7 +4,6 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from thesis_lib.facts import claims
 from thesis_lib.facts.claims import Trend
@@ -17,9 +16,8 @@ from thesis_lib.ledger.trends import (
     Finding,
     judge_trend,
 )
-from thesis_lib.ledger.verdicts import RESAMPLE_COUNT, Series
+from thesis_lib.ledger.verdicts import Series
 
-TRENDS = claims.read_trends()
 MEAN, XZ, YZ = "mean_error", "plane_error_xz", "plane_error_yz"
 NAN = float("nan")
 
@@ -67,7 +65,6 @@ SILENT = planes([NAN, NAN], [2, 3], 2)
 CLEAR = [
     ("falls", {"a": [4, 3, 2]}, True, {}),
     ("falls", {"a": [4, 5, 6, 3]}, False, {}),  # last below first, but half the pairs grow
-    ("falls", {"a": [4, 3], "b": [3, 4]}, False, TWO),
     ("falls", modes([4, 3], [4, 3], [3, 4]), False, ALL),
     ("falls", modes([4, 3], [4, 3], [3, 4]), True, BOTH),
     ("rises", {"a": [2, 3, 4]}, True, {}),
@@ -79,7 +76,6 @@ CLEAR = [
     ("falls", {"a": [4, 3.8]}, False, {}),  # by less than the smallest effect
     ("flat", {"a": [1.02, 1, 1.05]}, True, {}),
     ("flat", {"a": [1.02, 1, 2.2]}, False, {}),
-    ("flat", {"a": [1, 1.05], "b": [10, 10.5]}, True, TWO),  # each by itself
     ("no_trend", {"a": [4, 3.9, 3.8]}, True, {}),  # falls, by less than the smallest effect
     ("no_trend", {"a": [8, 5, 2]}, False, {}),
     ("no_trend", {"a": [3, 9, 8, 7, 4]}, True, {}),  # last above first, most pairs fall
@@ -91,21 +87,17 @@ CLEAR = [
     ("same_trends", {"a at 1": [4, 2], "a at 2": [9, 2]}, False, EVERY),  # factors 2 and 4.5
     ("below 40", {"a": [20, 38]}, True, {}),
     ("below 40", {"a": [45, 20]}, False, {}),
-    ("below 40 last", {"a": [60, 20]}, True, {}),
-    ("below 40 last", {"a": [20, 60]}, False, {}),
     ("at_most 40 last", {"a": [60, 20]}, True, {}),
     ("at_most 40 last", {"a": [20, 60]}, False, {}),
     ("within 1 4", {"a": [2, 3]}, True, {}),
     ("within 1 4", {"a": [0.5, 3]}, False, {}),
     ("within 1 4 5 8", modes([2, 3], [6, 7]), True, BOTH),
-    ("within 1 4 5 8", modes([2, 3], [2, 3]), False, BOTH),
     ("flat 1 4", {"a": [2, 2.1]}, True, {}),
     ("flat 1 4", {"a": [5, 5.2]}, False, {}),
     ("above 5 first", {"a": [7, 1]}, True, {}),
     ("above 5 first", {"a": [1, 7]}, False, {}),
     ("peaks 750", {"a": [1, 3, 2]}, True, {}),
     ("peaks 750", {"a": [3, 2, 1]}, False, {}),
-    ("peaks 750", planes([1, 3, 2], [2, 1, 3]), False, PLANES),
     ("highest_last", {"a": [2, 1, 3]}, True, {}),
     ("highest_last", {"a": [1, 3, 2]}, False, {}),
     ("modes_alike", modes([1, 2], [1.3, 2.6]), True, BOTH),
@@ -121,8 +113,6 @@ CLEAR = [
     ("planes_alike YZ 2 1", planes([1, 1], [1, 1]) | SILENT, False, PLANES | {"modes": (2,)}),
     ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | planes([1, 1], [2, 2], 2), False,
      PLANES | {"modes": (2,)}),  # no plane is nodal
-    ("planes_alike YZ 2 1", planes([1, 1], [2, 2]) | SILENT | {(XZ, "b", 2): [1, 1]}, False,
-     PLANES | TWO | {"modes": (2,)}),  # in one case only
     ("like_case b", {"a": [1, 4], "b": [2, 2]}, True, {}),
     ("like_case b", {"a": [1, 4], "b": [4, 4]}, False, {}),
     ("below_case b first", {"a": [1, 9], "b": [2, 3]}, True, {}),
@@ -142,14 +132,12 @@ VALUES = {"a": [500, 750, 1000], "b": [750, 1000, 1500]}  # where there are thre
 EDGES = [
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL]}, False, {}),
     ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL - 1e-9]}, True, {}),
-    ("rises", {"a": [1 - MIN_MATERIAL_FALL, 1]}, False, {}),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO, MAX_ALIKE_RATIO]), True, BOTH),
     ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
     ("below 40", {"a": [40, 1]}, False, {}),
     ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
     ("at_most 40", {"a": [40.6, 1]}, False, {}),
     ("within 10 20", {"a": [9.1, 21.9]}, True, {}),
-    ("within 10 20", {"a": [8.9, 15]}, False, {}),
     ("unrelated of", {(MEAN, "a", 1): [1, 2, 3], ("of", "a", 1): [2, 1, 3]}, True, {}),  # just ½
 ]
 
@@ -196,46 +184,20 @@ def test_every_word_is_tried_both_ways():
 # -- Confidence --
 
 
-def two_settings(count, trials, shift=0.0, seed=0):
-    """Confidences that the second error is lower by more than the smallest effect that counts.
-
-    Over realizations in which it is lower by just that, and by `shift` of its standard error.
-    """
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(count):
-        errors = 10 + rng.standard_normal((2, trials))
-        errors[0] += shift * sqrt(2 / trials)
-        errors[1] *= 1 - MIN_MATERIAL_FALL
-        found.append(judge_trend(trend("falls"), [series(errors)]).confidence)
-    return np.array(found)
-
-
 def test_confidence_is_calibrated_where_nothing_is_to_be_found(conforms):
-    """With equal expectations it is uniform: 95 % are reached by chance in 5 %."""
-    count = 600
-    found = two_settings(count, 100)
+    """Where the second error is lower by just the smallest effect that counts, it is uniform.
+
+    95 % are reached by chance in 5 %.
+    """
+    count, rng = 600, np.random.default_rng(0)
+    least = np.array([[1], [1 - MIN_MATERIAL_FALL]])
+    made = [series(least * (10 + rng.standard_normal((2, 100)))) for _ in range(count)]
+    found = np.array([judge_trend(trend("falls"), [one]).confidence for one in made])
     conforms.sampled(abs(found.mean() - 0.5), below=4 / sqrt(12 * count))
     for share in (found >= MIN_CONFIDENCE, found <= 1 - MIN_CONFIDENCE):
         conforms.sampled(abs(share.mean() - 0.05), below=4 * sqrt(0.05 * 0.95 / count))
     deciles = np.quantile(found, np.arange(1, 10) / 10)
     conforms.sampled(deciles, np.arange(1, 10) / 10, atol=4 * 0.5 / sqrt(count))
-
-
-def test_confidence_grows_with_the_evidence_as_it_must():
-    """Of Φ(shift + z), z standard normal, the mean is Φ(shift/√2)."""
-    shift, found = 1, two_settings(300, 100, 1, seed=3)
-    assert abs(found.mean() - norm.cdf(shift / sqrt(2))) < 4 * found.std() / sqrt(300)
-
-
-def test_confidence_hardly_depends_on_the_seed_of_the_resamples():
-    errors = 10 + np.random.default_rng(7).standard_normal((2, 50))
-    errors[1] *= 1 - MIN_MATERIAL_FALL
-    found = [
-        judge_trend(trend("falls"), [series(errors)], seed=seed).confidence for seed in range(8)
-    ]
-    p = np.mean(found)
-    assert 0 < np.std(found) < 3 * sqrt(p * (1 - p) / RESAMPLE_COUNT)
 
 
 def test_resamples_are_the_same_in_every_setting_and_case():
@@ -269,17 +231,6 @@ def test_what_has_no_trials_of_its_own_does_not_shorten_the_others():
     assert judge_trend(both, [series(errors), once]).single == 0.9
     alone = trend("falls", quantities=("tracking_failures",))
     assert judge_trend(alone, [series(errors), once]) == Finding(1, 1)
-    assert judge_trend(alone, [once]) == Finding(1, 1)
-    assert judge_trend(alone, [once, series([[1], [2]], mode=2)]) == Finding(1, 1)
-
-
-def test_single_is_the_share_of_trials():
-    errors = np.array([[3.0] * 10, [2.0] * 7 + [4.1] * 3])
-    found = judge_trend(trend("falls"), [series(errors)])
-    assert found.single == 0.7
-    # the mean of the second is 2 + 0.21 k, k of a binomial distribution with p = 0.3, and 2.7 falls
-    chance = sum(c * 0.3**k * 0.7 ** (10 - k) for k, c in enumerate([1, 10, 45, 120]))
-    assert abs(found.confidence - chance) < 4 * sqrt(chance * (1 - chance) / RESAMPLE_COUNT)
 
 
 @pytest.mark.parametrize(
@@ -315,7 +266,6 @@ def test_effect_is_the_least_change(test, by, more, effect):
     [
         (modes([100, 98], [100, 91]), "no material change"),
         (modes([100, 98], [100, 60]), "differs"),  # one changes, one does not
-        (modes([100, 120], [100, 98]), "differs"),
     ],
 )
 def test_no_material_change_is_said_if_no_error_changes_by_more_than_a_tenth(by, verdict):
@@ -324,30 +274,12 @@ def test_no_material_change_is_said_if_no_error_changes_by_more_than_a_tenth(by,
 
 # -- One effect for all, and trends that are not monotonic --
 
-OPPOSITES = [("falls", "rises"), ("falls", "flat"), ("rises", "flat"), ("falls", "no_trend"),
-             ("rises", "no_trend"), ("falls_steadily", "falls_irregularly")]  # fmt: skip
-
-
-@pytest.mark.parametrize("one", OPPOSITES)
-def test_two_opposite_statements_never_both_agree(one):
-    rng = np.random.default_rng(5)
-    for scale in np.repeat([0.02, 0.1, 0.5], 20):
-        expected = np.exp(scale * rng.standard_normal((4, 1)))
-        made = [series(expected * np.exp(0.05 * rng.standard_normal((4, 20))))]
-        assert [judge_trend(trend(test), made).verdict for test in one] != ["agrees", "agrees"]
-
 
 def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_draws_is_not_sure():
     """Errors of the rendered experiment at 640, 1280 and 1920 px: least at 1280."""
     means, widths = [2.80, 2.16, 2.41], [640, 1280, 1920]
-    for test, errors in (("falls", means), ("rises", means[::-1])):
-        values = widths if test == "falls" else widths[::-1]
-        found = judge_trend(trend(test), [series(np.c_[errors, errors], values=values)])
-        assert (found.verdict, round(min(found.effect, 1 / found.effect), 2)) == ("agrees", 0.86)
-        step = (
-            "2.16 at 1280 but 2.41 at 1920" if test == "falls" else "2.41 at 1920 but 2.16 at 1280"
-        )
-        assert found.step_back == step
+    found = judge_trend(trend("falls"), [series(np.c_[means, means], values=widths)])
+    assert (found.verdict, round(found.effect, 2)) == ("agrees", 0.86)
     scatter = np.random.default_rng(0).standard_normal((3, 19))  # of 19 recordings, paired
     scatter -= scatter.mean(axis=1, keepdims=True)
     made = [series(np.array(means)[:, None] + 0.35 * scatter, values=widths)]
@@ -359,7 +291,6 @@ def test_an_error_that_turns_is_not_monotonic_and_one_that_rises_in_too_many_dra
 @pytest.mark.parametrize(
     ("test", "expected", "step"),
     [
-        ("falls", [4, 3, 2], ""),
         ("falls", [4, 2, 2.2], ""),  # less than the smallest effect
         ("falls_steadily", [4, 2, 2.4], "2 at 1 but 2.4 at 2"),
         ("rises", [2, 3, 2.4, 5], "3 at 1 but 2.4 at 2"),
@@ -393,21 +324,12 @@ def test_only_bounds_depend_on_the_size_of_errors_and_nothing_on_what_a_trend_do
         assert judge_trend(trend(test, **more), larger) == found
 
 
-def test_what_falls_does_not_rise_and_what_does_neither_has_no_trend():
+def test_what_falls_does_not_rise_and_rises_backwards():
     for seed in range(5):
         made = [series(np.random.default_rng(seed).gamma(2, size=(5, 40)))]
-        falls, rises, none = (
-            judge_trend(trend(test), made).single for test in ("falls", "rises", "no_trend")
-        )
-        assert falls + rises <= 1
-        backwards = [series(made[0].errors[::-1])]
-        assert judge_trend(trend("rises"), backwards) == judge_trend(trend("falls"), made)
-        assert none >= 1 - falls - rises - 1e-12
-        steadily, not_steadily = (
-            judge_trend(trend(f"falls_{how}"), made).single for how in ("steadily", "irregularly")
-        )
-        assert steadily <= falls
-        assert steadily + not_steadily <= 1
+        falls, rises = (judge_trend(trend(test), made) for test in ("falls", "rises"))
+        assert falls.single + rises.single <= 1
+        assert judge_trend(trend("rises"), [series(made[0].errors[::-1])]) == falls
 
 
 @pytest.mark.parametrize("gaps", [slice(None), slice(0, 1)])
@@ -428,13 +350,9 @@ def test_series_without_a_reference_are_left_out(gaps):
 @pytest.mark.parametrize(
     ("one", "by"),
     [
-        (trend("falls", cases=("b",)), {"a": [2, 1]}),
         (trend("falls", quantities=(XZ,)), {"a": [2, 1]}),
         (trend("like_case b"), {"a": [2, 1]}),
-        (trend("like_case b"), {"a": [2, 1], "b": [NAN, NAN]}),
-        (trend("best_case a", cases=("a", "b")), {"a": [2, 1]}),
         (trend("modes_alike", modes=(1, 2)), {"a": [2, 1]}),
-        (trend("worst_mode 3", modes=(1,)), {"a": [2, 1]}),
         (trend("falls"), {}),
     ],
 )
@@ -445,17 +363,3 @@ def test_nothing_is_found_where_there_is_nothing_to_compare(one, by):
 def test_a_run_without_random_trials_finds_nothing():
     assert judge_trend(trend("falls"), [series(np.empty((3, 0)))]) is None
     assert judge_trend(trend("falls"), [series([[2], [1]])]) == Finding(1, 1)
-
-
-def test_no_case_means_all_cases():
-    made = scene({"a": [2, 1], "b": [1, 2]})
-    assert judge_trend(trend("falls", cases=()), made) == Finding(0, 0)
-    assert judge_trend(trend("falls", cases=()), made[:1]) == Finding(1, 1)
-
-
-# -- What the thesis says --
-
-
-def test_chapters_are_those_of_the_sections():
-    for one in TRENDS:
-        assert one.chapter == (int(one.section[0]) if one.section[0].isdigit() else 5), one.id
