@@ -18,16 +18,6 @@ from weakref import WeakKeyDictionary
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-CONTRAST = r"""e => { const linear = v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
-      const light = c => { const [r, g, b] = c.match(/[\d.]+/g).map(v => linear(v / 255));
-        return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-      const ground = node => { const c = getComputedStyle(node).backgroundColor;
-        return c === 'rgba(0, 0, 0, 0)' ? ground(node.parentElement) : light(c); };
-      const ratio = (node, c) => { const [a, b] = [light(c), ground(node)].sort((x, y) => y - x);
-        return (a + 0.05) / (b + 0.05); };
-      const ratios = (css, name) => [...e.querySelectorAll(css)].map(
-        node => ratio(node, getComputedStyle(node)[name]));
-"""  # the beginning of a function of an element: light of its ground, contrast of what is in it
 LOCAL = ("file:", "data:", "blob:", "about:")
 FLAGS = [
     "--no-sandbox",

@@ -126,6 +126,17 @@ def test_contours_are_those_of_the_request_and_turn_opposite_ways_around_holes(c
 # What a mirror does.
 
 
+def test_mirrored_markers_err_alike_where_plate_cameras_and_mode_are_mirror_images(opened):
+    plate = opened[shape_figures.PLATE_SET]
+    rows = np.isin(plate["case"].values, shape_figures.MIRRORED_CASES)
+    deflection = plate["measured_deflection"].values[rows].reshape(rows.sum(), 3, -1, ROWS, COLUMNS)
+    alike = np.abs(deflection - deflection[..., ::-1]) < shape_figures.MAX_ROUNDING_M
+    nominal, trials = alike[:, :, 0], alike[:, :, 1:]
+    assert nominal[:, [0, 2]].all()  # modes (1, 1) and (1, 2)
+    assert nominal[:, 1].mean() < 0.2  # mode (2, 1) is not symmetric in X = 0
+    assert trials.mean() < 0.2
+
+
 def test_symmetry_of_the_rectangle_with_itself_and_of_shapes_that_have_none(conforms, opened):
     plate = opened[shape_figures.PLATE_SET]
     itself = shape_figures.compare_cases(plate, plate, ["4a"])
