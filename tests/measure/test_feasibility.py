@@ -10,12 +10,11 @@ import pytest
 
 from thesis_lib.measure.feasibility.assess import (
     CENTRE_NOISE_PX,
-    COMPRESSED_ERROR_PX,
     assess_manifest,
     describe_assessment,
     describe_verdict,
 )
-from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
+from thesis_lib.measure.feasibility.prediction import noise_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest
@@ -108,29 +107,29 @@ def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
     hyperfocal = f**2 / (N * c) + f
     assert depth_of_field(f, N, hyperfocal, c) == pytest.approx((hyperfocal / 2, np.inf))
     assert depth_of_field(f, N, 10 * hyperfocal, c)[1] == np.inf
-    assert depth_of_field(f, N, 0.999 * hyperfocal, c)[1] > 400 * hyperfocal
     assert np.isnan(depth_of_field(f, N, f, c)).all()
     row = assessed(rig()).table[0]
     assert (row.near_mm, row.far_mm) == pytest.approx((near, far))
-    ends = np.array([row.nearest_mm, row.farthest_mm])
-    image = f * ends / (ends - f)
+    image = np.array([f * z / (z - f) for z in (row.nearest_mm, row.farthest_mm)])
     conforms.closed_form(row.defocus_px, max(f / N * np.abs(sensor - image) / image) / c, rtol=1e-6)
 
 
 def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
     values, T, f, A = rig(), 0.004, 4.25, 0.0025
     X, P = points_of(values), matrices().P
-    moved = A * np.sin(2 * np.pi * f * np.array([-T / 2, T / 2]))
-    ends = [project(P, X + [[0], [0], [dz]]) for dz in moved]
+
+    def swing(z):
+        ends = [project(P, X + [[0], [0], [dz]]) for dz in (-z, z)]
+        return np.hypot(*(ends[1] - ends[0])[0]).max()
+
     row = assessed(values).table[0]
-    conforms.independent(row.blur_px, np.hypot(*(ends[1] - ends[0])[0]).max(), rtol=1e-3)
+    conforms.independent(row.blur_px, swing(A * np.sin(np.pi * f * T)), rtol=1e-3)
     within = (np.arange(1000) + 0.5) / 1000 - 0.5
     conforms.independent(row.lost, 1 - np.mean(np.cos(2 * np.pi * f * T * within)), rtol=1e-5)
     still = change(values, excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
     row = assessed(still).table[0]
     conforms.closed_form(row.lost, 1 - np.sinc(25 / 60), rtol=1e-6)
-    whole = np.hypot(*(project(P, X + [[0], [0], [A]]) - project(P, X - [[0], [0], [A]]))[0]).max()
-    conforms.independent(row.blur_px, whole, rtol=2e-3)  # at most the whole swing
+    conforms.independent(row.blur_px, swing(A), rtol=2e-3)  # at most the whole swing
 
 
 def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
@@ -182,7 +181,6 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": [1.0, 3.0]})
     for camera, rate in zip(values["cameras"], (60, 120, 60, 240), strict=True):
         camera["frame_rate_hz"] = rate
-        camera["exposure_s"] = 0.004
     values["excitation"]["frequency_hz"] = 20.0  # loses 1 %
     outlook = assessed(values).rig
     X, P, rng = points_of(values), matrices().P, np.random.default_rng(2)
@@ -209,12 +207,9 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
 
 @pytest.mark.parametrize(("amplitude", "f"), [(0.0003, 4.25), (0.0031, 20.0)])
 def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
-    values = change(
-        rig(), excitation__amplitude_mm=1000 * amplitude, excitation__frequency_hz=f
-    )  # fmt: skip
+    values = rig(excitation={"amplitude_mm": 1000 * amplitude, "frequency_hz": f})
     X, P, rng = points_of(values), matrices().P, np.random.default_rng(3)
     trials, turn = 3000, 2 * np.pi * f / 60
-    X = X[:, ::6]
     shift = rng.uniform(-0.5, 0.5, (4, 2, trials, X.shape[1]))
     z = amplitude * np.cos(rng.uniform(-0.5, 0.5, (trials, X.shape[1])) * turn)
     up = np.stack([0 * z, 0 * z, z])
@@ -223,16 +218,9 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
         return triangulate(P, pixelate(project(P, points) + shift) - shift)[2]
 
     rest = np.repeat(X[:, None], trials, axis=1)
-    error = rounded(rest + up) - rounded(rest) - z
-    predicted = rounding_errors(P, X, amplitude, turn)
-    rms = np.sqrt(np.mean(error**2))
-    conforms.sampled(rms, np.sqrt(np.mean(predicted**2)), rtol=0.05)
-    whole = rounding_errors(P, points_of(values), amplitude, turn)
-    conforms.independent(
-        assessed(values).rig.rounding,
-        (1000 * np.sqrt(np.mean(whole**2)), 1000 * whole.max()),
-        rtol=1e-6,
-    )
+    squares = np.mean((rounded(rest + up) - rounded(rest) - z) ** 2, axis=0)
+    drawn = 1000 * np.sqrt([squares.mean(), squares.max()])
+    conforms.sampled(drawn, assessed(values).rig.rounding, rtol=0.05)
 
 
 @pytest.mark.parametrize(("f", "rate", "seen"), [(4.25, 60, 4.25), (60, 60, 0), (95, 60, 25)])
@@ -270,23 +258,19 @@ ONE = {
     "few-periods": {"excitation__steady_interval_s": [2.0, 2.4]},
     "steady-at-rest": {"excitation__steady_interval_s": [0.5, 4.0]},
 }
-
-
 ALONE = {"short-rest", "depth-of-field", "motion-blur", "same-line", "small-motion"}
 
 
 @pytest.mark.parametrize("code", ONE)
 def test_one_change_brings_its_warning(code):
     assert codes(rig()) == set()
-    values = change(rig(), **ONE[code])
-    assessment = assessed(values)
-    found = [one for one in assessment.warnings if one.code == code]
-    field = next(iter(ONE[code]))
+    assessment = assessed(change(rig(), **ONE[code]))
+    assert code not in ALONE or {one.code for one in assessment.warnings} == {code}
+    found = [one.where for one in assessment.warnings if one.code == code]
     assert found
-    assert code not in ALONE or codes(values) == {code}
+    (field,) = ONE[code]
     if field.startswith("cameras__"):
-        i = field.split("__")[1]
-        assert any(one.where.startswith(f"cameras[{i}].") for one in found)
+        assert any(where.startswith(f"cameras[{field.split('__')[1]}].") for where in found)
     assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessment)))
 
 
@@ -322,15 +306,14 @@ def test_markers_that_too_few_cameras_see_are_named():
     assert "weak-markers" in codes(change(three, cameras__2__sensor_width_mm=20.0))
 
 
-def test_what_would_mend_a_warning_does():
-    values = change(rig(), cameras__1__f_number=2.8)
-    (one,) = assessed(values).warnings
-    stop = float(re.search(r"allowed: ([\d.]+)", one.text)[1])
-    assert codes(change(values, cameras__1__f_number=1.03 * stop)) == set()
-    values = change(rig(), cameras__2__exposure_s=0.016)
-    (one,) = assessed(values).warnings
-    exposure = float(re.search(r"so ([\d.]+) s", one.text)[1])
-    assert codes(change(values, cameras__2__exposure_s=0.95 * exposure)) == set()
+@pytest.mark.parametrize(
+    ("code", "said", "factor"),
+    [("depth-of-field", r"allowed: ([\d.]+)", 1.03), ("motion-blur", r"so ([\d.]+) s", 0.95)],
+)
+def test_what_would_mend_a_warning_does(code, said, factor):
+    (field,) = ONE[code]
+    (one,) = assessed(change(rig(), **ONE[code])).warnings
+    assert codes(change(rig(), **{field: factor * float(re.search(said, one.text)[1])})) == set()
 
 
 def test_a_folded_mode_is_named_by_its_frequency():
@@ -342,11 +325,6 @@ def test_a_folded_mode_is_named_by_its_frequency():
     assert f"{own:.4g} Hz is seen at 4.5 Hz" in text
     flat = change(values, structure__kind="flat")
     assert codes(flat) == set()
-
-
-def test_every_warning_has_a_threshold_and_every_threshold_a_test():
-    tested = {*ONE, "alias", "alias-edge", "lost-markers", "weak-markers"}
-    assert tested == set(CHECK_LIMITS)
 
 
 # Whether it will do.
@@ -369,13 +347,6 @@ def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
         enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
         assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
-
-
-def test_cameras_on_one_side_are_judged_by_their_triangulation():
-    side = rig([(10, 22), (16, 22)])
-    X, P = points_of(side), matrices((10, 16)).P
-    noise = noise_errors(P, X, np.full(2, COMPRESSED_ERROR_PX / np.sqrt(2)))
-    assert assessed(side).verdict.compressed == pytest.approx(1000 * noise.max() / 2.5)
 
 
 # What is not known.
@@ -417,8 +388,12 @@ def random_values(rng):
     def maybe(value):
         return None if rng.random() < 0.1 else value
 
+    def upto(low, high):
+        """A number between two powers of ten."""
+        return 10 ** rng.uniform(low, high)
+
     kind = str(rng.choice(["beam", "plate", "flat"]))
-    length, width = 10 ** rng.uniform(1.5, 4, 2)
+    length, width = upto(1.5, 4), upto(1.5, 4)
     rows, columns = int(rng.integers(2 if kind == "plate" else 1, 7)), int(rng.integers(1, 12))
     along, across = 0.88 * length / columns, 0.88 * width / rows
     markers = {
@@ -427,30 +402,28 @@ def random_values(rng):
     }  # fmt: skip
     cameras = []
     for i in range(int(rng.choice([2, 2, 3, 4, 16]))):
-        rate = 10 ** rng.uniform(0, 4)
+        rate = upto(0, 4)
         cameras.append({
             "name": f"camera {i}", "video": f"{i}.mkv", "board_images": f"s{i}",
             "width_px": int(rng.integers(2, 6000)), "height_px": int(rng.integers(2, 6000)),
             "frame_rate_hz": rate, "exposure_s": rng.uniform(0.001, 1) / rate,
-            "focal_length_mm": maybe(10 ** rng.uniform(0, 3)),
-            "sensor_width_mm": maybe(10 ** rng.uniform(0, 2)),
-            "f_number": maybe(10 ** rng.uniform(-0.5, 2)),
-            "distance_mm": maybe(10 ** rng.uniform(0, 4.5)),
+            "focal_length_mm": maybe(upto(0, 3)), "sensor_width_mm": maybe(upto(0, 2)),
+            "f_number": maybe(upto(-0.5, 2)), "distance_mm": maybe(upto(0, 4.5)),
             "azimuth_deg": maybe(float(rng.choice([0, 180, rng.uniform(-360, 360)]))),
             "elevation_deg": maybe(float(rng.choice([90, 22, rng.uniform(0.01, 90)]))),
         })  # fmt: skip
-    frequency, begin = maybe(10 ** rng.uniform(-1, 4)), rng.uniform(0, 5)
+    frequency, begin = maybe(upto(-1, 4)), rng.uniform(0, 5)
     return {
         "structure": {
             "kind": kind, "length_mm": length, "width_mm": width, "markers": markers,
-            "thickness_mm": 10 ** rng.uniform(-1, 2), "force_position_mm": length / 2,
+            "thickness_mm": upto(-1, 2), "force_position_mm": length / 2,
         },
         "cameras": cameras,
         "excitation": {
             "frequency_hz": frequency, "undersampled": frequency is not None and rng.random() < 0.5,
-            "amplitude_mm": maybe(10 ** rng.uniform(-4, 3)), "rest_duration_s": rng.uniform(0, 3),
+            "amplitude_mm": maybe(upto(-4, 3)), "rest_duration_s": rng.uniform(0, 3),
             "sound": str(rng.choice(["force", "room"])),
-            "steady_interval_s": maybe([begin, begin + 10 ** rng.uniform(-3, 2)]),
+            "steady_interval_s": maybe([begin, begin + upto(-3, 2)]),
         },
     }  # fmt: skip
 
@@ -460,12 +433,9 @@ def test_no_valid_manifest_breaks_it():
     found = set()
     for _ in range(120):
         values = random_values(rng)
-        given = manifest(values)
         assessment = assessed(values)
-        assert len(assessment.table) == len(given.cameras)
+        assert len(assessment.table) == len(values["cameras"])
         for one in assessment.warnings:
             found.add(one.code)
             assert not re.search("nan|None", one.text), one
-        for line in joined(describe_assessment(assessment)):
-            assert not line.startswith("warning") or line.endswith("]")
     assert found >= set(CHECK_LIMITS) - {"weak-markers"}
