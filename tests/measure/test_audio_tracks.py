@@ -9,9 +9,7 @@ from scenes.sounds import claps, click, later, music, write_film
 
 from thesis_lib.measure.recordings.audio import open_audio, read_audio
 from thesis_lib.measure.recordings.media_info import MediaError
-from thesis_lib.measure.synchronisation.alone import (
-    synchronise_videos,
-)
+from thesis_lib.measure.synchronisation.alone import synchronise_videos
 from thesis_lib.measure.synchronisation.audio import SynchronisationError
 
 LOW = 8000
