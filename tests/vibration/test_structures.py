@@ -6,6 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from scenes.convergence import orders
 from scenes.mobility import drive_point_mobility
 
 from thesis_lib.facts import setups
@@ -25,11 +26,6 @@ MODES = range(1, 31)
 
 def at(*x):
     return np.stack([np.array(x, float), np.zeros(len(x))])
-
-
-def orders(errors):
-    """Convergence orders of errors at halved steps or doubled numbers."""
-    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
 
 def test_natural_frequencies_of_the_thesis_beam(conforms):
