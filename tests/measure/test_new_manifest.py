@@ -148,20 +148,6 @@ def test_the_guides_commands_lead_to_a_manifest_that_passes_the_check(tmp_path, 
         assert (done.status, done.err) == (0, ""), command
     assert {path.name for path in tmp_path.glob("*.pdf")} == {"board.pdf", "markers.pdf"}
     manifest = read_manifest(tmp_path / commands[-1][2], check_files=False)
-    structure = manifest.structure
-    drawn = (project_root() / "book" / "figures" / "guide-plate.svg").read_text(encoding="utf-8")
-    places = np.array(re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="7"', drawn), float)
-    x, y = (np.unique(axis) for axis in places.T)
-    markers = structure.markers
-    assert (x.size, y.size, len(places)) == (markers.columns, markers.rows, x.size * y.size)
-    assert f"{markers.spacing_mm:g} mm" in drawn
-    assert markers.row_spacing_mm == markers.spacing_mm
-    px_per_mm = np.diff(x).mean() / markers.spacing_mm
-    np.testing.assert_allclose(np.diff(y).mean() / markers.spacing_mm, px_per_mm, rtol=1e-2)
-    assert markers.diameter_mm == round(2 * 7 / px_per_mm)
-    (rim,) = re.findall(r'<polygon points="([\d., ]+)"', drawn)
-    sides = np.ptp(np.array([corner.split(",") for corner in rim.split()], float), axis=0)
-    assert (structure.length_mm, structure.width_mm) == tuple(np.round(sides / px_per_mm))
     planned = draft_manifest({"cameras": 4, "structure.kind": "plate"})
     assert manifest.board == planned.board
     assert manifest.excitation.sound == planned.excitation.sound == "room"
