@@ -39,12 +39,9 @@ def test_a_pace_of_the_time_stamps_is_no_gap(conforms, tmp_path, pace):
 @pytest.mark.slow
 def test_time_stamps_that_scatter_have_no_pace_of_their_own(conforms, tmp_path):
     rng = np.random.default_rng(0)
-    for pace, error in ((0.0, 0.0), (5e-4, 3e-5)):
-        path = write_film(
-            tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,
-            stamps=lambda pts, pace=pace: pts * (1 + pace) + rng.normal(0, 0.004 * LOW),
-        )  # fmt: skip
-        conforms.sampled(read_audio(path)[1], LOW / (1 + pace), rtol=error)
+    path = write_film(tmp_path / "a.mp4", [LONG], LOW, frames=2, frame_rate=1,
+                      stamps=lambda pts: pts + rng.normal(0, 0.004 * LOW))  # fmt: skip
+    conforms.sampled(read_audio(path)[1], LOW, rtol=0)
 
 
 @pytest.mark.parametrize("jump", [0.021, -0.03])
@@ -136,15 +133,12 @@ def test_a_pace_of_500_ppm_is_found_whichever_clock_is_right(conforms, tmp_path,
     conforms.sampled(found.fast, 5e-4 if true == "samples" else 0.0, atol=1e-5)
 
 
+HUM = 0.3 * np.sin(2 * np.pi * 50 * np.arange(160000) / 16000 + np.array([[1], [2]]))
 UNLIKE = {
     "claps": (claps(1), claps(2)),
     "music of one beat": (music(1), music(2)),
     "one beat alone": (np.tile(claps(3)[:8000], 20), np.tile(claps(3)[:8000], 17)),
-    "hum": tuple(
-        0.3 * np.sin(2 * np.pi * 50 * np.arange(160000) / 16000 + k)
-        + 0.01 * np.random.default_rng(k).standard_normal(160000)
-        for k in (1, 2)
-    ),
+    "hum": HUM + 0.01 * np.random.default_rng(0).standard_normal(HUM.shape),
 }
 
 

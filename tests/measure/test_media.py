@@ -126,24 +126,6 @@ def test_any_frame_rate_is_kept(conforms, tmp_path, rate):
     np.testing.assert_allclose(frame_clock(tmp_path / "A.mkv"), np.arange(30) / rate, rtol=2e-5)
 
 
-def test_memory_is_independent_of_length(tmp_path):
-    """Frames are made, written and read one at a time: never more than a few alive."""
-    alive = set()
-
-    class Frame(np.ndarray):
-        def __del__(self):
-            alive.discard(id(self))
-
-    def frames():
-        for k in range(200):
-            frame = np.full((48, 64), k, np.uint8).view(Frame)
-            alive.add(id(frame))
-            assert len(alive) <= 10
-            yield frame
-
-    write_video(tmp_path / "A.mkv", frames(), 60, sound())
-
-
 # Recordings by others.
 
 

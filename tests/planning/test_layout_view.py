@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, drag, open_offline
+from browser import Opened, open_offline
 
 from thesis_lib.planning.report import write_plan
 from thesis_lib.planning.request import plan_request
@@ -76,18 +76,6 @@ def test_every_option_shows_and_tells_where_its_cameras_are(
                 np.testing.assert_allclose(shown, wanted, atol=1e-3)
         assert np.ptp(scales) < 0.01 * np.max(scales)
         assert opened.trouble == []
-
-
-def test_arrow_keys_and_dragging_turn_it(chromium: Browser, planned: Path) -> None:
-    with open_offline(chromium, planned / "plan.html") as opened:
-        first = tips(opened)
-        opened.page.locator("[data-testid=panel-a]").focus()
-        opened.page.keyboard.press("ArrowRight")
-        assert np.abs(tips(opened) - first).max() > 2
-        opened.page.keyboard.press("ArrowLeft")
-        np.testing.assert_allclose(tips(opened), first, atol=0.11)
-        drag(opened, "panel-a", 60)
-        assert np.abs(tips(opened) - first).max() > 10
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])

@@ -17,12 +17,10 @@ from command import thesis
 from scenes import plans
 from scenes.plans import plate, scene_of
 
-from thesis_lib.facts import setups
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning import errors, positions, report, search, structure_file
 from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto, plan
-from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.report import PLAN_FILES, study_of, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
@@ -38,10 +36,6 @@ def point_body():
     return plans.body("point", np.zeros((3, 1)), np.array([[0.0], [0], [1]]), np.ones(1))
 
 
-def beam(modes=(1, 2, 3)):
-    return body_of(setups.thesis_beam(), "beam", list(modes))
-
-
 def best(scene, count, objective="mean", step=15.0, starts=2):
     grid = positions.candidate_positions(scene, np.radians(step))
     (layout,) = search.best_layouts(scene, grid, [count], objective, starts, 0)
@@ -51,14 +45,13 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
 # The quantity that is optimised.
 
 
-@pytest.mark.parametrize("body", [beam(), plate()], ids=["beam", "plate"])
-def test_variance_is_that_of_triangulation_by_cameras_of_the_hemisphere(conforms, body):
-    scene = scene_of(body)
+def test_variance_is_that_of_triangulation_by_cameras_of_the_hemisphere(conforms):
+    scene = scene_of(plate())
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
     P = [hemisphere_cameras(row[2], row[:1], row[1:2], 640 * row[3], (640, 360)).P[0]
          for row in layout]  # fmt: skip
     conforms.independent(positions.place_cameras(scene, layout, 640).P, P, rtol=1e-12)
-    expected = point_covariance(np.array(P), body.points)[2, 2]
+    expected = point_covariance(np.array(P), scene.body.points)[2, 2]
     found = errors.normal_variances(errors.place_information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
 
@@ -104,16 +97,16 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     rng = np.random.default_rng(count)
     grid = grid[rng.choice(len(grid), 14, replace=False)]
     known, near = errors.place_information(scene, grid), errors.too_near(scene, grid)
-    sets = [c for c in itertools.combinations(range(14), count)
-            if not any(near[a, b] for a, b in itertools.combinations(c, 2))]  # fmt: skip
+    # Each is too near to itself.
+    sets = [
+        c for c in itertools.combinations(range(14), count) if near[np.ix_(c, c)].sum() == count
+    ]
     costs = [errors.combined_cost(known[:, list(c)], objective) for c in sets]
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
-    found = []
-    for start in starts:
-        layout, _ = errors.exchange_cameras(known, near, start, objective)
-        found.append((errors.combined_cost(known[:, layout], objective), sorted(layout)))
-    conforms.independent(min(found)[0], min(costs), rtol=1e-9)
-    assert tuple(min(found)[1]) == sets[int(np.argmin(costs))]
+    layouts = [errors.exchange_cameras(known, near, start, objective)[0] for start in starts]
+    least = min(layouts, key=lambda one: errors.combined_cost(known[:, one], objective))
+    conforms.independent(errors.combined_cost(known[:, least], objective), min(costs), rtol=1e-9)
+    assert tuple(sorted(least)) == sets[int(np.argmin(costs))]
 
 
 def test_no_set_of_places_is_below_the_bound(conforms):
