@@ -97,10 +97,8 @@ def test_exchange_finds_what_trying_every_set_finds(conforms, count, objective):
     rng = np.random.default_rng(count)
     grid = grid[rng.choice(len(grid), 14, replace=False)]
     known, near = errors.place_information(scene, grid), errors.too_near(scene, grid)
-    # Each is too near to itself.
-    sets = [
-        c for c in itertools.combinations(range(14), count) if near[np.ix_(c, c)].sum() == count
-    ]
+    sets = itertools.combinations(range(14), count)
+    sets = [c for c in sets if near[np.ix_(c, c)].sum() == count]  # each is near itself
     costs = [errors.combined_cost(known[:, list(c)], objective) for c in sets]
     starts = [[-1] * count] + [list(rng.permutation(14)[:count]) for _ in range(20)]
     layouts = [errors.exchange_cameras(known, near, start, objective)[0] for start in starts]
