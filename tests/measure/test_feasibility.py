@@ -18,7 +18,6 @@ from thesis_lib.measure.feasibility.prediction import noise_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
@@ -221,13 +220,6 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     squares = np.mean((rounded(rest + up) - rounded(rest) - z) ** 2, axis=0)
     drawn = 1000 * np.sqrt([squares.mean(), squares.max()])
     conforms.sampled(drawn, assessed(values).rig.rounding, rtol=0.05)
-
-
-@pytest.mark.parametrize(("f", "rate", "seen"), [(4.25, 60, 4.25), (60, 60, 0), (95, 60, 25)])
-def test_frames_show_the_alias(conforms, f, rate, seen):
-    conforms.closed_form(fold_frequency(f, rate), seen, rtol=1e-6)
-    t = np.arange(50) / rate
-    conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
 
 
 # Warnings.

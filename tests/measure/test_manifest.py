@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import yaml
+from refused import line_of
 from scenes.manifests import change, plain
 
 from thesis_lib.facts import setups
@@ -19,18 +20,14 @@ from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.measure.recordings.validation import check_excitation, check_recordings
 
 
-def hiss(samples):
-    """Return noise, which is sound that a recording may have."""
-    return np.random.default_rng(1).uniform(-0.1, 0.1, samples)
-
-
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
     """A folder with two cameras' files."""
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
+    hiss = np.random.default_rng(1).uniform(-0.1, 0.1, 52800)
     for name in "AB":
-        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, hiss(52800))
+        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, hiss)
         for k in range(12):
             write_png(folder / "shots" / name / f"{k}.png", frames[k % 6])
     return folder
@@ -43,10 +40,7 @@ def written(folder, values, name="manifest.yaml"):
 
 
 def refusal(path, **options):
-    with pytest.raises(ManifestError) as error:
-        read_manifest(path, **options)
-    message = str(error.value)
-    assert "\n" not in message
+    message = line_of(ManifestError, lambda: read_manifest(path, **options))
     assert len(message) < 600
     assert message.startswith(f"{path}: ")
     return message.removeprefix(f"{path}: ")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import line_of
 from scenes.sounds import write_film
 
 from thesis_lib.measure.recordings.audio import read_audio
@@ -159,10 +160,7 @@ def test_padding_of_aac_is_dropped(conforms, tmp_path):
 
 
 def refused(call, *words):
-    with pytest.raises(MediaError) as error:
-        call()
-    message = str(error.value)
-    assert "\n" not in message
+    message = line_of(MediaError, call)
     assert [word for word in words if word not in message] == []
     return message
 

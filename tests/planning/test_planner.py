@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from command import thesis
+from refused import line_of
 from scenes import plans
 from scenes.plans import plate, scene_of
 
@@ -337,12 +338,9 @@ def test_a_file_that_is_no_structure_is_refused_in_one_line(tmp_path, what):
     path = written(tmp_path, data)
     if what not in BROKEN:
         path.write_text("solid cube\nendsolid\n")
-    with pytest.raises(ParameterError) as refused:
-        structure_file.read_body(path, [1])
-    text = str(refused.value)
-    assert text.isprintable()
-    assert words in text
-    assert str(path) in text
+    line = line_of(ParameterError, structure_file.read_body, path, [1])
+    assert words in line
+    assert str(path) in line
 
 
 def test_a_small_file_that_would_fill_the_memory_is_refused(tmp_path):
@@ -395,12 +393,9 @@ IMPOSSIBLE = [
 
 @pytest.mark.parametrize(("values", "words"), IMPOSSIBLE)
 def test_impossible_plans_name_the_limit_that_binds(values, words):
-    with pytest.raises(ImpossibleError) as refused:
-        plan(plan_request({**QUICK, **values}))
-    text = str(refused.value)
-    assert text.startswith("plan: ")
-    assert text.isprintable()
-    assert all(word in text for word in words), text
+    line = line_of(ImpossibleError, plan, plan_request({**QUICK, **values}))
+    assert line.startswith("plan: ")
+    assert all(word in line for word in words), line
 
 
 def test_the_binding_limit_is_binding():

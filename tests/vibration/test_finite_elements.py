@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refused import line_of
 from scenes.convergence import orders
 from skfem import MeshTri
 
@@ -234,8 +235,5 @@ BOW = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
     ],
 )
 def test_what_is_no_panel_is_refused_in_one_line(changes, words):
-    with pytest.raises(ValueError, match=words[0]) as error:
-        panel(**changes)
-    message = str(error.value)
-    assert "\n" not in message
-    assert all(word in message for word in [*words, "given", "allowed"])
+    line = line_of(ValueError, lambda: panel(**changes))
+    assert all(word in line for word in [*words, "given", "allowed"]), line
