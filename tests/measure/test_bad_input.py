@@ -43,8 +43,7 @@ Change = Callable[[Path, dict[str, Any]], None]
 
 def given(place: str, value: Any = ...) -> Change:
     """A field of the manifest by its path; ``...`` leaves it out."""
-    way = [int(part) if part.isdecimal() else part for part in place.split(".")]
-    return lambda folder, values: change(values, way, value) and None
+    return lambda folder, values: change(values, place, value) and None
 
 
 def both(*changes: Change) -> Change:

@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes import manifests
 
 from thesis_lib.measure.feasibility.assess import (
     CENTRE_NOISE_PX,
@@ -38,14 +39,10 @@ def rig(directions=((10, 22), (-10, 22), (190, 22), (170, 22)), **changes):
 
 
 def change(values, **places):
-    """Values with some changed: ``cameras_0_exposure_s=…`` is written ``{"cameras.0.…": …}``."""
+    """Values with some changed; ``cameras__0__exposure_s`` is at "cameras.0.exposure_s"."""
     values = copy.deepcopy(values)
     for place, value in places.items():
-        *way, last = place.split("__")
-        inside = values
-        for part in way:
-            inside = inside[int(part)] if part.isdigit() else inside.setdefault(part, {})
-        inside[last] = value
+        manifests.change(values, place.replace("__", "."), value)
     return values
 
 
@@ -66,32 +63,35 @@ def codes(values):
     return {warning.code for warning in assessed(values).warnings}
 
 
-def matrices(azimuth=(10, -10, 190, 170), elevation=22.0, distance=0.57):
-    return hemisphere_cameras(
-        distance, np.radians(azimuth), np.radians([elevation] * len(azimuth)), 1280.0, (1920, 1080)
-    )
+# Numbers, of the four cameras and the markers of the beam about its middle.
+
+CAMERAS = hemisphere_cameras(
+    0.57, np.radians([10, -10, 190, 170]), np.radians([22] * 4), 1280.0, (1920, 1080)
+)
+P = CAMERAS.P
+BEAM = manifest(rig()).structure
+X = np.stack([*BEAM.marker_points - np.array([[BEAM.length_mm], [BEAM.width_mm]]) / 2000,
+              np.zeros(75)])  # fmt: skip
 
 
-def points_of(values):
-    s = manifest(values).structure
-    x, y = s.marker_points
-    return np.stack([x - s.length_mm / 2000, y - s.width_mm / 2000, 0 * x])
+def at_heights(*heights):
+    return [X + [[0], [0], [z]] for z in heights]
 
 
-# Numbers.
+def swing(z):
+    """How far the first camera's images move, px."""
+    low, high = (project(P[:1], points)[0] for points in at_heights(-z, z))
+    return np.hypot(*(high - low)).max()
 
 
 def test_a_pixel_spans_distance_over_focal_length_and_markers_move_as_their_images(conforms):
-    values, cameras, A = rig(), matrices(), 0.0025
-    row, X, P = assessed(values).table[0], points_of(values), cameras.P[:1]
-    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(cameras), rtol=1e-6)
+    row, A = assessed(rig()).table[0], 0.0025
+    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(CAMERAS), rtol=1e-6)
     conforms.closed_form(row.along_px, 5 / (570 / 1280), rtol=1e-6)
     conforms.closed_form(row.across_px, row.along_px * np.sin(np.radians(22)), rtol=1e-6)
-    ends = [X + [[0], [0], [dz]] for dz in (-A, A)]
-    moved = (project(P, ends[1]) - project(P, ends[0]))[0] / 2
-    conforms.independent(row.motion_px, np.hypot(*moved).max(), rtol=1e-3)
-    R, C = cameras.R_camera_world[0], cameras.centres[0][:, None]
-    depths = [(R @ (own - C))[2] for own in ends]
+    conforms.independent(row.motion_px, swing(A) / 2, rtol=1e-3)
+    R, C = CAMERAS.R_camera_world[0], CAMERAS.centres[0][:, None]
+    depths = [(R @ (own - C))[2] for own in at_heights(-A, A)]
     conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
     conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
 
@@ -114,34 +114,26 @@ def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
 
 
 def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
-    values, T, f, A = rig(), 0.004, 4.25, 0.0025
-    X, P = points_of(values), matrices().P
-
-    def swing(z):
-        ends = [project(P, X + [[0], [0], [dz]]) for dz in (-z, z)]
-        return np.hypot(*(ends[1] - ends[0])[0]).max()
-
-    row = assessed(values).table[0]
+    T, f, A = 0.004, 4.25, 0.0025
+    row = assessed(rig()).table[0]
     conforms.independent(row.blur_px, swing(A * np.sin(np.pi * f * T)), rtol=1e-3)
     within = (np.arange(1000) + 0.5) / 1000 - 0.5
     conforms.independent(row.lost, 1 - np.mean(np.cos(2 * np.pi * f * T * within)), rtol=1e-5)
-    still = change(values, excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
+    still = change(rig(), excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
     row = assessed(still).table[0]
     conforms.closed_form(row.lost, 1 - np.sinc(25 / 60), rtol=1e-6)
     conforms.independent(row.blur_px, swing(A), rtol=2e-3)  # at most the whole swing
 
 
 def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
-    values, f, rate, A = rig(), 4.25, 60.0, 0.0025
-    X, cameras = points_of(values), matrices()
+    f, rate, A = 4.25, 60.0, 0.0025
     t = (np.arange(400) / 400)[:, None] / f
     z = A * np.sin(2 * np.pi * f * np.hstack([t, t + 1 / rate]))
     worst = z[np.argmax(np.abs(np.diff(z, axis=1)))]
-    row = assessed(values).table[0]
-    C = cameras.centres[0][:, None]
+    C = CAMERAS.centres[0][:, None]
     plane = [(C + (X + [[0], [0], [dz]] - C) * C[2] / (C[2] - dz))[:2] for dz in worst]
     seen = np.hypot(*(plane[1] - plane[0])).max() / 0.010  # rows are 10 mm apart
-    conforms.independent(row.move_spacings, seen, rtol=1e-3)
+    conforms.independent(assessed(rig()).table[0].move_spacings, seen, rtol=1e-3)
 
 
 def test_markers_in_view_are_counted_as_they_swing(conforms):
@@ -151,27 +143,24 @@ def test_markers_in_view_are_counted_as_they_swing(conforms):
         values["cameras"][0] |= {"distance_mm": 400, "sensor_width_mm": 22.5}
         return assessed(values).table[0].in_view
 
-    half = 22.5 / 24 / 2
-    x = points_of(rig())[0]
     for amplitude in (0.001, 60.0):
-        inside = np.abs(x) < half * (0.4 - amplitude / 1000)
+        inside = np.abs(X[0]) < 22.5 / 24 / 2 * (0.4 - amplitude / 1000)
         conforms.independent(share(amplitude), np.mean(inside), rtol=1e-6)
     assert share(0.001) > share(60.0) > 0
 
 
 def test_errors_are_those_of_noisy_images(conforms):
-    X, P = points_of(rig())[:, ::8], matrices().P
-    rng = np.random.default_rng(1)
-    sigma = np.array([0.03, 0.06, 0.03, 0.02])
-    noise = sigma[:, None, None, None] * rng.standard_normal((4, 2, 2000, X.shape[1]))
-    Z = triangulate(P, project(P, X)[:, :, None] + noise)[2]
-    predicted = noise_errors(P, X, sigma)
+    some, sigma = X[:, ::8], np.array([0.03, 0.06, 0.03, 0.02])
+    noise = np.random.default_rng(1).standard_normal((4, 2, 2000, some.shape[1]))
+    noise *= sigma[:, None, None, None]
+    Z = triangulate(P, project(P, some)[:, :, None] + noise)[2]
+    predicted = noise_errors(P, some, sigma)
     conforms.sampled(np.sqrt(np.mean(Z**2)), np.sqrt(np.mean(predicted**2)), rtol=0.05)
     conforms.sampled(Z.std(axis=0) / predicted, 1, atol=0.05)
-    seen = np.ones((4, X.shape[1]), bool)
+    seen = np.ones((4, some.shape[1]), bool)
     seen[2:, 0], seen[1:, 1] = False, False
-    partly = noise_errors(P, X, sigma, seen)
-    conforms.invariance(partly[0], noise_errors(P[:2], X[:, :1], sigma[:2])[0], rtol=1e-6)
+    partly = noise_errors(P, some, sigma, seen)
+    conforms.invariance(partly[0], noise_errors(P[:2], some[:, :1], sigma[:2])[0], rtol=1e-6)
     assert np.isnan(partly[1])
     conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
 
@@ -182,8 +171,7 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
         camera["frame_rate_hz"] = rate
     values["excitation"]["frequency_hz"] = 20.0  # loses 1 %
     outlook = assessed(values).rig
-    X, P, rng = points_of(values), matrices().P, np.random.default_rng(2)
-    uv, trials = project(P, X), 60
+    rng, uv, trials = np.random.default_rng(2), project(P, X), 60
     found = np.empty((4, 2, trials, X.shape[1]))
     for i, camera in enumerate(values["cameras"]):
         n = 2 * camera["frame_rate_hz"]
@@ -198,17 +186,14 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     ratio = np.array(alike.fit) / alike.one_frame
     conforms.closed_form(ratio, np.sqrt(2 / 1200) / np.sinc(4.25 * 0.004), rtol=1e-7)
     conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
-    single = noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
-    conforms.independent(
-        outlook.one_frame, (1000 * np.sqrt(np.mean(single**2)), 1000 * single.max()), rtol=1e-6
-    )
+    single = 1000 * noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
+    conforms.independent(outlook.one_frame, (np.sqrt(np.mean(single**2)), single.max()), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("amplitude", "f"), [(0.0003, 4.25), (0.0031, 20.0)])
 def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
     values = rig(excitation={"amplitude_mm": 1000 * amplitude, "frequency_hz": f})
-    X, P, rng = points_of(values), matrices().P, np.random.default_rng(3)
-    trials, turn = 3000, 2 * np.pi * f / 60
+    rng, trials, turn = np.random.default_rng(3), 3000, 2 * np.pi * f / 60
     shift = rng.uniform(-0.5, 0.5, (4, 2, trials, X.shape[1]))
     z = amplitude * np.cos(rng.uniform(-0.5, 0.5, (trials, X.shape[1])) * turn)
     up = np.stack([0 * z, 0 * z, z])

@@ -58,9 +58,8 @@ def test_what_is_written_is_read(recordings):
 
 
 def test_old_names_are_read_and_reported(recordings, capsys):
-    now = change(
-        plain(), ("excitation",), {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.5}
-    )
+    excitation = {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.5}
+    now = plain(excitation=excitation)
     wanted = read_manifest(written(recordings, now, "now.yaml"))
     assert capsys.readouterr().err == ""
     text = yaml.safe_dump(now).replace("board_images", "shots").replace("free_decay", "decay")
@@ -85,31 +84,31 @@ def test_the_default_structure_is_the_thesis_s_beam():
 
 
 SILLY = [  # place, value, words of the refusal
-    (("cameras", 0, "width_px"), 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
-    (("cameras", 0, "frame_rate_hz"), float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
-    (("cameras", 0, "exposure_s"), 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
-    (("cameras", 0, "video"), ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
-    (("cameras", 1, "video"), "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
-    (("cameras", 1, "video"), "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
-    (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
-    (("cameras", 1, "name"), "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
-    (("cameras", 0, "board_images"), "../shots", ["cameras[0].board_images", "inside"]),
-    (("cameras", 0, "board_images"), "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
-    (("cameras", 0, "board_images"), ["a.png"] * 12,
+    ("cameras.0.width_px", 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
+    ("cameras.0.frame_rate_hz", float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
+    ("cameras.0.exposure_s", 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
+    ("cameras.0.video", ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
+    ("cameras.1.video", "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
+    ("cameras.1.video", "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
+    ("cameras.1.video", "shots/../A.mkv", ["the same as cameras[0].video"]),
+    ("cameras.1.name", "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
+    ("cameras.0.board_images", "../shots", ["cameras[0].board_images", "inside"]),
+    ("cameras.0.board_images", "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
+    ("cameras.0.board_images", ["a.png"] * 12,
      ['cameras[0].board_images[0]: given "a.png"', "no such"]),
-    (("cameras", 0, "corners_px"), [[0, 0], [9, 9], [9, 0], [0, 9]],
+    ("cameras.0.corners_px", [[0, 0], [9, 9], [9, 0], [0, 9]],
      ["cameras[0].corners_px: given", "convex"]),
-    (("cameras",), plain("A")["cameras"], ["cameras: given", "2 to 16"]),
-    (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
-    (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
-    (("structure", "markers", "columns"), 26, ["structure.markers: given", "on the structure"]),
-    (("structure", "markers", "spacing_mm"), 3, ["structure.markers", "do not overlap"]),
-    (("structure", "markers", "hole_mm"), [24, 31], ["structure.markers.hole_mm: given [24"]),
-    (("structure", "markers", "points_mm"), [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
-    (("board",), {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
-    (("board",), {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
+    ("cameras", plain("A")["cameras"], ["cameras: given", "2 to 16"]),
+    ("camera", [], ["camera: no such field (did you mean cameras?)"]),
+    ("structure.kind", "shell", ['structure.kind: given "shell"', '"beam"']),
+    ("structure.markers.columns", 26, ["structure.markers: given", "on the structure"]),
+    ("structure.markers.spacing_mm", 3, ["structure.markers", "do not overlap"]),
+    ("structure.markers.hole_mm", [24, 31], ["structure.markers.hole_mm: given [24"]),
+    ("structure.markers.points_mm", [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
+    ("board", {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
+    ("board", {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),
-    (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
+    ("truth", "truth.nc", ['truth: given "truth.nc"', "no such file"]),
 ]  # fmt: skip
 
 
@@ -151,7 +150,7 @@ def test_links_do_not_lead_outside(tmp_path):
     (folder / "A.mkv").symlink_to(outside / "A.mkv")
     (folder / "shots").symlink_to(outside / "shots")
     (folder / "own" / "0.png").symlink_to(outside / "shots" / "0.png")
-    values = change(plain(), ("cameras", 0, "board_images"), [None] * 3)
+    values = change(plain(), "cameras.0.board_images", [None] * 3)
     values["cameras"][1]["board_images"] = [None] * 3
     assert "cameras[0].video" in refusal(written(folder, values), check_files=False)
     values["cameras"][0]["video"] = "C.mkv"
@@ -164,7 +163,7 @@ def test_links_do_not_lead_outside(tmp_path):
 
 def test_a_list_of_shots_may_have_gaps(recordings):
     shots = ["shots/A/0.png", None, *[f"shots/A/{k}.png" for k in range(2, 12)]]
-    values = change(plain(), ("cameras", 0, "board_images"), shots)
+    values = change(plain(), "cameras.0.board_images", shots)
     manifest = read_manifest(written(recordings, values))
     paths = shot_paths(manifest.cameras[0], recordings)
     assert paths[1] is None
@@ -193,7 +192,7 @@ def test_recordings_other_than_the_manifest_says_are_named(recordings):
      ("rest_duration_s", 0, "at least 0.05 s, three frames")],
 )  # fmt: skip
 def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, line):
-    values = change(plain(), ("excitation", field), value)
+    values = change(plain(), f"excitation.{field}", value)
     values["cameras"][0]["frame_rate_hz"] = 120
     line = f"excitation.{field}: given {value:g}, allowed: {line}"
     assert check_excitation(read_manifest(written(recordings, values))) == [line]

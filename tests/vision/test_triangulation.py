@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import slabs
 from scenes.convergence import orders
@@ -12,28 +12,13 @@ from benchmarks.reference import hartley_sturm, svd_triangulate
 from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_cameras,
-    hemisphere_directions,
-    hemisphere_rotations,
     intrinsics,
     project,
 )
 from thesis_lib.vision.triangulation import image_jacobian, point_covariance, triangulate
 
 SIZE = (320, 180)
-
-
-@st.composite
-def rigs(draw, most=12):
-    """2 to 12 cameras around the origin at unequal distances, at least one pair well apart."""
-    n = draw(st.integers(2, most))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    azimuth, elevation = rng.uniform(-np.pi, np.pi, n), rng.uniform(0.05, np.pi / 2, n)
-    directions = hemisphere_directions(azimuth, elevation)
-    cosines = directions @ directions.T
-    assume(np.min(np.abs(cosines)) < 0.95)
-    centres = rng.uniform(0.5, 3, (n, 1)) * directions
-    K = np.stack([intrinsics(f, SIZE) for f in rng.uniform(150, 1500, n)])
-    return CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE)
+rigs = st.builds(slabs.rig, st.integers(2, 12), st.integers(0, 2**32 - 1))
 
 
 def ring(n, distance=0.5, elevation=0.4, focal_px=213.3):
@@ -58,7 +43,7 @@ def noisy(P, points, sigma=0.3, seed=1):
     return uv + np.random.default_rng(seed).normal(0, sigma, uv.shape)
 
 
-@given(rigs())
+@given(rigs)
 def test_exact_images_give_back_the_points(conforms, rig):
     points = box()
     exact = project(rig.P, points)
@@ -75,7 +60,7 @@ def test_intrinsics_may_be_skewed_and_stretched(conforms):
     conforms.independent(triangulate(P, images), svd_triangulate(P, images), atol=1e-9)
 
 
-@given(rigs(), st.floats(0.1, 10), st.integers(0, 2**32 - 1))
+@given(rigs, st.floats(0.1, 10), st.integers(0, 2**32 - 1))
 def test_result_moves_and_scales_with_the_world(conforms, rig, factor, seed):
     R, t, back = moved_world(seed)
     uv = noisy(rig.P, box())
@@ -86,7 +71,7 @@ def test_result_moves_and_scales_with_the_world(conforms, rig, factor, seed):
     conforms.invariance(grown, factor * here, atol=1e-10 * factor)
 
 
-@given(rigs(), st.integers(0, 2**32 - 1))
+@given(rigs, st.integers(0, 2**32 - 1))
 def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, rig, seed):
     rng, n = np.random.default_rng(seed), len(rig)
     order, factors = rng.permutation(n), rng.uniform(0.01, 100, n) * rng.choice([-1, 1], n)
@@ -112,7 +97,7 @@ def test_whole_pixels_give_what_svd_and_gauss_newton_give(conforms, rig):
 
 
 @settings(max_examples=50)
-@given(rigs())
+@given(rigs)
 def test_no_neighbour_fits_better(conforms, rig):
     points = box()
     uv = noisy(rig.P, points)
@@ -140,7 +125,7 @@ def test_two_cameras_reach_the_global_optimum_of_hartley_and_sturm(conforms, rig
     conforms.independent(cost(rig.P, uv, found), best, rtol=1e-9, atol=1e-12)
 
 
-@given(rigs())
+@given(rigs)
 def test_jacobian_is_the_derivative_of_projection(conforms, rig):
     points = box(5)
     J = image_jacobian(rig.P, points)
