@@ -25,7 +25,7 @@ from thesis_lib.planning.planner import CAMERA_COLUMNS, ImpossibleError, pareto,
 from thesis_lib.planning.report import PLAN_FILES, study_of, write_plan
 from thesis_lib.planning.request import plan_request
 from thesis_lib.studies.request import ParameterError
-from thesis_lib.vision.pinhole import hemisphere_cameras, hemisphere_directions
+from thesis_lib.vision.pinhole import hemisphere_cameras, hemisphere_directions, project
 from thesis_lib.vision.triangulation import point_covariance
 
 OBJECTIVES = ("mean", "worst")
@@ -43,16 +43,21 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
     return layout
 
 
+def matrices(layout, size):
+    """Projection matrices by the cameras of the hemisphere."""
+    rigs = [hemisphere_cameras(r, [a], [e], size[0] * f, size) for a, e, r, f in layout]
+    return np.concatenate([rig.P for rig in rigs])
+
+
 # The quantity that is optimised.
 
 
 def test_variance_is_that_of_triangulation_by_cameras_of_the_hemisphere(conforms):
     scene = scene_of(plate())
     layout = np.array([[0.3, 0.4, 1.0, 0.6], [-1.2, 0.9, 1.1, 0.7], [2.5, 0.2, 0.9, 0.65]])
-    P = [hemisphere_cameras(row[2], row[:1], row[1:2], 640 * row[3], (640, 360)).P[0]
-         for row in layout]  # fmt: skip
+    P = matrices(layout, (640, 360))
     conforms.independent(positions.place_cameras(scene, layout, 640).P, P, rtol=1e-12)
-    expected = point_covariance(np.array(P), scene.body.points)[2, 2]
+    expected = point_covariance(P, scene.body.points)[2, 2]
     found = errors.normal_variances(errors.place_information(scene, layout).sum(axis=1)) / 640**2
     conforms.independent(found, expected, rtol=1e-9)
 
@@ -164,8 +169,8 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
     r, tolerance = scene.rules, 1e-6
     azimuth, elevation, distance, _ = layout.T
     flat = distance * np.cos(elevation)
-    where = np.stack([flat * np.sin(azimuth), flat * np.cos(azimuth), distance * np.sin(elevation)])
-    where = where.T
+    up = distance * np.sin(elevation)
+    where = np.stack([flat * np.sin(azimuth), flat * np.cos(azimuth), up], axis=1)
     turned = np.mod(azimuth - r.azimuths[0] + tolerance, 2 * np.pi) - tolerance
     width = r.azimuths[1] - r.azimuths[0]
     for value, (low, high) in (
@@ -183,15 +188,12 @@ def test_limits_are_kept_by_an_independent_check(limit, objective):
         turn = np.mod(azimuth - west, 2 * np.pi)
         inside = (turn > tolerance) & (turn < east - west - tolerance)
         assert not np.any(inside & (elevation > bottom) & (elevation < top))
-    for place, row in zip(where, layout, strict=True):
-        sight = place[:, None] - scene.body.points
-        tilt = np.arccos(sight[2] / np.linalg.norm(sight, axis=0))
-        assert np.all(tilt <= r.tilt + tolerance)
-        camera = hemisphere_cameras(row[2], row[:1], row[1:2], 1600 * row[3], (1600, 900))
-        for end in np.moveaxis(scene.body.deflected(scene.peaks), 1, 0):
-            image = camera.P[0] @ np.vstack([end, np.ones(end.shape[1])])
-            u, v = image[:2] / image[2]
-            assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
+    sight = where[:, :, None] - scene.body.points
+    tilt = np.arccos(sight[:, 2] / np.linalg.norm(sight, axis=1))
+    assert np.all(tilt <= r.tilt + tolerance)
+    P = matrices(layout, (1600, 900))
+    u, v = np.moveaxis(project(P, scene.body.deflected(scene.peaks)), 1, 0)
+    assert np.all((u > -0.01) & (u < 1600.01) & (v > -0.01) & (v < 900.01))
 
 
 # The front, the cheapest, the simulation.

@@ -38,7 +38,7 @@ def made(request_):
     return plan(request_)
 
 
-def drawn(scene, layout, scale=1.0):
+def drawn(scene, layout):
     """Deflection errors (modes, draws, markers) in m from whole pixels, without any law."""
     P, body = positions.place_cameras(scene, layout, 320).P, scene.body
     shift = qmc.Sobol(2 * len(P), rng=0).random_base2(9) - 0.5
@@ -47,7 +47,7 @@ def drawn(scene, layout, scale=1.0):
     def found(points):
         return triangulate(P, np.rint(project(P, points)[:, :, None] + shift) - shift)[2]
 
-    moved = np.moveaxis(body.deflected([scale * peak for peak in scene.peaks]), 1, 0)
+    moved = np.moveaxis(body.deflected(scene.peaks), 1, 0)
     rest = found(body.points)
     return np.stack([found(one) - rest - one[2] for one in moved])
 
