@@ -58,18 +58,6 @@ def test_empty_polytopes_are_those_of_linear_programming_and_fall_back(conforms,
     conforms.invariance(centre.points[:, empty], triangulate(P, uv)[:, empty], atol=0)
 
 
-def test_images_that_are_missing_spoil_their_own_point_only(conforms):
-    P = rig(4).P
-    whole = rounded(P, box(50))
-    holed = whole.copy()
-    holed[2, 1, 7] = np.nan
-    found, others = analytic_centre(P, holed), np.arange(50) != 7
-    assert np.isnan(found.points[:, 7]).all()
-    assert found.feasible.tolist() == others.tolist()
-    expected = analytic_centre(P, whole).points[:, others]
-    conforms.invariance(found.points[:, others], expected, atol=1e-13)
-
-
 @given(counts, seeds, st.floats(0.1, 10))
 def test_centre_moves_and_scales_with_the_world(conforms, n, seed, factor):
     R, t, back = moved_world(seed)

@@ -163,18 +163,6 @@ def test_covariance_is_that_of_sampled_noise(conforms, rig):
     conforms.sampled(np.max(np.abs(relative)), below=0.05)
 
 
-def test_missing_image_spoils_its_own_point_only(conforms):
-    rig = ring(4)
-    whole = noisy(rig.P, box(50))
-    holed = whole.copy()
-    holed[2, 1, 7] = np.nan
-    found = triangulate(rig.P, holed)
-    assert np.isnan(found[:, 7]).all()
-    others = np.arange(50) != 7
-    conforms.invariance(found[:, others], triangulate(rig.P, whole)[:, others], atol=0)
-    assert np.isnan(triangulate(rig.P, np.full((4, 2, 3), np.nan))).all()
-
-
 @pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)
 def test_wrong_shapes_are_named(P, uv, named):
     with pytest.raises(ValueError, match=named):
