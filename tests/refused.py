@@ -1,11 +1,21 @@
 """What the library says to a request that it refuses."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.request import ParameterError
+
+
+def line_of(error: type[Exception], call: Callable[..., object], *given: Any) -> str:
+    """The one line of an error that a call raises."""
+    with pytest.raises(error) as caught:
+        call(*given)
+    line = str(caught.value)
+    assert line.isprintable(), line
+    return line
 
 
 def refusal(name: str, /, **values: Any) -> str:

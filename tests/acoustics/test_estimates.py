@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scenes.outlines import disc
+from scipy.special import j1
 
 from thesis_lib.acoustics import estimates
 from thesis_lib.acoustics.radiation import AIR
@@ -99,16 +101,8 @@ def test_what_all_amplitudes_share_does_not_average_out(conforms):
     conforms.closed_form(shared.error / shared.value, 0.02, rtol=1e-3)  # 2 of a relative error
 
 
-def disc(radius, corners=96):
-    turn = 2 * np.pi * (np.arange(corners) + 0.5) / corners
-    grown = radius / np.sqrt(np.sin(2 * np.pi / corners) / (2 * np.pi / corners))  # of equal area
-    return grown * np.column_stack([np.cos(turn), np.sin(turn)])
-
-
 @pytest.mark.parametrize("ka", [0.3, 3.0])
 def test_a_baffled_piston_has_the_resistance_of_its_bessel_function(ka, conforms):
-    from scipy.special import j1
-
     a, omega = 0.1, ka * AIR.speed_of_sound / 0.1
     surface = Surface.from_outline(disc(a), 1600)
     conforms.closed_form(surface.area, np.pi * a**2, rtol=1e-12)

@@ -75,17 +75,6 @@ def test_operator_is_rayleighs_integral_for_even_and_odd_numbers(conforms, name,
     conforms.independent(field, exact, atol=1e-13 * np.max(np.abs(exact)))
 
 
-@pytest.mark.parametrize(("name", "mode"), [("XZ", 1), ("YZ", 3)])
-def test_field_on_the_thesis_planes_is_the_direct_sum(conforms, name, mode):
-    omega, plane = resonance_frequency(PLATE, mode), plane_of(name)
-    op = plane_operator(PLATE, plane, omega)
-    for v in (random_velocity(150), random_velocity(150).real):
-        direct = transfer_pressure(plate_pistons(PLATE), plane.points, omega) @ v
-        conforms.independent(
-            np.max(np.abs(op.field(v) - direct)), below=1e-12 * np.max(np.abs(direct))
-        )
-
-
 # Its rms.
 
 

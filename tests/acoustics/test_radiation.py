@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from scenes.convergence import orders
 from scipy.special import j1, struve
 
 from thesis_lib.acoustics import radiation as acoustics_sources
@@ -25,12 +26,6 @@ from thesis_lib.facts import setups
 AIR = acoustics_sources.AIR
 C, RHO = AIR.speed_of_sound, AIR.density
 A, B = 0.6, 0.4  # panel
-NAN, INF = float("nan"), float("inf")
-
-
-def orders(errors):
-    """Convergence orders of errors at halved steps."""
-    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
 
 
 def disc(radius, rings):
@@ -47,9 +42,8 @@ def disc(radius, rings):
     return Pistons(np.concatenate(centres, axis=1), (side, side))
 
 
-def panel(nx, ny=None):
+def panel(nx, ny):
     """A panel of A × B as nx × ny pistons about the origin."""
-    ny = nx if ny is None else ny
     x = (np.arange(nx) + 0.5) / nx * A - A / 2
     y = (np.arange(ny) + 0.5) / ny * B - B / 2
     return Pistons(np.stack([np.tile(x, ny), np.repeat(y, nx)]), (A / nx, B / ny))
@@ -61,21 +55,14 @@ def panel_mode(parts, m, n):
     return np.sin(m * pi * (x / A + 0.5)) * np.sin(n * pi * (y / B + 0.5))
 
 
-def hemisphere(n=32):
-    """Directions (3, ...) and weights of an integral over the half space, exact to high order."""
+def far_power(parts, v, omega, n=32):
+    """Power by the far field's intensity over the half space, integrated to high order."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
-    cos = (nodes[:, None] + 1) / 2
-    phi = 2 * pi * np.arange(2 * n) / (2 * n)
+    cos, phi = (nodes[:, None] + 1) / 2, pi * np.arange(2 * n) / n
     sin = np.sqrt(1 - cos**2)
     u = np.stack([sin * np.cos(phi), sin * np.sin(phi), cos + 0 * phi])
-    return u, np.repeat(weights[:, None] / 2, 2 * n, axis=1) * pi / n
-
-
-def far_power(parts, v, omega, n=32):
-    """Power by the far field's intensity over the half space."""
-    u, weight = hemisphere(n)
     intensity = np.abs(rad.far_field(parts, v, u, omega)) ** 2 / (2 * RHO * C)
-    return np.sum(weight * intensity)
+    return np.sum(weights[:, None] / 2 * intensity) * pi / n
 
 
 def random_velocity(n, seed=0):
@@ -122,9 +109,8 @@ def test_monopole_is_an_outgoing_spherical_wave(conforms):
     p = monopole_pressure(r, 0.02, omega)
     conforms.closed_form(np.abs(p) * r, omega * RHO * 0.02 / (4 * pi), rtol=1e-13)
     # With e^{+jωt}, a point at a distance sees what the source did a time r/c ago.
-    delay = -np.angle(p / p[0])
-    conforms.closed_form(np.exp(1j * delay), np.exp(1j * omega * (r - r[0]) / C), rtol=1e-11)
-    conforms.closed_form(np.angle(p[1] / p[0]), -omega / C * (r[1] - r[0]), rtol=1e-9)
+    delayed = np.exp(-1j * omega * (r - r[0]) / C)
+    conforms.closed_form(p / p[0] * r / r[0], delayed, rtol=1e-11)
 
 
 def test_a_baffle_doubles_a_monopole(conforms):
@@ -153,12 +139,9 @@ def test_circular_piston_on_its_axis_with_order_2(conforms, ka):
     exact = RHO * C * v * (np.exp(-1j * k * z) - np.exp(-1j * k * far))
     modulus = 2 * RHO * C * v * np.abs(np.sin(k / 2 * (far - z)))
     conforms.closed_form(np.abs(exact), modulus, rtol=1e-10)
-    errors = []
+    errors, above = [], np.stack([0 * z, 0 * z, z])
     for rings in (16, 32, 64, 128):
-        parts = disc(a, rings)
-        p = rad.rayleigh_pressure(
-            parts, np.full(3 * rings**2, v), np.stack([0 * z, 0 * z, z]), k * C
-        )
+        p = rad.rayleigh_pressure(disc(a, rings), np.full(3 * rings**2, v), above, k * C)
         errors.append(np.max(np.abs(p - exact)))
     conforms.order(orders(errors), 2, atol=0.15)
     conforms.closed_form(errors[-1], below=1e-3 * np.max(modulus))
@@ -280,8 +263,7 @@ def test_two_pistons_that_meet_are_one_of_double_area_or_in_opposition_silent(co
     k, side = 8.0, 0.02
     one = Pistons(np.zeros((2, 1)), (2 * side, side))
     exact_power = rad.sound_power(one, [1.0], k * C)
-    power, silence = [], []
-    distances = 0.04 / 2 ** np.arange(4)
+    power, silence, distances = [], [], 0.04 / 2 ** np.arange(4)
     for d in distances:
         two = Pistons(np.array([[-d / 2, d / 2], [0, 0]]), (side, side))
         power.append(abs(rad.sound_power(two, [1.0, 1.0], k * C) / exact_power - 1))
@@ -316,19 +298,6 @@ def test_field_is_the_direct_expression(conforms, kind):
         conforms.independent(np.max(np.abs(field - direct)), below=1e-12 * peak)
 
 
-def test_field_is_linear_in_velocity_and_density(conforms):
-    parts = panel(6, 4)
-    points, omega = np.array([[0.1], [0.2], [0.3]]), 3 * C / A
-    one, other = random_velocity(24, 1), random_velocity(24, 2)
-    both = rad.rayleigh_pressure(parts, one + 2j * other, points, omega)
-    apart = [rad.rayleigh_pressure(parts, v, points, omega) for v in (one, other)]
-    conforms.invariance(both, apart[0] + 2j * apart[1], rtol=1e-12)
-    water = Medium(C, 1000)
-    conforms.invariance(
-        rad.rayleigh_pressure(parts, one, points, omega, water), apart[0] * 1000 / RHO, rtol=1e-12
-    )
-
-
 # Levels.
 
 
@@ -336,7 +305,7 @@ def test_levels_are_of_the_rms_pressure_and_re_one_picowatt(conforms):
     conforms.closed_form(rad.pressure_level(2e-5 * np.sqrt(2) * np.exp(0.4j)), 0, atol=1e-12)
     conforms.closed_form(rad.pressure_level(1.0), 90.9691, atol=1e-4)
     conforms.closed_form(rad.power_level([1e-12, 2e-12, 1]), [0, 3.0103, 120], atol=1e-4)
-    assert rad.pressure_level([0.0])[0] == rad.power_level([0.0])[0] == -INF
+    assert rad.pressure_level([0.0])[0] == rad.power_level([0.0])[0] == -np.inf
 
 
 # What is refused.
@@ -365,7 +334,7 @@ def test_pistons_must_be_small_against_the_wavelength(call):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: Medium(NAN, 1.21), "speed_of_sound: given"),
+        (lambda: Medium(np.nan, 1.21), "speed_of_sound: given"),
         (lambda: Medium(343, 0.0), "density: given"),
         (lambda: monopole_pressure(1, 1, -1.0), r"omega: given .*, needs a positive finite number"),
         (lambda: check_pistons(Pistons(np.zeros((2, 1)), (0.01, 0.1)), 35 * C), r"is 3\.5"),

@@ -1,12 +1,9 @@
 """The laboratory filmed and measured, end to end: two cameras, half the size, known truth."""
 
-import os
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as filmed
@@ -14,19 +11,15 @@ from thesis_lib.figure_sets.experiment import methods as chain
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of, write_recording
 from thesis_lib.laboratory.rig import MAX_START_S, REST_S, default_rig
-from thesis_lib.measure.calibration import rig as calibration_rig
 from thesis_lib.measure.fitting import reconstruction as rc
-from thesis_lib.measure.fitting.harmonics import fit_harmonics, harmonic_motion
 from thesis_lib.measure.recordings import media
 from thesis_lib.measure.recordings import validation as recordings_check
 from thesis_lib.measure.recordings.audio import read_audio
 from thesis_lib.measure.recordings.manifest import read_manifest
-from thesis_lib.measure.recordings.media import write_png
 from thesis_lib.measure.recordings.media_info import probe_media
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.steps import calibrate_rig
-from thesis_lib.measure.tracking.homography import TrackingError
-from thesis_lib.vibration.motion import Component, Motion, steady_amplitudes
+from thesis_lib.vibration.motion import Component, Motion
 from thesis_lib.vision import pinhole
 
 pytestmark = pytest.mark.slow  # films first
@@ -174,26 +167,17 @@ def test_the_force_is_the_one_that_moves_the_beam(conforms, measured, rig):
     conforms.closed_form(abs(found / force - 1), below=0.003)
 
 
-@pytest.fixture(scope="module")
-def tracked(measured, rig):
-    """Undistorted tracks, their times, projection matrices and the beam's frame."""
+def test_the_grid_at_rest_is_the_nominal_one_and_at_zero_within_noise(conforms, measured, rig):
     cameras = chain.read_cameras(measured, "full")
-    uv = np.stack(
-        [pinhole.undistort_pixels(c, own.swapaxes(0, 1)).swapaxes(0, 1)
-         for c, own in zip(cameras, measured["tracks"].values[:, 0], strict=True)]
+    own = np.arange(measured.sizes["frame"]) / 60
+    still = np.stack(
+        [pinhole.undistort_pixels(c, uv.swapaxes(0, 1)).swapaxes(0, 1)
+         for c, uv in zip(cameras, measured["tracks"].values[:, 0, own < REST_S], strict=True)]
     )  # fmt: skip
-    own = np.arange(uv.shape[1]) / 60
-    P = pinhole.projection_matrices(cameras)
-    still = uv[:, own < REST_S]
-    rest = still.mean(axis=1)
+    P, rest = pinhole.projection_matrices(cameras), still.mean(axis=1)
     points, seen = rc.triangulate_seen(P, rest)
     assert (seen == 2).all()
     frame = rc.fit_grid(points, rig.markers.world[:, :75])
-    return uv, own + measured["delay"].values[:, None], P, frame, points, still, rest
-
-
-def test_the_grid_at_rest_is_the_nominal_one_and_at_zero_within_noise(conforms, tracked):
-    _, _, P, frame, points, still, rest = tracked
     conforms.closed_form(frame.rms, below=2e-5)
     conforms.closed_form(frame.scale, 1, atol=1e-4)
     conforms.closed_form(np.degrees(frame.tilt), below=0.02)
@@ -202,76 +186,3 @@ def test_the_grid_at_rest_is_the_nominal_one_and_at_zero_within_noise(conforms, 
     conforms.closed_form(expected.max(), below=5e-5)
     conforms.sampled(np.sqrt(np.mean((heights / expected) ** 2)), 1, atol=0.1)
     conforms.sampled(np.abs(heights / expected).max(), below=5.5)
-
-
-@pytest.fixture(scope="module")
-def harmonics(tracked, measured, rig):
-    uv, times, *_ = tracked
-    begin, end = measured["steady"].values
-    omega = 2 * np.pi * 4.25
-    steady = [(t >= begin) & (t <= end) for t in times]
-    turn = omega * rig.stations[0].sensor.exposure
-    return omega, [
-        fit_harmonics(omega, t[s], own[s], 4).unblurred(turn)
-        for t, own, s in zip(times, uv, steady, strict=True)
-    ]  # fmt: skip
-
-
-def test_bending_and_torsion_are_recovered_together(conforms, tracked, harmonics, rig):
-    # Torsion has twice the frequency of bending here, so that one fit has both.
-    _, _, P, frame, points, *_ = tracked
-    omega, fits = harmonics
-    at = rig.markers.positions[:, :75]
-    times = np.arange(16) * 2 * np.pi / (omega * 16)
-    uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in fits])
-    height = frame.to_beam(rc.triangulate_seen(P, uv)[0])[2]
-    moved = harmonic_motion(P, frame, omega, fits)[2]
-    conforms.independent(moved, 2 / 16 * np.exp(-1j * omega * times) @ height, atol=1e-12)
-    noise = 2e-6  # m; the harmonics' standard error is checked against it
-    sigma = np.array([h.sigma * np.sqrt(h.covariance[1, 1]) for h in fits])
-    conforms.sampled(rc.height_deviation(P, frame, points, sigma).max(), below=3 * noise)
-    clock = np.exp(1j * omega * rig.stations[0].start)
-    for n, frequency, share in [(1, 4.25, 0.001), (2, 8.5, 0.015)]:
-        found = 2 / 16 * np.exp(-1j * n * omega * times) @ height
-        true = steady_amplitudes(rig.motion, at, frequency) * clock**n
-        error = np.abs(found - true)
-        peak = np.abs(true).max()
-        conforms.closed_form(np.sqrt(np.mean(error**2)), below=share * peak)
-    rows = found.reshape(3, 25)
-    conforms.closed_form(np.abs(rows[0] + rows[2]).max(), below=0.03 * np.abs(rows).max())
-    conforms.closed_form(np.abs(rows[1]).max(), below=0.03 * np.abs(rows).max())
-    # The exposure has been made good.
-    true = steady_amplitudes(rig.motion, at, 4.25)
-    ratio = np.vdot(true * clock, moved) / np.vdot(true, true)
-    conforms.closed_form(abs(ratio), 1, atol=4e-4)
-    conforms.closed_form(abs(np.angle(ratio)), below=2 * np.pi * 4.25 * 0.02 / 60)
-
-
-# Bad input.
-
-
-@pytest.mark.nightly
-def test_shots_without_a_board_are_left_out_and_said(conforms, tmp_path, recordings, rig):
-    # Not refused: six others are enough.
-    folder = shutil.copytree(recordings, tmp_path / "copy", copy_function=os.link)
-    noise = np.random.default_rng(0).integers(57, 64, SIZE[::-1], np.uint8)
-    for k in (3, 6):
-        write_png(folder / "B" / f"{k:02d}.png", noise)
-    manifest = read_manifest(folder / "manifest.yaml")
-    corners, lost, _, full = calibration_rig.adjust_cameras(manifest, folder)
-    assert len(lost) == 2
-    assert all("B, " in line and "\n" not in line for line in lost)
-    seen = np.isfinite(corners[:, :, 0, 0])
-    assert seen.tolist() == [[True] * 8, [k not in (3, 6) for k in range(8)]]
-    pairs = zip(full.cameras, rig.cameras, strict=True)
-    focal = [c.K[0, 0] / true.K[0, 0] for c, true in pairs]
-    conforms.closed_form(focal, 1, atol=3e-4)
-
-
-def test_markers_that_are_not_where_the_manifest_has_them_are_refused(recordings, steps):
-    values = yaml.safe_load((recordings / "manifest.yaml").read_text())
-    points = [[50.0, 10.0], [150.0, 20.0], [300.0, 15.0], [500.0, 10.0]]
-    values["structure"]["markers"] = {"points_mm": points, "hole_mm": [24.0, 10.0]}
-    (recordings / "other.yaml").write_text(yaml.safe_dump(values))
-    with pytest.raises(TrackingError, match="of 5 markers are found"):
-        chain.measure_recordings(read_manifest(recordings / "other.yaml"), recordings, steps)

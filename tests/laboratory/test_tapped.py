@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
-from scenes.driven import Driven, random_force
 from scenes.modes import BEAM, DIRECTIONS
-from scenes.rendered import beam_rig, force_heard, pushed, written
+from scenes.rendered import beam_rig, force_heard, written
 from scipy.integrate import quad, solve_ivp
 
 from thesis_lib.laboratory.render import Sensor
@@ -15,7 +14,6 @@ from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.laboratory.tracking import tap_structure
 from thesis_lib.measure.modes.identify import modal_assurance
 from thesis_lib.measure.pipeline import measure_recordings
-from thesis_lib.measure.radiation.radiated import complex_of
 from thesis_lib.measure.recordings.board import rows_on
 
 POINT = (0.3 * BEAM.length, BEAM.width / 2)
@@ -81,24 +79,3 @@ def test_three_modes_of_a_rendered_beam_from_video_files(tmp_path):
         assert modal_assurance([measured, expected])[0, 1] > 0.9995
         assert np.nanmax(np.abs(measured - expected)) < 0.02 * np.abs(expected).max()
     assert found["missing"].max() < 0.05
-
-
-@pytest.mark.nightly
-def test_receptance_of_a_rendered_beam_from_video_files(tmp_path):
-    """Driven by noise; a sound card of its own records the force, and a microphone beside it."""
-    truth = Driven(random_force(8.0, 0.04, 25.0), (0.05, 0.03))
-    own = pushed(beam_rig(2), truth, (60.0, 50.0), seconds=8.0, rest=0.6)
-    excitation = {"kind": "random", "sound": "room", "rest_duration_s": 0.55}
-    force = force_heard(own, tmp_path, truth.place) | {"segment_s": 2.0}
-    measure_recordings(
-        written(own, tmp_path, 0.008, excitation=excitation, force=force), tmp_path / "out", str
-    )
-    with xr.open_dataset(tmp_path / "out" / "response.nc") as file:
-        found = file.load()
-    assert float(found["delay"]) == pytest.approx(-own.stations[0].start, abs=2e-4)
-    assert not found["unknown"].any()
-    f, k = found["frequency"].values, int(found["drive"]) - 1
-    quiet = ((f > 2) & (f < 4.5)) | ((f > 8) & (f < 15))  # beside the resonance, above the noise
-    apart = complex_of(found, "receptance")[0, k] / truth.receptance(f)[k] - 1
-    assert np.sqrt(np.mean(np.abs(apart[quiet]) ** 2)) < 0.08
-    assert abs(np.mean(apart[quiet])) < 0.03

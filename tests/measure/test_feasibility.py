@@ -7,19 +7,18 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes import manifests
 
 from thesis_lib.measure.feasibility.assess import (
     CENTRE_NOISE_PX,
-    COMPRESSED_ERROR_PX,
     assess_manifest,
     describe_assessment,
     describe_verdict,
 )
-from thesis_lib.measure.feasibility.prediction import noise_errors, rounding_errors
+from thesis_lib.measure.feasibility.prediction import noise_errors
 from thesis_lib.measure.fitting.result import model_of
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings.manifest import Manifest
-from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision.optics import depth_of_field
 from thesis_lib.vision.pinhole import ground_sample_distance, hemisphere_cameras, pixelate, project
 from thesis_lib.vision.triangulation import triangulate
@@ -40,14 +39,10 @@ def rig(directions=((10, 22), (-10, 22), (190, 22), (170, 22)), **changes):
 
 
 def change(values, **places):
-    """Values with some changed: ``cameras_0_exposure_s=…`` is written ``{"cameras.0.…": …}``."""
+    """Values with some changed; ``cameras__0__exposure_s`` is at "cameras.0.exposure_s"."""
     values = copy.deepcopy(values)
     for place, value in places.items():
-        *way, last = place.split("__")
-        inside = values
-        for part in way:
-            inside = inside[int(part)] if part.isdigit() else inside.setdefault(part, {})
-        inside[last] = value
+        manifests.change(values, place.replace("__", "."), value)
     return values
 
 
@@ -68,32 +63,35 @@ def codes(values):
     return {warning.code for warning in assessed(values).warnings}
 
 
-def matrices(azimuth=(10, -10, 190, 170), elevation=22.0, distance=0.57):
-    return hemisphere_cameras(
-        distance, np.radians(azimuth), np.radians([elevation] * len(azimuth)), 1280.0, (1920, 1080)
-    )
+# Numbers, of the four cameras and the markers of the beam about its middle.
+
+CAMERAS = hemisphere_cameras(
+    0.57, np.radians([10, -10, 190, 170]), np.radians([22] * 4), 1280.0, (1920, 1080)
+)
+P = CAMERAS.P
+BEAM = manifest(rig()).structure
+X = np.stack([*BEAM.marker_points - np.array([[BEAM.length_mm], [BEAM.width_mm]]) / 2000,
+              np.zeros(75)])  # fmt: skip
 
 
-def points_of(values):
-    s = manifest(values).structure
-    x, y = s.marker_points
-    return np.stack([x - s.length_mm / 2000, y - s.width_mm / 2000, 0 * x])
+def at_heights(*heights):
+    return [X + [[0], [0], [z]] for z in heights]
 
 
-# Numbers.
+def swing(z):
+    """How far the first camera's images move, px."""
+    low, high = (project(P[:1], points)[0] for points in at_heights(-z, z))
+    return np.hypot(*(high - low)).max()
 
 
 def test_a_pixel_spans_distance_over_focal_length_and_markers_move_as_their_images(conforms):
-    values, cameras, A = rig(), matrices(), 0.0025
-    row, X, P = assessed(values).table[0], points_of(values), cameras.P[:1]
-    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(cameras), rtol=1e-6)
+    row, A = assessed(rig()).table[0], 0.0025
+    conforms.closed_form(row.ground_sample_mm, 1000 * ground_sample_distance(CAMERAS), rtol=1e-6)
     conforms.closed_form(row.along_px, 5 / (570 / 1280), rtol=1e-6)
     conforms.closed_form(row.across_px, row.along_px * np.sin(np.radians(22)), rtol=1e-6)
-    ends = [X + [[0], [0], [dz]] for dz in (-A, A)]
-    moved = (project(P, ends[1]) - project(P, ends[0]))[0] / 2
-    conforms.independent(row.motion_px, np.hypot(*moved).max(), rtol=1e-3)
-    R, C = cameras.R_camera_world[0], cameras.centres[0][:, None]
-    depths = [(R @ (own - C))[2] for own in ends]
+    conforms.independent(row.motion_px, swing(A) / 2, rtol=1e-3)
+    R, C = CAMERAS.R_camera_world[0], CAMERAS.centres[0][:, None]
+    depths = [(R @ (own - C))[2] for own in at_heights(-A, A)]
     conforms.independent(row.nearest_mm, 1000 * np.min(depths), rtol=1e-6)
     conforms.independent(row.farthest_mm, 1000 * np.max(depths), rtol=1e-6)
 
@@ -108,42 +106,34 @@ def test_depth_of_field_is_where_the_circle_of_confusion_is_reached(conforms):
     hyperfocal = f**2 / (N * c) + f
     assert depth_of_field(f, N, hyperfocal, c) == pytest.approx((hyperfocal / 2, np.inf))
     assert depth_of_field(f, N, 10 * hyperfocal, c)[1] == np.inf
-    assert depth_of_field(f, N, 0.999 * hyperfocal, c)[1] > 400 * hyperfocal
     assert np.isnan(depth_of_field(f, N, f, c)).all()
     row = assessed(rig()).table[0]
     assert (row.near_mm, row.far_mm) == pytest.approx((near, far))
-    ends = np.array([row.nearest_mm, row.farthest_mm])
-    image = f * ends / (ends - f)
+    image = np.array([f * z / (z - f) for z in (row.nearest_mm, row.farthest_mm)])
     conforms.closed_form(row.defocus_px, max(f / N * np.abs(sensor - image) / image) / c, rtol=1e-6)
 
 
 def test_blur_is_velocity_times_exposure_and_the_loss_that_of_a_mean(conforms):
-    values, T, f, A = rig(), 0.004, 4.25, 0.0025
-    X, P = points_of(values), matrices().P
-    moved = A * np.sin(2 * np.pi * f * np.array([-T / 2, T / 2]))
-    ends = [project(P, X + [[0], [0], [dz]]) for dz in moved]
-    row = assessed(values).table[0]
-    conforms.independent(row.blur_px, np.hypot(*(ends[1] - ends[0])[0]).max(), rtol=1e-3)
+    T, f, A = 0.004, 4.25, 0.0025
+    row = assessed(rig()).table[0]
+    conforms.independent(row.blur_px, swing(A * np.sin(np.pi * f * T)), rtol=1e-3)
     within = (np.arange(1000) + 0.5) / 1000 - 0.5
     conforms.independent(row.lost, 1 - np.mean(np.cos(2 * np.pi * f * T * within)), rtol=1e-5)
-    still = change(values, excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
+    still = change(rig(), excitation__frequency_hz=25.0, cameras__0__exposure_s=1 / 60)
     row = assessed(still).table[0]
     conforms.closed_form(row.lost, 1 - np.sinc(25 / 60), rtol=1e-6)
-    whole = np.hypot(*(project(P, X + [[0], [0], [A]]) - project(P, X - [[0], [0], [A]]))[0]).max()
-    conforms.independent(row.blur_px, whole, rtol=2e-3)  # at most the whole swing
+    conforms.independent(row.blur_px, swing(A), rtol=2e-3)  # at most the whole swing
 
 
 def test_movement_from_frame_to_frame_is_that_along_the_plane(conforms):
-    values, f, rate, A = rig(), 4.25, 60.0, 0.0025
-    X, cameras = points_of(values), matrices()
+    f, rate, A = 4.25, 60.0, 0.0025
     t = (np.arange(400) / 400)[:, None] / f
     z = A * np.sin(2 * np.pi * f * np.hstack([t, t + 1 / rate]))
     worst = z[np.argmax(np.abs(np.diff(z, axis=1)))]
-    row = assessed(values).table[0]
-    C = cameras.centres[0][:, None]
+    C = CAMERAS.centres[0][:, None]
     plane = [(C + (X + [[0], [0], [dz]] - C) * C[2] / (C[2] - dz))[:2] for dz in worst]
     seen = np.hypot(*(plane[1] - plane[0])).max() / 0.010  # rows are 10 mm apart
-    conforms.independent(row.move_spacings, seen, rtol=1e-3)
+    conforms.independent(assessed(rig()).table[0].move_spacings, seen, rtol=1e-3)
 
 
 def test_markers_in_view_are_counted_as_they_swing(conforms):
@@ -153,27 +143,24 @@ def test_markers_in_view_are_counted_as_they_swing(conforms):
         values["cameras"][0] |= {"distance_mm": 400, "sensor_width_mm": 22.5}
         return assessed(values).table[0].in_view
 
-    half = 22.5 / 24 / 2
-    x = points_of(rig())[0]
     for amplitude in (0.001, 60.0):
-        inside = np.abs(x) < half * (0.4 - amplitude / 1000)
+        inside = np.abs(X[0]) < 22.5 / 24 / 2 * (0.4 - amplitude / 1000)
         conforms.independent(share(amplitude), np.mean(inside), rtol=1e-6)
     assert share(0.001) > share(60.0) > 0
 
 
 def test_errors_are_those_of_noisy_images(conforms):
-    X, P = points_of(rig())[:, ::8], matrices().P
-    rng = np.random.default_rng(1)
-    sigma = np.array([0.03, 0.06, 0.03, 0.02])
-    noise = sigma[:, None, None, None] * rng.standard_normal((4, 2, 2000, X.shape[1]))
-    Z = triangulate(P, project(P, X)[:, :, None] + noise)[2]
-    predicted = noise_errors(P, X, sigma)
+    some, sigma = X[:, ::8], np.array([0.03, 0.06, 0.03, 0.02])
+    noise = np.random.default_rng(1).standard_normal((4, 2, 2000, some.shape[1]))
+    noise *= sigma[:, None, None, None]
+    Z = triangulate(P, project(P, some)[:, :, None] + noise)[2]
+    predicted = noise_errors(P, some, sigma)
     conforms.sampled(np.sqrt(np.mean(Z**2)), np.sqrt(np.mean(predicted**2)), rtol=0.05)
     conforms.sampled(Z.std(axis=0) / predicted, 1, atol=0.05)
-    seen = np.ones((4, X.shape[1]), bool)
+    seen = np.ones((4, some.shape[1]), bool)
     seen[2:, 0], seen[1:, 1] = False, False
-    partly = noise_errors(P, X, sigma, seen)
-    conforms.invariance(partly[0], noise_errors(P[:2], X[:, :1], sigma[:2])[0], rtol=1e-6)
+    partly = noise_errors(P, some, sigma, seen)
+    conforms.invariance(partly[0], noise_errors(P[:2], some[:, :1], sigma[:2])[0], rtol=1e-6)
     assert np.isnan(partly[1])
     conforms.invariance(partly[2:], predicted[2:], rtol=1e-7)
 
@@ -182,11 +169,9 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     values = rig(excitation={"amplitude_mm": 2.0, "steady_interval_s": [1.0, 3.0]})
     for camera, rate in zip(values["cameras"], (60, 120, 60, 240), strict=True):
         camera["frame_rate_hz"] = rate
-        camera["exposure_s"] = 0.004
     values["excitation"]["frequency_hz"] = 20.0  # loses 1 %
     outlook = assessed(values).rig
-    X, P, rng = points_of(values), matrices().P, np.random.default_rng(2)
-    uv, trials = project(P, X), 60
+    rng, uv, trials = np.random.default_rng(2), project(P, X), 60
     found = np.empty((4, 2, trials, X.shape[1]))
     for i, camera in enumerate(values["cameras"]):
         n = 2 * camera["frame_rate_hz"]
@@ -201,20 +186,14 @@ def test_one_frame_and_harmonic_fit_are_those_of_simulated_recordings(conforms):
     ratio = np.array(alike.fit) / alike.one_frame
     conforms.closed_form(ratio, np.sqrt(2 / 1200) / np.sinc(4.25 * 0.004), rtol=1e-7)
     conforms.closed_form(outlook.smallest_mm, 3 * outlook.fit[1], rtol=1e-6)
-    single = noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
-    conforms.independent(
-        outlook.one_frame, (1000 * np.sqrt(np.mean(single**2)), 1000 * single.max()), rtol=1e-6
-    )
+    single = 1000 * noise_errors(P, X, np.full(4, CENTRE_NOISE_PX))
+    conforms.independent(outlook.one_frame, (np.sqrt(np.mean(single**2)), single.max()), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("amplitude", "f"), [(0.0003, 4.25), (0.0031, 20.0)])
 def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
-    values = change(
-        rig(), excitation__amplitude_mm=1000 * amplitude, excitation__frequency_hz=f
-    )  # fmt: skip
-    X, P, rng = points_of(values), matrices().P, np.random.default_rng(3)
-    trials, turn = 3000, 2 * np.pi * f / 60
-    X = X[:, ::6]
+    values = rig(excitation={"amplitude_mm": 1000 * amplitude, "frequency_hz": f})
+    rng, trials, turn = np.random.default_rng(3), 3000, 2 * np.pi * f / 60
     shift = rng.uniform(-0.5, 0.5, (4, 2, trials, X.shape[1]))
     z = amplitude * np.cos(rng.uniform(-0.5, 0.5, (trials, X.shape[1])) * turn)
     up = np.stack([0 * z, 0 * z, z])
@@ -223,23 +202,9 @@ def test_whole_pixels_err_by_the_law_of_rounding(conforms, amplitude, f):
         return triangulate(P, pixelate(project(P, points) + shift) - shift)[2]
 
     rest = np.repeat(X[:, None], trials, axis=1)
-    error = rounded(rest + up) - rounded(rest) - z
-    predicted = rounding_errors(P, X, amplitude, turn)
-    rms = np.sqrt(np.mean(error**2))
-    conforms.sampled(rms, np.sqrt(np.mean(predicted**2)), rtol=0.05)
-    whole = rounding_errors(P, points_of(values), amplitude, turn)
-    conforms.independent(
-        assessed(values).rig.rounding,
-        (1000 * np.sqrt(np.mean(whole**2)), 1000 * whole.max()),
-        rtol=1e-6,
-    )
-
-
-@pytest.mark.parametrize(("f", "rate", "seen"), [(4.25, 60, 4.25), (60, 60, 0), (95, 60, 25)])
-def test_frames_show_the_alias(conforms, f, rate, seen):
-    conforms.closed_form(fold_frequency(f, rate), seen, rtol=1e-6)
-    t = np.arange(50) / rate
-    conforms.invariance(np.cos(2 * np.pi * f * t), np.cos(2 * np.pi * seen * t), atol=1e-9)
+    squares = np.mean((rounded(rest + up) - rounded(rest) - z) ** 2, axis=0)
+    drawn = 1000 * np.sqrt([squares.mean(), squares.max()])
+    conforms.sampled(drawn, assessed(values).rig.rounding, rtol=0.05)
 
 
 # Warnings.
@@ -270,23 +235,19 @@ ONE = {
     "few-periods": {"excitation__steady_interval_s": [2.0, 2.4]},
     "steady-at-rest": {"excitation__steady_interval_s": [0.5, 4.0]},
 }
-
-
 ALONE = {"short-rest", "depth-of-field", "motion-blur", "same-line", "small-motion"}
 
 
 @pytest.mark.parametrize("code", ONE)
 def test_one_change_brings_its_warning(code):
     assert codes(rig()) == set()
-    values = change(rig(), **ONE[code])
-    assessment = assessed(values)
-    found = [one for one in assessment.warnings if one.code == code]
-    field = next(iter(ONE[code]))
+    assessment = assessed(change(rig(), **ONE[code]))
+    assert code not in ALONE or {one.code for one in assessment.warnings} == {code}
+    found = [one.where for one in assessment.warnings if one.code == code]
     assert found
-    assert code not in ALONE or codes(values) == {code}
+    (field,) = ONE[code]
     if field.startswith("cameras__"):
-        i = field.split("__")[1]
-        assert any(one.where.startswith(f"cameras[{i}].") for one in found)
+        assert any(where.startswith(f"cameras[{field.split('__')[1]}].") for where in found)
     assert any(line.endswith(f"[{code}]") for line in joined(describe_assessment(assessment)))
 
 
@@ -322,15 +283,14 @@ def test_markers_that_too_few_cameras_see_are_named():
     assert "weak-markers" in codes(change(three, cameras__2__sensor_width_mm=20.0))
 
 
-def test_what_would_mend_a_warning_does():
-    values = change(rig(), cameras__1__f_number=2.8)
-    (one,) = assessed(values).warnings
-    stop = float(re.search(r"allowed: ([\d.]+)", one.text)[1])
-    assert codes(change(values, cameras__1__f_number=1.03 * stop)) == set()
-    values = change(rig(), cameras__2__exposure_s=0.016)
-    (one,) = assessed(values).warnings
-    exposure = float(re.search(r"so ([\d.]+) s", one.text)[1])
-    assert codes(change(values, cameras__2__exposure_s=0.95 * exposure)) == set()
+@pytest.mark.parametrize(
+    ("code", "said", "factor"),
+    [("depth-of-field", r"allowed: ([\d.]+)", 1.03), ("motion-blur", r"so ([\d.]+) s", 0.95)],
+)
+def test_what_would_mend_a_warning_does(code, said, factor):
+    (field,) = ONE[code]
+    (one,) = assessed(change(rig(), **ONE[code])).warnings
+    assert codes(change(rig(), **{field: factor * float(re.search(said, one.text)[1])})) == set()
 
 
 def test_a_folded_mode_is_named_by_its_frequency():
@@ -342,11 +302,6 @@ def test_a_folded_mode_is_named_by_its_frequency():
     assert f"{own:.4g} Hz is seen at 4.5 Hz" in text
     flat = change(values, structure__kind="flat")
     assert codes(flat) == set()
-
-
-def test_every_warning_has_a_threshold_and_every_threshold_a_test():
-    tested = {*ONE, "alias", "alias-edge", "lost-markers", "weak-markers"}
-    assert tested == set(CHECK_LIMITS)
 
 
 # Whether it will do.
@@ -369,13 +324,6 @@ def test_the_verdict_turns_with_what_is_filmed(places, outcome, words):
     if np.isfinite(found.verdict.compressed_from_mm):  # what it takes would do
         enough = {"excitation__amplitude_mm": 1.001 * found.verdict.compressed_from_mm}
         assert assessed(change(rig(), **enough)).verdict.outcome == "compressed"
-
-
-def test_cameras_on_one_side_are_judged_by_their_triangulation():
-    side = rig([(10, 22), (16, 22)])
-    X, P = points_of(side), matrices((10, 16)).P
-    noise = noise_errors(P, X, np.full(2, COMPRESSED_ERROR_PX / np.sqrt(2)))
-    assert assessed(side).verdict.compressed == pytest.approx(1000 * noise.max() / 2.5)
 
 
 # What is not known.
@@ -417,8 +365,12 @@ def random_values(rng):
     def maybe(value):
         return None if rng.random() < 0.1 else value
 
+    def upto(low, high):
+        """A number between two powers of ten."""
+        return 10 ** rng.uniform(low, high)
+
     kind = str(rng.choice(["beam", "plate", "flat"]))
-    length, width = 10 ** rng.uniform(1.5, 4, 2)
+    length, width = upto(1.5, 4), upto(1.5, 4)
     rows, columns = int(rng.integers(2 if kind == "plate" else 1, 7)), int(rng.integers(1, 12))
     along, across = 0.88 * length / columns, 0.88 * width / rows
     markers = {
@@ -427,30 +379,28 @@ def random_values(rng):
     }  # fmt: skip
     cameras = []
     for i in range(int(rng.choice([2, 2, 3, 4, 16]))):
-        rate = 10 ** rng.uniform(0, 4)
+        rate = upto(0, 4)
         cameras.append({
             "name": f"camera {i}", "video": f"{i}.mkv", "board_images": f"s{i}",
             "width_px": int(rng.integers(2, 6000)), "height_px": int(rng.integers(2, 6000)),
             "frame_rate_hz": rate, "exposure_s": rng.uniform(0.001, 1) / rate,
-            "focal_length_mm": maybe(10 ** rng.uniform(0, 3)),
-            "sensor_width_mm": maybe(10 ** rng.uniform(0, 2)),
-            "f_number": maybe(10 ** rng.uniform(-0.5, 2)),
-            "distance_mm": maybe(10 ** rng.uniform(0, 4.5)),
+            "focal_length_mm": maybe(upto(0, 3)), "sensor_width_mm": maybe(upto(0, 2)),
+            "f_number": maybe(upto(-0.5, 2)), "distance_mm": maybe(upto(0, 4.5)),
             "azimuth_deg": maybe(float(rng.choice([0, 180, rng.uniform(-360, 360)]))),
             "elevation_deg": maybe(float(rng.choice([90, 22, rng.uniform(0.01, 90)]))),
         })  # fmt: skip
-    frequency, begin = maybe(10 ** rng.uniform(-1, 4)), rng.uniform(0, 5)
+    frequency, begin = maybe(upto(-1, 4)), rng.uniform(0, 5)
     return {
         "structure": {
             "kind": kind, "length_mm": length, "width_mm": width, "markers": markers,
-            "thickness_mm": 10 ** rng.uniform(-1, 2), "force_position_mm": length / 2,
+            "thickness_mm": upto(-1, 2), "force_position_mm": length / 2,
         },
         "cameras": cameras,
         "excitation": {
             "frequency_hz": frequency, "undersampled": frequency is not None and rng.random() < 0.5,
-            "amplitude_mm": maybe(10 ** rng.uniform(-4, 3)), "rest_duration_s": rng.uniform(0, 3),
+            "amplitude_mm": maybe(upto(-4, 3)), "rest_duration_s": rng.uniform(0, 3),
             "sound": str(rng.choice(["force", "room"])),
-            "steady_interval_s": maybe([begin, begin + 10 ** rng.uniform(-3, 2)]),
+            "steady_interval_s": maybe([begin, begin + upto(-3, 2)]),
         },
     }  # fmt: skip
 
@@ -460,12 +410,9 @@ def test_no_valid_manifest_breaks_it():
     found = set()
     for _ in range(120):
         values = random_values(rng)
-        given = manifest(values)
         assessment = assessed(values)
-        assert len(assessment.table) == len(given.cameras)
+        assert len(assessment.table) == len(values["cameras"])
         for one in assessment.warnings:
             found.add(one.code)
             assert not re.search("nan|None", one.text), one
-        for line in joined(describe_assessment(assessment)):
-            assert not line.startswith("warning") or line.endswith("]")
     assert found >= set(CHECK_LIMITS) - {"weak-markers"}

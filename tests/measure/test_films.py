@@ -101,9 +101,8 @@ def test_fewer_than_sixteen_bits_in_sixteen_fill_the_grey_levels(tmp_path, depth
     path = film(tmp_path / "deep.mkv", "gray16le", "ffv1", make=make)
     wanted = [make(k) >> depth - 8 for k in range(COUNT)]
     assert np.abs(np.array(list(read_frames(path)), int) - wanted).max() <= depth // 16
-    assert [f"of {depth} bits in 16" in line for line in describe_reading(path)] == (
-        [True] if depth < 16 else []
-    )
+    said = [f"of {depth} bits in 16" in line for line in describe_reading(path)]
+    assert said == [True] * (depth < 16)
 
 
 def test_the_rate_of_the_sensor_is_read_where_a_film_says_it(tmp_path, plain):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refused import line_of
 
 from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 
@@ -97,8 +98,6 @@ REFUSED = {
 def test_what_is_in_doubt_is_refused_in_one_line_with_an_example(tmp_path, name):
     text, words = REFUSED[name]
     (tmp_path / "force.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(ForceError) as error:
-        read_force_table(tmp_path / "force.csv")
-    assert words in str(error.value)
-    assert "allowed: " in str(error.value)
-    assert "\n" not in str(error.value)
+    line = line_of(ForceError, read_force_table, tmp_path / "force.csv")
+    assert words in line
+    assert "allowed: " in line

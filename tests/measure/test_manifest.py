@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import yaml
+from refused import line_of
 from scenes.manifests import change, plain
 
 from thesis_lib.facts import setups
@@ -19,18 +20,14 @@ from thesis_lib.measure.recordings.media import write_png, write_video
 from thesis_lib.measure.recordings.validation import check_excitation, check_recordings
 
 
-def hiss(samples):
-    """Return noise, which is sound that a recording may have."""
-    return np.random.default_rng(1).uniform(-0.1, 0.1, samples)
-
-
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
     """A folder with two cameras' files."""
     folder = tmp_path_factory.mktemp("recordings")
     frames = np.random.default_rng(0).integers(0, 256, (6, 48, 64), np.uint8)
+    hiss = np.random.default_rng(1).uniform(-0.1, 0.1, 52800)
     for name in "AB":
-        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, hiss(52800))
+        write_video(folder / f"{name}.mkv", np.tile(frames, (11, 1, 1)), 60, hiss)
         for k in range(12):
             write_png(folder / "shots" / name / f"{k}.png", frames[k % 6])
     return folder
@@ -43,10 +40,7 @@ def written(folder, values, name="manifest.yaml"):
 
 
 def refusal(path, **options):
-    with pytest.raises(ManifestError) as error:
-        read_manifest(path, **options)
-    message = str(error.value)
-    assert "\n" not in message
+    message = line_of(ManifestError, lambda: read_manifest(path, **options))
     assert len(message) < 600
     assert message.startswith(f"{path}: ")
     return message.removeprefix(f"{path}: ")
@@ -64,9 +58,8 @@ def test_what_is_written_is_read(recordings):
 
 
 def test_old_names_are_read_and_reported(recordings, capsys):
-    now = change(
-        plain(), ("excitation",), {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.5}
-    )
+    excitation = {"kind": "free_decay", "sound": "room", "rest_duration_s": 0.5}
+    now = plain(excitation=excitation)
     wanted = read_manifest(written(recordings, now, "now.yaml"))
     assert capsys.readouterr().err == ""
     text = yaml.safe_dump(now).replace("board_images", "shots").replace("free_decay", "decay")
@@ -77,11 +70,8 @@ def test_old_names_are_read_and_reported(recordings, capsys):
         "kind: decay is now kind: free_decay, shots is now board_images\n"
     )
     asked = {"excitation.kind": "tone", "excitation.steady_s": [1, 2], "cameras.shots": None}
-    assert rename_options(asked) == {
-        "excitation.kind": "sine",
-        "excitation.steady_interval_s": [1, 2],
-        "cameras.board_images": None,
-    }
+    now = {"excitation.steady_interval_s": [1, 2], "cameras.board_images": None}
+    assert rename_options(asked) == {"excitation.kind": "sine"} | now
 
 
 def test_the_default_structure_is_the_thesis_s_beam():
@@ -94,39 +84,38 @@ def test_the_default_structure_is_the_thesis_s_beam():
 
 
 SILLY = [  # place, value, words of the refusal
-    (("cameras", 0, "width_px"), 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
-    (("cameras", 0, "frame_rate_hz"), float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
-    (("cameras", 0, "exposure_s"), 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
-    (("cameras", 0, "video"), ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
-    (("cameras", 1, "video"), "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
-    (("cameras", 1, "video"), "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
-    (("cameras", 1, "video"), "shots/../A.mkv", ["the same as cameras[0].video"]),
-    (("cameras", 1, "name"), "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
-    (("cameras", 0, "board_images"), "../shots", ["cameras[0].board_images", "inside"]),
-    (("cameras", 0, "board_images"), "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
-    (("cameras", 0, "board_images"), ["a.png"] * 12,
+    ("cameras.0.width_px", 64.5, ["cameras[0].width_px: given 64.5", "whole number"]),
+    ("cameras.0.frame_rate_hz", float("nan"), ["cameras[0].frame_rate_hz", "allowed"]),
+    ("cameras.0.exposure_s", 0.02, ["cameras[0].exposure_s: given 0.02", "in s"]),
+    ("cameras.0.video", ..., ["cameras[0].video: missing", "inside the manifest's folder"]),
+    ("cameras.1.video", "../x.mkv", ['cameras[1].video: given "../x.mkv", allowed: a path']),
+    ("cameras.1.video", "/etc/passwd", ['cameras[1].video: given "/etc/passwd"', "inside"]),
+    ("cameras.1.video", "shots/../A.mkv", ["the same as cameras[0].video"]),
+    ("cameras.1.name", "a\nb", ['cameras[1].name: given "a\\nb"', "40 characters"]),
+    ("cameras.0.board_images", "../shots", ["cameras[0].board_images", "inside"]),
+    ("cameras.0.board_images", "shots/A/1*.png", ["cameras: given 3, 12 board images"]),
+    ("cameras.0.board_images", ["a.png"] * 12,
      ['cameras[0].board_images[0]: given "a.png"', "no such"]),
-    (("cameras", 0, "corners_px"), [[0, 0], [9, 9], [9, 0], [0, 9]],
+    ("cameras.0.corners_px", [[0, 0], [9, 9], [9, 0], [0, 9]],
      ["cameras[0].corners_px: given", "convex"]),
-    (("cameras",), plain("A")["cameras"], ["cameras: given", "2 to 16"]),
-    (("camera",), [], ["camera: no such field (did you mean cameras?)"]),
-    (("structure", "kind"), "shell", ['structure.kind: given "shell"', '"beam"']),
-    (("structure", "markers", "columns"), 26, ["structure.markers: given", "on the structure"]),
-    (("structure", "markers", "spacing_mm"), 3, ["structure.markers", "do not overlap"]),
-    (("structure", "markers", "hole_mm"), [24, 31], ["structure.markers.hole_mm: given [24"]),
-    (("structure", "markers", "points_mm"), [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
-    (("board",), {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
-    (("board",), {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
+    ("cameras", plain("A")["cameras"], ["cameras: given", "2 to 16"]),
+    ("camera", [], ["camera: no such field (did you mean cameras?)"]),
+    ("structure.kind", "shell", ['structure.kind: given "shell"', '"beam"']),
+    ("structure.markers.columns", 26, ["structure.markers: given", "on the structure"]),
+    ("structure.markers.spacing_mm", 3, ["structure.markers", "do not overlap"]),
+    ("structure.markers.hole_mm", [24, 31], ["structure.markers.hole_mm: given [24"]),
+    ("structure.markers.points_mm", [[1, 2]], ["structure.markers.points_mm", "4 to 2000"]),
+    ("board", {"kind": "charuco", "mark_mm": 45}, ["board.mark_mm: given 45", "below tile_mm"]),
+    ("board", {"kind": "charuco", "columns": 20, "rows": 20, "dictionary": "DICT_5X5_100"},
      ['board.dictionary: given "DICT_5X5_100"', "enough marks, here 200"]),
-    (("truth",), "truth.nc", ['truth: given "truth.nc"', "no such file"]),
+    ("truth", "truth.nc", ['truth: given "truth.nc"', "no such file"]),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("place", "value", "words"), SILLY)
 def test_a_silly_manifest_is_refused_in_one_line(recordings, place, value, words):
     message = refusal(written(recordings, change(plain(), place, value), "silly.yaml"))
-    for word in words:
-        assert word in message
+    assert [word for word in words if word not in message] == []
 
 
 TEXTS = [
@@ -142,8 +131,7 @@ TEXTS = [
 @pytest.mark.parametrize(("text", "words"), TEXTS)
 def test_what_is_no_manifest_names_the_line(tmp_path, text, words):
     message = refusal(written(tmp_path, text))
-    for word in words:
-        assert word in message
+    assert [word for word in words if word not in message] == []
 
 
 def test_a_missing_manifest_is_named(tmp_path):
@@ -162,7 +150,7 @@ def test_links_do_not_lead_outside(tmp_path):
     (folder / "A.mkv").symlink_to(outside / "A.mkv")
     (folder / "shots").symlink_to(outside / "shots")
     (folder / "own" / "0.png").symlink_to(outside / "shots" / "0.png")
-    values = change(plain(), ("cameras", 0, "board_images"), [None] * 3)
+    values = change(plain(), "cameras.0.board_images", [None] * 3)
     values["cameras"][1]["board_images"] = [None] * 3
     assert "cameras[0].video" in refusal(written(folder, values), check_files=False)
     values["cameras"][0]["video"] = "C.mkv"
@@ -175,7 +163,7 @@ def test_links_do_not_lead_outside(tmp_path):
 
 def test_a_list_of_shots_may_have_gaps(recordings):
     shots = ["shots/A/0.png", None, *[f"shots/A/{k}.png" for k in range(2, 12)]]
-    values = change(plain(), ("cameras", 0, "board_images"), shots)
+    values = change(plain(), "cameras.0.board_images", shots)
     manifest = read_manifest(written(recordings, values))
     paths = shot_paths(manifest.cameras[0], recordings)
     assert paths[1] is None
@@ -204,7 +192,7 @@ def test_recordings_other_than_the_manifest_says_are_named(recordings):
      ("rest_duration_s", 0, "at least 0.05 s, three frames")],
 )  # fmt: skip
 def test_an_excitation_that_cannot_be_filmed_is_named(recordings, field, value, line):
-    values = change(plain(), ("excitation", field), value)
+    values = change(plain(), f"excitation.{field}", value)
     values["cameras"][0]["frame_rate_hz"] = 120
     line = f"excitation.{field}: given {value:g}, allowed: {line}"
     assert check_excitation(read_manifest(written(recordings, values))) == [line]

@@ -81,7 +81,7 @@ def test_pictures_are_taken_in_the_order_of_their_numbers(tmp_path):
         ("12500", "&x;", "C1.cihx"),
         (">7<", ">1e12<", "totalFrame"),
         (">7<", ">8<", "shorter than the 8 frames"),
-        ("Mono</type><bit>8", "Mono</type><bit>10", "10 bits for a pixel"),
+        ("<bit>8", "<bit>10", "10 bits for a pixel"),
         ("<depth>8", "<depth>12", "12 of them used"),
         ("Lower", "Weird", "side"),
         ("totalFrame", "frames", "does not say"),

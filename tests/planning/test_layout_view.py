@@ -9,7 +9,8 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, drag, open_offline
+from browser import Opened, open_offline
+from scipy.spatial.distance import pdist
 
 from thesis_lib.planning.report import write_plan
 from thesis_lib.planning.request import plan_request
@@ -60,34 +61,14 @@ def test_every_option_shows_and_tells_where_its_cameras_are(
             n = int(one["n_cameras"])
             assert drawn[:, 0].tolist() == list(range(1, n + 1))
             ground = one["camera_position"].values[:n, :2]
-            true, seen = (
-                np.linalg.norm(where[:, None] - where, axis=-1)[np.triu_indices(n, 1)]
-                for where in (ground, drawn[:, 1:])
-            )
-            scales += (seen / true).tolist()
+            scales += (pdist(drawn[:, 1:]) / pdist(ground)).tolist()
             rows = page.locator(".tl-cameras tbody tr").all_inner_texts()
-            assert len(rows) == n
-            for camera, row in enumerate(rows):
-                _, *words, _ = row.split("\t")
-                shown = [float(word.rstrip("°m ")) for word in words]
-                wanted = [float(one[f"camera_{a}"][camera]) for a in ("azimuth", "elevation")]
-                lengths = [one["camera_distance"][camera], one["focal_length"][camera]]
-                wanted += [1000 * float(length) for length in lengths]
-                np.testing.assert_allclose(shown, wanted, atol=1e-3)
+            shown = [[float(text.rstrip("°m ")) for text in row.split("\t")[1:-1]] for row in rows]
+            lengths = 1000 * one["camera_distance"], 1000 * one["focal_length"]
+            wanted = np.transpose([one["camera_azimuth"], one["camera_elevation"], *lengths])
+            np.testing.assert_allclose(shown, wanted[:n], atol=1e-3)
         assert np.ptp(scales) < 0.01 * np.max(scales)
         assert opened.trouble == []
-
-
-def test_arrow_keys_and_dragging_turn_it(chromium: Browser, planned: Path) -> None:
-    with open_offline(chromium, planned / "plan.html") as opened:
-        first = tips(opened)
-        opened.page.locator("[data-testid=panel-a]").focus()
-        opened.page.keyboard.press("ArrowRight")
-        assert np.abs(tips(opened) - first).max() > 2
-        opened.page.keyboard.press("ArrowLeft")
-        np.testing.assert_allclose(tips(opened), first, atol=0.11)
-        drag(opened, "panel-a", 60)
-        assert np.abs(tips(opened) - first).max() > 10
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])

@@ -5,43 +5,33 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scenes import plans
 
-from thesis_lib.facts import setups
 from thesis_lib.planning import errors, positions, search
-from thesis_lib.planning.positions import Body, body_of
 from thesis_lib.vision.pinhole import project
 
-NONE = {"boxes": np.zeros((0, 3, 2)), "spheres": np.zeros((0, 4)), "sectors": np.zeros((0, 4))}
-FREE = positions.Rules((0.7, 1.5), (-np.pi, np.pi), np.radians((5.0, 90.0)), np.radians(75), 1.0,
-                       0.1, **NONE)  # fmt: skip
 
-
-def plate(points=(5, 4), modes=(1, 2)):
-    return body_of(setups.thesis_plate(points), "plate", list(modes))
+def scene_of(body, **changed):
+    free = {"distances": (0.7, 1.5), "tilt": np.radians(75), "separation": 0.1}
+    return plans.scene_of(body, **free | changed)
 
 
 def square():
     """Nine markers of which every quarter turn and mirror image is the same."""
     x, y = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-0.2, 0.2, 3)]))
-    return Body("square", np.stack([x, y, 0 * x]), np.stack([0 * x, 0 * x, 1 + 0 * x]),
-                np.ones((1, 9)), np.array([10.0]), (1,), np.zeros((3, 0)))  # fmt: skip
+    up = np.stack([0 * x, 0 * x, 1 + 0 * x])
+    return plans.body("square", np.stack([x, y, 0 * x]), up, np.ones(9))
 
 
 def arch():
     """A strip so curved that a camera sees a part of it."""
     angle = np.linspace(-0.7, 0.7, 9)
     out = np.stack([np.sin(angle), 0 * angle, np.cos(angle)])
-    return Body("arch", 0.3 * out, out, np.cos(2 * angle)[None], np.array([10.0]), (1,),
-                np.zeros((3, 0)))  # fmt: skip
-
-
-def scene_of(body, **changed):
-    peaks = (1e-3,) * len(body.modes)
-    return positions.Scene(body, peaks, replace(FREE, **changed), (24 / 36,), 9 / 16)
+    return plans.body("arch", 0.3 * out, out, np.cos(2 * angle))
 
 
 SCENES = {
-    "plate": scene_of(plate()),
+    "plate": scene_of(plans.plate()),
     "square": scene_of(square()),
     "parts in view": scene_of(arch(), in_view=0.3, tilt=np.radians(55)),
 }  # fmt: skip
@@ -119,7 +109,7 @@ def test_markers_in_another_order_have_the_same_layouts():
 @pytest.mark.few(2)
 @pytest.mark.parametrize("name", ODD)
 def test_places_are_as_one_sets_up_cameras_and_keep_the_rules(name):
-    scene = scene_of(plate(), **ODD[name])
+    scene = scene_of(plans.plate(), **ODD[name])
     rules = scene.rules
     for some in (positions.candidate_positions(scene, np.radians(15)), *layouts(scene)):
         for column, per_unit, limits in (

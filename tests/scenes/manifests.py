@@ -19,8 +19,10 @@ def plain(cameras: str = "AB", **parts: Any) -> dict[str, Any]:
     } | parts  # fmt: skip
 
 
-def change(values: dict[str, Any], place: Sequence[str | int], value: Any) -> dict[str, Any]:
-    """The values with one of them changed; ``...`` removes it."""
+def change(values: dict[str, Any], place: str | Sequence[str | int], value: Any) -> dict[str, Any]:
+    """The values with one of them changed, at a place as "cameras.0.video"; ``...`` removes it."""
+    if isinstance(place, str):
+        place = [int(part) if part.isdecimal() else part for part in place.split(".")]
     *way, last = place
     inside: Any = values
     for part in way:

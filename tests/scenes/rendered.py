@@ -1,26 +1,23 @@
-"""Recordings of a beam that is tapped or driven: rendered to video files, with claps."""
+"""Recordings of a beam that is tapped: rendered to video files, with claps."""
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scenes.driven import FINE, Driven, write_wav
+from scenes.driven import write_wav
 from scenes.modes import BEAM
 from scenes.rolling import rolling_frames
 
 from thesis_lib.arrays import Array
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
 from thesis_lib.laboratory.render import Sensor
-from thesis_lib.laboratory.rig import MAX_START_S, Rig, default_rig
+from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.studies.workers import map_in_pairs
-from thesis_lib.vibration.motion import Component, Motion
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world
 DIRECTIONS = [(-10.0, 22.0), (10.0, 22.0), (170.0, 22.0), (190.0, 22.0)]  # those of chapter 5
@@ -30,36 +27,6 @@ def beam_rig(cameras: int = 3, exposure: float = 1 / 1000) -> Rig:
     """The thesis's beam before some of the cameras of chapter 5, of 1280 × 720 px."""
     sensor = Sensor(exposure=exposure, samples=3, shot=0.02, read=0.7)
     return default_rig(BEAM, DIRECTIONS[:cameras], size=(1280, 720), sensor=sensor)
-
-
-@dataclass(frozen=True)
-class Pushed(Motion):
-    """A structure that a recorded force drives from `start` on."""
-
-    driven: Driven | None = None  #: The force, and what it does
-
-    def coordinates(self, times: ArrayLike) -> Array:
-        """Displacement of each mode where its shape is 1, shape (components, ...), m."""
-        assert self.driven is not None
-        since = np.maximum(np.asarray(times, float) - self.start, 0)
-        return np.stack([own(since) for own in self.driven.coordinates])
-
-    def force(self, times: ArrayLike) -> Array:
-        """The force in N."""
-        assert self.driven is not None
-        newtons = self.driven.newtons
-        since = np.asarray(times, float) - self.start
-        return np.interp(since, np.arange(len(newtons)) / FINE, newtons, 0.0, 0.0)
-
-
-def pushed(rig: Rig, driven: Driven, rates: tuple[float, ...], seconds: float, rest: float) -> Rig:
-    """The rig with a beam that a force drives after some rest, filmed for some seconds in all."""
-    parts = tuple(Component("bending", n + 1) for n in range(len(driven.damping)))
-    motion = Pushed(BEAM, parts, MAX_START_S + rest, 0.1, driven)
-    stations = tuple(
-        replace(station, frame_rate=rate) for station, rate in zip(rig.stations, rates, strict=True)
-    )
-    return replace(rig, stations=stations, motion=motion, duration=seconds)
 
 
 def heard(times: Array, seed: int) -> Array:

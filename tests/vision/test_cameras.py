@@ -78,10 +78,9 @@ def test_projection_of_many_is_that_of_each(conforms):
     array = hemisphere_cameras(0.5, [0.1, 2.0, -1], [0.4, 0.2, 1.5], 213.3, SIZE)
     points = np.random.default_rng(1).uniform(-0.2, 0.2, (3, 5))
     many = project(array.P, points)
-    for c in range(3):
-        for p in range(5):
-            image = array.P[c] @ [*points[:, p], 1]
-            conforms.independent(many[c, :, p], image[:2] / image[2], rtol=1e-13)
+    for c, p in np.ndindex(3, 5):
+        image = array.P[c] @ [*points[:, p], 1]
+        conforms.independent(many[c, :, p], image[:2] / image[2], rtol=1e-13)
 
 
 @pytest.mark.parametrize("noise", [-1e-10, 0, 1e-10])
@@ -135,7 +134,5 @@ def test_aperture_at_constant_elevation_is_the_difference_of_azimuths(conforms, 
 
 def test_focal_length_in_pixels_follows_the_sensor(conforms):
     (setting,) = setups.resolution_settings([640], 500, 30, 25)
-    K = setting.cameras(24, 36).K[0]
-    conforms.closed_form(
-        K, [[640 * 24 / 36, 0, 320], [0, 640 * 24 / 36, 180], [0, 0, 1]], rtol=1e-7
-    )
+    f, K = 640 * 24 / 36, setting.cameras(24, 36).K[0]
+    conforms.closed_form(K, [[f, 0, 320], [0, f, 180], [0, 0, 1]], rtol=1e-7)

@@ -4,36 +4,18 @@ import sys
 
 import numpy as np
 import pytest
+from scenes.slabs import box, rig, rounded
 
 from thesis_lib.vision import triangulation
-from thesis_lib.vision.pinhole import (
-    CameraArray,
-    hemisphere_directions,
-    hemisphere_rotations,
-    intrinsics,
-    project,
-)
 from thesis_lib.vision.triangulation import triangulate
 
-SIZE = (320, 180)
 CLOSE = 1e-9 * 5.5e-3  # m: a thousand-millionth of the beam's deflection
 
 
-def rig(n, seed=0):
-    """Cameras at unequal distances, with unequal and skewed lenses, any scale and sign of P."""
-    rng = np.random.default_rng(seed + n)
-    azimuth, elevation = 2 * np.pi * np.arange(n) / n + 0.1, rng.uniform(0.2, 1.2, n)
-    centres = rng.uniform(0.4, 3, (n, 1)) * hemisphere_directions(azimuth, elevation)
-    K = np.stack([intrinsics(f, SIZE, 0.1, 1.2) for f in rng.uniform(150, 1500, n)])
-    P = CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE).P
-    return P * (rng.uniform(0.01, 100, n) * rng.choice([-1, 1], n))[:, None, None]
-
-
-def images(P, n_points):
-    """Whole-pixel images."""
-    limits = np.array([0.31, 0.02, 0.01])[:, None]
-    points = np.random.default_rng(n_points).uniform(-limits, limits, (3, n_points))
-    return np.rint(project(P, points))
+def matrices(n):
+    """Projection matrices of any scale and sign."""
+    rng = np.random.default_rng(n)
+    return rig(n).P * (rng.uniform(0.01, 100, n) * rng.choice([-1, 1], n))[:, None, None]
 
 
 @pytest.fixture
@@ -56,8 +38,8 @@ def fast(compiled, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "steps"), [(2, 0), (3, 1), (4, 3), (12, 3)])
 def test_both_ways_give_the_same(conforms, fast, compiled, n, steps):
-    P = rig(n)
-    uv = images(P, 4 * compiled.BLOCK_POINTS + 17)
+    P = matrices(n)
+    uv = rounded(P, box(4 * compiled.BLOCK_POINTS + 17))
     found = fast(P, uv, steps)
     conforms.independent(found, triangulate(P, uv, steps), atol=CLOSE)
     for size in (1, compiled.BLOCK_POINTS - 1, 3 * compiled.BLOCK_POINTS + 17):  # as if alone
@@ -69,8 +51,8 @@ def test_both_ways_give_the_same(conforms, fast, compiled, n, steps):
 
 @pytest.mark.parametrize(("n", "hidden"), [(2, np.nan), (4, -np.inf)])
 def test_hidden_images_spoil_their_own_points_only(fast, n, hidden):
-    P = rig(n)
-    whole = images(P, 700)
+    P = matrices(n)
+    whole = rounded(P, box(700))
     holed = whole.copy()
     lost = [0, 3, 255, 256, 699]
     holed[n - 1, 1, lost] = hidden
@@ -86,8 +68,8 @@ def test_hidden_images_spoil_their_own_points_only(fast, n, hidden):
 def test_without_numba_numpy_does_the_same(conforms, monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)  # an import is then refused
     monkeypatch.delitem(sys.modules, "thesis_lib.vision.compiled", raising=False)
-    P = rig(4)
-    uv = images(P, 5000)
+    P = matrices(4)
+    uv = rounded(P, box(5000))
     expected = triangulate(P, uv)
     monkeypatch.setattr(triangulation, "_COMPILED_ABOVE", -1)
     conforms.invariance(triangulate(P, uv), expected, atol=0)

@@ -7,18 +7,10 @@ from hypothesis import strategies as st
 from scenes.slabs import box, faces, moved_world, rig, rounded
 from scipy.optimize import linprog
 
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision import simulation
 from thesis_lib.vision.analytic_centre import analytic_centre, joint_centre
 from thesis_lib.vision.pinhole import project
 from thesis_lib.vision.triangulation import triangulate
-
-STUDIES = [
-    f"{subject}-{study}"
-    for subject in ("beam", "plate")
-    for study in ("distance", "aperture", "resolution", "arrays")
-]
 
 
 def decrement(A, b, x):
@@ -64,18 +56,6 @@ def test_empty_polytopes_are_those_of_linear_programming_and_fall_back(conforms,
     assert 0 < centre.feasible.mean() < 1
     empty = ~centre.feasible
     conforms.invariance(centre.points[:, empty], triangulate(P, uv)[:, empty], atol=0)
-
-
-def test_images_that_are_missing_spoil_their_own_point_only(conforms):
-    P = rig(4).P
-    whole = rounded(P, box(50))
-    holed = whole.copy()
-    holed[2, 1, 7] = np.nan
-    found, others = analytic_centre(P, holed), np.arange(50) != 7
-    assert np.isnan(found.points[:, 7]).all()
-    assert found.feasible.tolist() == others.tolist()
-    expected = analytic_centre(P, whole).points[:, others]
-    conforms.invariance(found.points[:, others], expected, atol=1e-13)
 
 
 @given(counts, seeds, st.floats(0.1, 10))
@@ -150,16 +130,11 @@ def test_joint_fallback_is_least_squares_frame_by_frame(conforms):
 @pytest.mark.slow
 def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_root(conforms):
     numbers = [4, 8, 16, 32, 64]
-    errors = np.array(
-        [
-            simulation.over_layouts(simulation.deflection_errors([0.75] * n, 480 // n, 100))
-            for n in numbers
-        ]
-    )
-    _, least_squares, centre, joint = simulation.fit_exponent(numbers, errors)
+    drawn = [simulation.deflection_errors([0.75] * n, 480 // n, 100) for n in numbers]
+    errors = np.array([simulation.over_layouts(one) for one in drawn])
+    _, least_squares, *centres = simulation.fit_exponent(numbers, errors)
     conforms.order(least_squares, -0.5, atol=0.05)
-    conforms.order(centre, above=-1.0, below=-0.8)
-    conforms.order(joint, above=-1.0, below=-0.8)
+    conforms.order(centres, above=-1.0, below=-0.8)
     last = simulation.fit_exponent(numbers[2:], errors[2:])
     conforms.order(last[2], below=-0.85)  # and steeper the more there are
 
@@ -174,28 +149,9 @@ def test_errors_fall_as_one_over_n_and_those_of_least_squares_as_one_over_its_ro
 def test_errors_are_those_of_an_independent_prototype(conforms, n, least_squares, centre, within):
     drawn = simulation.deflection_errors([0.75] * n, layouts=max(20, 480 // n))
     found = 1e6 * simulation.over_layouts(drawn)
-    conforms.independent(found[1], least_squares, rtol=within)
-    conforms.independent(found[2], centre, rtol=within)
+    conforms.independent(found[1:3], [least_squares, centre], rtol=within)
     conforms.independent(found[2] / found[1], centre / least_squares, atol=0.025)
     assert found[3] < found[2]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", STUDIES)
-def test_never_worse_than_least_squares_by_two_percent_in_the_settings_of_the_thesis(
-    conforms, name
-):
-    trials = 200 if name.startswith("beam") else 50
-    cubes = [
-        studies.run(validate_request(name, {"trials": trials, "estimator": estimator}))
-        for estimator in ("least-squares", "analytic-centre")
-    ]
-    one, other = (cube["mean_error"].mean(("mode", "trial")).values for cube in cubes)
-    ratio = other / one
-    conforms.sampled(ratio.max(), below=1.02)
-    many = cubes[0]["n_cameras"].values >= 8
-    if many.any():
-        conforms.sampled(ratio[many], below=0.9)  # and far better with many cameras
 
 
 @pytest.mark.slow

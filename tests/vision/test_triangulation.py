@@ -2,46 +2,23 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes.slabs import moved_world
+from scenes import slabs
+from scenes.convergence import orders
+from scenes.slabs import WRONG_SHAPES, box, moved_world
 
 from benchmarks.reference import hartley_sturm, svd_triangulate
 from thesis_lib.vision.pinhole import (
     CameraArray,
     hemisphere_cameras,
-    hemisphere_directions,
-    hemisphere_rotations,
     intrinsics,
     project,
 )
-from thesis_lib.vision.triangulation import (
-    image_jacobian,
-    point_covariance,
-    triangulate,
-)
+from thesis_lib.vision.triangulation import image_jacobian, point_covariance, triangulate
 
 SIZE = (320, 180)
-
-
-@st.composite
-def rigs(draw, most=12):
-    """2 to 12 cameras around the origin at unequal distances, at least one pair well apart."""
-    n = draw(st.integers(2, most))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    azimuth, elevation = rng.uniform(-np.pi, np.pi, n), rng.uniform(0.05, np.pi / 2, n)
-    directions = hemisphere_directions(azimuth, elevation)
-    cosines = directions @ directions.T
-    assume(np.min(np.abs(cosines)) < 0.95)
-    centres = rng.uniform(0.5, 3, (n, 1)) * directions
-    K = np.stack([intrinsics(f, SIZE) for f in rng.uniform(150, 1500, n)])
-    return CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE)
-
-
-def box(n=20, seed=0):
-    """Points near the origin, where the beam lies."""
-    limits = np.array([0.31, 0.02, 0.01])[:, None]
-    return np.random.default_rng(seed).uniform(-limits, limits, (3, n))
+rigs = st.builds(slabs.rig, st.integers(2, 12), st.integers(0, 2**32 - 1))
 
 
 def ring(n, distance=0.5, elevation=0.4, focal_px=213.3):
@@ -49,14 +26,6 @@ def ring(n, distance=0.5, elevation=0.4, focal_px=213.3):
     return hemisphere_cameras(
         distance, 2 * np.pi * np.arange(n) / n + 0.1, np.full(n, elevation), focal_px, SIZE
     )
-
-
-def unequal_ring(n):
-    rng = np.random.default_rng(n)
-    azimuth, elevation = 2 * np.pi * np.arange(n) / n + 0.1, rng.uniform(0.1, 1.2, n)
-    centres = np.geomspace(0.4, 3, n)[:, None] * hemisphere_directions(azimuth, elevation)
-    K = np.stack([intrinsics(213.3, SIZE)] * n)
-    return CameraArray(K, hemisphere_rotations(azimuth, elevation), centres, SIZE)
 
 
 def pair(azimuth=30.0, elevation=25.0, distance=0.5):
@@ -74,7 +43,7 @@ def noisy(P, points, sigma=0.3, seed=1):
     return uv + np.random.default_rng(seed).normal(0, sigma, uv.shape)
 
 
-@given(rigs())
+@given(rigs)
 def test_exact_images_give_back_the_points(conforms, rig):
     points = box()
     exact = project(rig.P, points)
@@ -91,7 +60,7 @@ def test_intrinsics_may_be_skewed_and_stretched(conforms):
     conforms.independent(triangulate(P, images), svd_triangulate(P, images), atol=1e-9)
 
 
-@given(rigs(), st.floats(0.1, 10), st.integers(0, 2**32 - 1))
+@given(rigs, st.floats(0.1, 10), st.integers(0, 2**32 - 1))
 def test_result_moves_and_scales_with_the_world(conforms, rig, factor, seed):
     R, t, back = moved_world(seed)
     uv = noisy(rig.P, box())
@@ -102,7 +71,7 @@ def test_result_moves_and_scales_with_the_world(conforms, rig, factor, seed):
     conforms.invariance(grown, factor * here, atol=1e-10 * factor)
 
 
-@given(rigs(), st.integers(0, 2**32 - 1))
+@given(rigs, st.integers(0, 2**32 - 1))
 def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, rig, seed):
     rng, n = np.random.default_rng(seed), len(rig)
     order, factors = rng.permutation(n), rng.uniform(0.01, 100, n) * rng.choice([-1, 1], n)
@@ -113,7 +82,7 @@ def test_order_of_cameras_and_scale_of_their_matrices_do_not_matter(conforms, ri
 
 @pytest.mark.parametrize(
     "rig",
-    [pair(), pair(8, 10), pair(distance=1.5), ring(12), unequal_ring(4), unequal_ring(12)],
+    [pair(), pair(8, 10), pair(distance=1.5), ring(12), slabs.rig(4), slabs.rig(12)],
 )
 def test_whole_pixels_give_what_svd_and_gauss_newton_give(conforms, rig):
     """However many points there are, of whatever shape, and though one of them is bad."""
@@ -128,7 +97,7 @@ def test_whole_pixels_give_what_svd_and_gauss_newton_give(conforms, rig):
 
 
 @settings(max_examples=50)
-@given(rigs())
+@given(rigs)
 def test_no_neighbour_fits_better(conforms, rig):
     points = box()
     uv = noisy(rig.P, points)
@@ -144,12 +113,7 @@ def test_no_neighbour_fits_better(conforms, rig):
 
 
 @pytest.mark.parametrize(
-    "rig",
-    [
-        pair(),
-        pair(8, 10),
-        hemisphere_cameras(0.5, [0.0, np.pi], [0.35, 0.35], 213.3, SIZE),  # 2d
-    ],
+    "rig", [pair(), pair(8, 10), hemisphere_cameras(0.5, [0.0, np.pi], [0.35] * 2, 213.3, SIZE)]
 )
 def test_two_cameras_reach_the_global_optimum_of_hartley_and_sturm(conforms, rig):
     points = box(200)
@@ -161,7 +125,7 @@ def test_two_cameras_reach_the_global_optimum_of_hartley_and_sturm(conforms, rig
     conforms.independent(cost(rig.P, uv, found), best, rtol=1e-9, atol=1e-12)
 
 
-@given(rigs())
+@given(rigs)
 def test_jacobian_is_the_derivative_of_projection(conforms, rig):
     points = box(5)
     J = image_jacobian(rig.P, points)
@@ -170,8 +134,7 @@ def test_jacobian_is_the_derivative_of_projection(conforms, rig):
         steps = h * np.eye(3)[:, :, None]
         central = [(project(rig.P, points + s) - project(rig.P, points - s)) for s in steps]
         errors.append(np.max(np.abs(np.stack(central, axis=2) / (2 * h) - J)))
-    conforms.order(np.log2(errors[0] / errors[1]), 2, atol=0.1)
-    conforms.order(np.log2(errors[1] / errors[2]), 2, atol=0.05)
+    conforms.order(orders(errors), 2, atol=[0.1, 0.05])
     conforms.independent(errors[2], below=1e-3 * np.max(np.abs(J)))
 
 
@@ -188,7 +151,7 @@ def test_cameras_on_a_cone_have_the_closed_form_uncertainty(
     conforms.closed_form(C - np.diag(np.diag(C)), 0, atol=1e-12 * np.max(C))
 
 
-@pytest.mark.parametrize("rig", [pair(), ring(4), unequal_ring(12)])
+@pytest.mark.parametrize("rig", [pair(), ring(4), slabs.rig(12)])
 def test_covariance_is_that_of_sampled_noise(conforms, rig):
     point, sigma, draws = np.array([0.2, -0.01, 0.005]), 0.02, 100_000
     uv = project(rig.P, point)[:, :, None]
@@ -200,26 +163,7 @@ def test_covariance_is_that_of_sampled_noise(conforms, rig):
     conforms.sampled(np.max(np.abs(relative)), below=0.05)
 
 
-def test_missing_image_spoils_its_own_point_only(conforms):
-    rig = ring(4)
-    whole = noisy(rig.P, box(50))
-    holed = whole.copy()
-    holed[2, 1, 7] = np.nan
-    found = triangulate(rig.P, holed)
-    assert np.isnan(found[:, 7]).all()
-    others = np.arange(50) != 7
-    conforms.invariance(found[:, others], triangulate(rig.P, whole)[:, others], atol=0)
-    assert np.isnan(triangulate(rig.P, np.full((4, 2, 3), np.nan))).all()
-
-
-@pytest.mark.parametrize(
-    ("P", "uv", "named"),
-    [
-        (np.ones((1, 3, 4)), np.ones((1, 2, 5)), "P: given shape"),
-        (np.ones((2, 3, 4)), np.ones((3, 2, 5)), "uv: given shape"),
-        (np.ones((2, 3, 4)), np.ones(2), "uv: given shape"),
-    ],
-)
+@pytest.mark.parametrize(("P", "uv", "named"), WRONG_SHAPES)
 def test_wrong_shapes_are_named(P, uv, named):
     with pytest.raises(ValueError, match=named):
         triangulate(P, uv)
