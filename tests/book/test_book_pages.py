@@ -23,7 +23,6 @@ from playwright.sync_api import Browser, Page, TimeoutError
 from thesis_lib.book import explorer
 from thesis_lib.book.pieces import manifest as recordings
 from thesis_lib.web import page as web_page
-from thesis_lib.web.page import index_page
 
 BOOK = Path(__file__).parents[2] / "build" / "html"
 # Without a report as users get it, which is no page: test_sample.py looks at it.
@@ -197,18 +196,6 @@ def test_nothing_is_amiss_for_those_who_cannot_see_well(running: Browser, name: 
         assert axe.light_and_dark(opened.page, theme=True, without=without) == []
 
 
-def test_the_checker_sees_what_is_wrong(running: Browser, tmp_path: Path) -> None:
-    if axe.absent():
-        pytest.skip(axe.absent())
-    wrong = (
-        "<main><h1>Wrong</h1><img src='data:,'><button></button><input>"
-        "<p style='color: #999'>Too pale.</p><details><summary><i></i></summary>More</details>"
-    )
-    with open_offline(running, write_page(tmp_path / "wrong.html", wrong)) as opened:
-        found = [line.split(":")[0] for line in axe.findings(opened.page)]
-    assert sorted(found) == ["button-name", "color-contrast", "image-alt", "label", "summary-name"]
-
-
 @pytest.mark.slow
 def test_nothing_is_amiss_in_a_form_that_refuses(running: Browser, tmp_path: Path) -> None:
     if axe.absent():
@@ -325,15 +312,3 @@ def test_the_page_of_a_run_works_alone(running: Browser, tmp_path: Path) -> None
             assert opened.sideways_px() <= 0
         assert opened.trouble == []
         assert axe.absent() or axe.light_and_dark(page) == []
-
-
-def test_the_index_of_several_runs_escapes_and_links(running: Browser, tmp_path: Path) -> None:
-    path = tmp_path / "index.html"
-    path.write_text(index_page("<b>", [("a <x>", "a%20b.html"), ("c", 'd".html')]))
-    with open_offline(running, path, width=390) as opened:
-        links = opened.page.locator("a")
-        assert links.all_inner_texts() == ["a <x>", "c"]
-        assert links.nth(1).get_attribute("href") == 'd".html'
-        assert opened.page.title() == "<b>"
-        assert opened.trouble == []
-        assert axe.absent() or axe.light_and_dark(opened.page) == []

@@ -147,6 +147,3 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     assert f"{GOOD}: running" not in mended.stderr
     assert "went out" not in page(book, BAD)
     assert (book / "data" / f"{BAD}.nc").exists()
-
-
-# Parts.
