@@ -173,6 +173,7 @@ def open_offline(
     With `served`, the address at which a server on this machine has the file, only that server is
     reached. A window that was left in order is used again, since a new one takes half a second;
     `fresh` wants one that has seen nothing yet. Nothing moves by itself unless it is not `still`.
+    There must have been no trouble when the page is left.
     """
     server = re.match(r"http://127\.0\.0\.1:\d+/", served)
     kind = (width < 600, server[0] if server else "")
@@ -192,6 +193,7 @@ def open_offline(
         page.evaluate("() => window.MathJax?.startup?.promise")
         page.wait_for_timeout(100)
         yield opened
+        assert opened.trouble == []
         in_order = not fresh and kind not in windows
     finally:
         if in_order:
