@@ -262,21 +262,3 @@ def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
         assert opened.page.url == f"{start}?set=beam-distance&other=1#top"
     with open_offline(chromium, path, query="set=%3Cb%3E&seed=%00&__proto__=1") as opened:
         assert "given" in opened.page.locator(".tl-rerun-status").inner_text()
-
-
-def test_copying_with_a_clipboard_and_without(chromium: Browser, path: Path) -> None:
-    without = "() => Object.defineProperty(navigator, 'clipboard', { value: undefined })"
-    with open_offline(chromium, path, query="set=beam-distance&trials=20") as opened:
-        page, command = opened.page, "thesis run beam-distance -p trials=20"
-        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-        button = page.get_by_role("button", name="Copy the command")
-        button.click()
-        button.get_by_text("Copied").wait_for()
-        assert page.evaluate("navigator.clipboard.readText()") == command
-        page.evaluate(without)
-        page.get_by_text("The same with papermill").click()
-        page.get_by_role("button", name="Copy papermill's command").click()
-        page.get_by_text("Selected: now copy it").wait_for()
-        assert page.evaluate("getSelection().toString()") == (
-            "papermill notebooks/beam-distance.ipynb beam-distance-out.ipynb -p trials 20"
-        )
