@@ -66,9 +66,3 @@ def test_agreement_counts_the_checks(opened, text):
         if check.claim.quantity == "mean_error"
     ]
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
-
-
-@pytest.mark.book
-def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
-    (exponent,) = map(float, re.findall(r"exponent of M is −(\d\.\d+)", text("sound-markers")))
-    assert 0.45 < exponent < 0.55
