@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 from weakref import WeakKeyDictionary
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request, Response
 
 LOCAL = ("file:", "data:", "blob:", "about:")
 FLAGS = [
@@ -46,12 +46,8 @@ def write_page(file: Path, *fragments: str) -> Path:
 
 def find_browser() -> str | None:
     """Path of Chromium or Chrome on this machine, or None."""
-    names = (
-        os.environ.get("CHROME_BIN", "chromium"),
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-    )
+    own = os.environ.get("CHROME_BIN", "chromium")
+    names = (own, "chromium", "chromium-browser", "google-chrome")
     return next((path for name in names if (path := shutil.which(name))), None)
 
 
@@ -163,6 +159,7 @@ def open_offline(
     With `served`, the address at which a server on this machine has the file, only that server is
     reached. A window that was left in order is used again, since a new one takes half a second;
     `fresh` wants one that has seen nothing yet. Nothing moves by itself unless it is not `still`.
+    There must have been no trouble when the page is left.
     """
     server = re.match(r"http://127\.0\.0\.1:\d+/", served)
     kind = (width < 600, server[0] if server else "")
@@ -182,6 +179,7 @@ def open_offline(
         page.evaluate("() => window.MathJax?.startup?.promise")
         page.wait_for_timeout(100)
         yield opened
+        assert opened.trouble == []
         in_order = not fresh and kind not in windows
     finally:
         if in_order:
@@ -201,33 +199,25 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     if server:
         context.route(lambda url: not url.startswith(local), lambda route: route.abort())
     opened = Opened(context.new_page())
-    opened.page.on(
-        "request",
-        lambda request: (
-            None
-            if request.url.startswith(local)
-            else opened.external.append(f"external request: {request.url}")
-        ),
-    )
-    opened.page.on(
-        "requestfailed",
-        lambda request: opened.failed.append(f"failed: {request.url}: {request.failure}"),
-    )
-    opened.page.on(
-        "console",
-        lambda message: (opened.console if message.type == "error" else opened.said).append(
-            f"console: {message.text}"
-        ),
-    )
-    opened.page.on(
-        "response",
-        lambda response: (
+
+    def on_request(request: Request) -> None:
+        if not request.url.startswith(local):
+            opened.external.append(f"external request: {request.url}")
+
+    def on_message(message: ConsoleMessage) -> None:
+        told = opened.console if message.type == "error" else opened.said
+        told.append(f"console: {message.text}")
+
+    def on_response(response: Response) -> None:
+        if response.status >= 400:
             opened.failed.append(f"{response.status}: {response.url}")
-            if response.status >= 400
-            else None
-        ),
-    )
-    opened.page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
+
+    page, failed = opened.page, opened.failed
+    page.on("request", on_request)
+    page.on("requestfailed", lambda one: failed.append(f"failed: {one.url}: {one.failure}"))
+    page.on("console", on_message)
+    page.on("response", on_response)
+    page.on("pageerror", lambda error: opened.console.append(f"page error: {error}"))
     return opened
 
 

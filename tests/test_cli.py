@@ -126,7 +126,6 @@ def test_claims_as_json_has_every_claim_once():
         (["run", "ch3", "-p", "widths_px=[1]"], ["beam-resolution: widths_px[0]: given 1", "px"]),
         (["run", "beam-distance", "-p", "azimuth_deg=NaN"], ["azimuth_deg: given NaN", "°"]),
         (["run", "beam-distance", "-p", f"trials={'9' * 5000}"], ["trials: given", "whole"]),
-        (["run", "beam-distance", "-p", "rest=known\nrebuilt"], ["rest: given", r"known\nrebuilt"]),
         (["run", "claims", "-p", 'readings=["51 mm lens"]'], ["51 mm lens", "rest known"]),
         (["plan", "--out", "x" * 300], ["--out", "xxx"]),
         (["compare", "x\ny.nc"], ["y.nc"]),
@@ -145,6 +144,8 @@ def test_wrong_request_is_one_line_and_writes_nothing(tmp_path, arguments, words
 def test_the_command_refuses_in_the_same_words(checkout, tmp_path):
     wrong = ["run", "beam-distance", "-p", "rest=known\nrebuilt", "--out", "out"]
     done = checkout.thesis(*wrong, cwd=tmp_path)
+    assert r"rest: given" in done.stderr
+    assert r"known\nrebuilt" in done.stderr
     assert list(tmp_path.iterdir()) == []
     assert Done(done.returncode, done.stdout, done.stderr) == thesis(*wrong, cwd=tmp_path)
 
@@ -152,8 +153,7 @@ def test_the_command_refuses_in_the_same_words(checkout, tmp_path):
 def test_out_that_is_below_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("mine")
     message = refused(tmp_path, "run", "beam-distance", "--out", "file/below/it")
-    assert "--out" in message
-    assert "allowed: a folder" in message
+    assert re.search("--out.*allowed: a folder", message)
     assert (tmp_path / "file").read_text() == "mine"
 
 
@@ -169,17 +169,12 @@ def ran(checkout, tmp_path_factory):
     return cwd / "out", done
 
 
-def test_run_writes_notebook_cube_and_page(ran):
+def test_run_writes_notebook_cube_and_page_and_tells_errors_beside_those_published(ran):
     folder, done = ran
     assert files(folder) == sorted(f"beam-distance.{kind}" for kind in KINDS)
     assert not list(folder.glob(".staging-*"))
     assert f"Open {folder / 'beam-distance.html'}" in done.stdout
     assert "beam-distance: done in" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_run_tells_errors_and_those_published_where_there_are_some(ran):
-    _, done = ran
     row = re.compile(r"^ +1 +(\d+) mm +(\d) +(mean|peak) \|.*\| +(\S+)( \S+)?$", re.MULTILINE)
     found = [(*one[:3], one[3] != "—") for one in row.findall(done.stdout)]
     assert found == [
@@ -247,27 +242,6 @@ def test_chapter_makes_four_pages_and_an_index(checkout, tmp_path):
             assert json.loads(cube.attrs["parameters"])["focal_length_mm"] == 35
 
 
-@pytest.mark.nightly
-def test_own_layout_runs_and_its_name_is_text_in_a_folder_named_by_set_and_hash(checkout, tmp_path):
-    name = "tilted <b>&\"x' *y*"
-    layouts = {name: [[[80, 10], [-80, 10]], [[80, 10], [-80, 10], [0, 30]]]}
-    given = ["-p", f"layouts={json.dumps(layouts)}", "-p", "cases=[]", "-p", "trials=2"]
-    done = checkout.thesis("run", "beam-arrays", *given, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    study = validate_request("beam-arrays", {"layouts": layouts, "cases": [], "trials": 2})
-    folder = checkout.root / "runs" / f"beam-arrays-{study.digest}"
-    assert files(folder) == sorted(f"beam-arrays.{kind}" for kind in KINDS)
-    assert list(tmp_path.iterdir()) == []
-    assert re.search(r" 2 cameras +1 +mean \| +[\d.]+ \| .* \| +—\n", done.stdout)
-    assert "no setting in common with published" in done.stdout
-    page = parsed(folder / "beam-arrays.html")
-    assert name in page.text_content()
-    assert not page.xpath("//b")
-    with xr.open_dataset(folder / "beam-arrays.nc") as cube:
-        assert cube["case"].values.tolist() == [name, name]
-        assert cube["n_cameras"].values.tolist() == [2, 3]
-
-
 @pytest.mark.slow
 def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp_path):
     def breaks(document):
@@ -278,17 +252,15 @@ def test_failing_cell_is_told_with_what_where_and_how_to_go_on(own_checkout, tmp
     done = own_checkout.thesis(*RUN, "--out", "out", cwd=tmp_path)
     assert done.returncode == 1
     message = done.stderr.splitlines()[-1]
-    assert message.startswith("thesis: beam-distance: ")
-    assert re.search(r"cell \d+ failed with RuntimeError: the lamp went out", message)
-    assert "run the same command again" in message
+    failed = r"thesis: beam-distance: cell \d+ failed with RuntimeError: the lamp went out"
+    assert re.match(f"{failed}.*run the same command again", message)
     log = own_checkout.root / "build" / "logs" / "beam-distance.txt"
     assert str(log) in message
     assert "the lamp went out" in log.read_text(encoding="utf-8")
     assert "\x1b" not in log.read_text(encoding="utf-8")
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
-    assert files(tmp_path / "out") == []
-    assert not list((tmp_path / "out").glob(".staging-*"))
+    assert [path.name for path in (tmp_path / "out").iterdir() if path.name != ".lock"] == []
 
 
 # A plan.

@@ -159,13 +159,6 @@ def test_a_run_is_the_one_of_a_clone(reader, run):
 
 
 @pytest.mark.nightly
-def test_plans_need_no_clone(reader):
-    done = reader.thesis("plan", "--out", "plan", "-p", "counts=[2]", "-p", "starts=0")
-    assert done.returncode == 0, done.stderr
-    assert (reader.root / "plan" / "plan.html").is_file()
-
-
-@pytest.mark.nightly
 def test_measurements_need_no_clone(reader):
     part = Component(amplitude=0.003, frequency=6.3)
     rig = own.short_rig(setups.thesis_beam(), [(12, 30), (-150, 35)], part, steady=0.8)

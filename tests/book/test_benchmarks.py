@@ -32,14 +32,6 @@ def test_contenders_estimate_the_same_points(timed):
         np.testing.assert_allclose(refined, refined[0], rtol=1e-4)
 
 
-def test_refined_contenders_meet_the_bound_of_a_simulation(timed):
-    scene = peers.scene(3, 20_000)
-    points = peers.triangulate(scene.cameras.P, scene.uv)
-    rms = 1e6 * np.sqrt(np.mean(np.sum((points - scene.points) ** 2, axis=0)))
-    (t,) = [t for t in timed[3] if t.name == "thesis_lib, NumPy" and t.refined]
-    assert rms == pytest.approx(t.bound_um, rel=0.02)
-
-
 def test_transfers_agree():
     rows = rayleigh.compare(repetitions=1, shape=(13, 9))
     assert rows[0].difference == 0

@@ -51,36 +51,6 @@ def test_what_is_outside_fails(value, allowed):
     assert not compare(value, **allowed)["passed"]
 
 
-@pytest.mark.parametrize(
-    ("allowed", "share"),
-    [
-        ({"expected": 1, "atol": 0.2}, 0.5),
-        ({"expected": 1, "atol": 0.1, "rtol": 0.1}, 0.5),
-        ({"above": 0, "below": 4.4}, 0.25),
-        ({"above": -1}, None),
-        ({"below": 10, "above": -10}, 0.11),
-    ],
-)
-def test_share_of_the_tolerance(allowed, share):
-    found = compare(1.1, **allowed)
-    assert found["passed"]
-    assert found["share"] == (None if share is None else pytest.approx(share, abs=1e-12))
-
-
-@pytest.mark.parametrize(
-    ("allowed", "error"),
-    [
-        ({}, TypeError),
-        ({"expected": 1, "atol": 1, "above": 0}, TypeError),
-        ({"expected": [1, 2], "atol": 1}, ValueError),
-        ({"expected": [], "atol": 1}, ValueError),
-    ],
-)
-def test_a_check_without_tolerance_or_with_other_shapes_is_refused(allowed, error):
-    with pytest.raises(error, match="conforms: "):
-        compare([1, 2, 3], **allowed)
-
-
 @pytest.mark.slow
 def test_the_page_shows_one_row_for_each_check_and_names_what_failed(tmp_path):
     report = tmp_path / "report.xml"

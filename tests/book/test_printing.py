@@ -8,7 +8,7 @@ from pathlib import Path
 import nbformat
 import pytest
 import xarray as xr
-import yaml
+from book.test_thesis_index import documents
 
 from thesis_lib.book import rendering as printing
 from thesis_lib.figure_sets.display import list_captions
@@ -61,23 +61,10 @@ def words():
         return plain("".join(page.get_textpage().get_text_bounded() for page in document))
 
 
-def pages_of_book():
-    """Files of the table of contents, in order."""
-
-    def files(part):
-        for one in part if isinstance(part, list) else [part]:
-            yield from ([one["file"]] if "file" in one else [])
-            for key in ("parts", "chapters", "sections"):
-                yield from files(one.get(key, []))
-
-    toc = yaml.safe_load((ROOT / "book" / "_toc.yml").read_text(encoding="utf-8"))
-    return [toc["root"], *files(toc)]
-
-
 @needs_pdf
 def test_titles_of_all_pages_are_printed(words):
     missing = []
-    for name in pages_of_book():
+    for name in documents():
         text = (ROOT / "build" / "html" / f"{name}.html").read_text(encoding="utf-8")
         title = re.search(r"<h1>((?:(?!<h1>).)*?)<a class=\"headerlink", text, re.DOTALL)
         heading = html.unescape(re.sub(r"<[^>]+>", "", title[1]))

@@ -12,9 +12,6 @@ from thesis_lib.book.pieces import write as pieces_write
 from thesis_lib.book.pieces.opened import SETS_IN_CHAPTERS, Opened, find_figure_names
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.experiment import walk
-from thesis_lib.figure_sets.parametric import compute as studies
-from thesis_lib.figure_sets.parametric import sound
-from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
 
 
@@ -69,21 +66,3 @@ def test_agreement_counts_the_checks(opened, text):
         if check.claim.quantity == "mean_error"
     ]
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
-
-
-@pytest.mark.book
-def test_field_error_falls_like_the_root_of_the_number_of_markers(text):
-    (exponent,) = map(float, re.findall(r"exponent of M is −(\d\.\d+)", text("sound-markers")))
-    assert 0.45 < exponent < 0.55
-
-
-def test_cameras_square_to_the_plate_hear_worse_than_they_see():
-    """The page's finding, from runs of its own: a pair turned by 7° keeps the shape's error."""
-    layouts = {"square": [[[0, 15], [180, 15]]], "askew": [[[7, 15], [187, 15]]]}
-    values = {"cases": [], "layouts": layouts, "trials": 300, "modes": [1], "seed": 4}
-    plate = studies.run(validate_request("plate-arrays", values))
-    cube = sound.run(validate_request("sound-arrays", {**values, "plane_shape": [31, 21]}), plate)
-    field = (cube["plane_error"][:, 0, 1:].sel(plane="XZ") ** 2).mean("trial") ** 0.5
-    shape = (plate["mean_error"][:, 0, 1:] ** 2).mean("trial") ** 0.5
-    assert abs(shape[0] / shape[1] - 1) < 0.05
-    assert field[0] > 2 * field[1]

@@ -1,4 +1,4 @@
-"""A small book from end to end: downloads, research object, one zip, and a set that fails."""
+"""A small book from end to end: downloads, research object, one zip, and what fails."""
 
 import json
 import re
@@ -149,4 +149,17 @@ def test_failing_set_says_so_in_its_page_and_the_rest_is_built(whole, small):
     assert (book / "data" / f"{BAD}.nc").exists()
 
 
-# Parts.
+@pytest.mark.nightly
+@pytest.mark.book
+def test_a_lost_reference_is_reported_until_it_is_mended_and_edits_show(whole, small):
+    intro, made = (small.root / name for name in ("book/intro.md", "build/html/intro.html"))
+    text, before = intro.read_text(encoding="utf-8"), made.read_bytes()
+    intro.write_text(f"{text}\n[Lost](nowhere)\n", encoding="utf-8")
+    for _ in range(2):  # nor is it forgotten
+        lost = make(small)
+        assert lost.returncode == 1
+        assert re.search(r"intro\.md.*nowhere", lost.stderr)
+        assert made.read_bytes() == before
+    intro.write_text(f"{text}\nNew words\n", encoding="utf-8")
+    assert make(small).returncode == 0
+    assert "New words" in made.read_text(encoding="utf-8")

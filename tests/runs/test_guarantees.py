@@ -73,8 +73,8 @@ def flip(path: Path, place: int) -> None:
     path.write_bytes(content)
 
 
-def library(checkout: Checkout, *place: str) -> Path:
-    return checkout.root.joinpath("src", "thesis_lib", *place)
+def library(checkout: Checkout, place: str) -> Path:
+    return checkout.root / "src" / "thesis_lib" / place
 
 
 def cubes(folder: Path) -> dict[str, xr.Dataset]:
@@ -183,17 +183,11 @@ def test_an_interrupted_run_says_so_and_leaves_nothing_behind(apart, tmp_path, s
 
 # Edited or damaged.
 
+PLANNER = "figure_sets/planner/compute.py"
 EDITS = {
-    "library": (lambda one: append(library(one, "vision", "rounding.py"), "_n = 1\n"), EVERY),
-    "variables": (
-        lambda one: append(library(one, "figure_sets", "parametric", "variables.toml")),
-        EVERY,
-    ),
-    "another figure set": (
-        lambda one: append(library(one, "figure_sets", "planner", "compute.py"), "_n = 1\n"),
-        set(),
-    ),
-    "what measures": (lambda one: append(library(one, "measure", "steps.py"), "_n = 1\n"), set()),
+    "library": (lambda one: append(library(one, "vision/rounding.py"), "_n = 1\n"), EVERY),
+    "another figure set": (lambda one: append(library(one, PLANNER), "_n = 1\n"), set()),
+    "what measures": (lambda one: append(library(one, "measure/steps.py"), "_n = 1\n"), set()),
     "fact": (lambda one: append(one.root / "data" / "thesis" / "setups.toml"), EVERY),
     "the ledger's fact": (lambda one: append(one.root / "data" / "thesis" / "claims.csv"), set()),
     "lock": (lambda one: append(one.root / "requirements" / "book.txt"), EVERY),

@@ -19,8 +19,6 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.effort import Effort
 from thesis_lib.studies.schema import with_provenance
 
-COST = Effort(7.4, 312.0, 1.25)
-
 
 def made(name, **values):
     request = validate_request(name, {"trials": 4, **values})
@@ -30,31 +28,6 @@ def made(name, **values):
 @pytest.fixture(scope="module")
 def beam():
     return made("beam-distance")
-
-
-def links_of(page):
-    found = (document_fromstring(cell.source) for cell in page.cells if "<a " in cell.source)
-    return [link for one in found for link in one.xpath("//a/@href")]
-
-
-def executed(cube, modes=(1,)):
-    """A notebook that has shown the figures of all cases."""
-    shown = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(notebook, "display", shown.append)
-        notebook.figures(cube.sel(mode=list(modes)))
-    cell = nbformat.v4.new_code_cell("notebook.figures(result)")
-    for data, about in (one._repr_mimebundle_() for one in shown):
-        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
-    page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
-    postprocess.place_figures(page)
-    return page
-
-
-def record(request, cube, tmp_path):
-    file = tmp_path / "cube.nc"
-    storage.write_netcdf(cube, file, compact=True)
-    return postprocess.trace_results(request, cube, file, COST)
 
 
 # Tables.
@@ -104,15 +77,26 @@ def test_figure_table_is_what_is_drawn(beam):
 # The fold-out.
 
 
-def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path):
+def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path, monkeypatch):
     request, cube = beam
-    page = executed(cube, (1, 2))
-    postprocess.add_provenance(page, record(request, cube, tmp_path), cube, in_book=False)
-    links = links_of(page)
+    shown = []
+    monkeypatch.setattr(notebook, "display", shown.append)
+    notebook.figures(cube.sel(mode=[1, 2]))
+    cell = nbformat.v4.new_code_cell("notebook.figures(result)")
+    for data, about in (one._repr_mimebundle_() for one in shown):
+        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
+    page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
+    postprocess.place_figures(page)
+    file = tmp_path / "cube.nc"
+    storage.write_netcdf(cube, file, compact=True)
+    about = postprocess.trace_results(request, cube, file, Effort(7.4, 312.0, 1.25))
+    postprocess.add_provenance(page, about, cube, in_book=False)
+    sources = [document_fromstring(one.source) for one in page.cells if "<a " in one.source]
+    links = [link for one in sources for link in one.xpath("//a/@href")]
     inside = [link for link in links if link.startswith("data:text/csv")]
     assert len(inside) == 3
-    texts = [base64.b64decode(link.partition("base64,")[2]).decode() for link in inside]
-    assert texts[-1] == plotted.as_csv(plotted.errors_table(cube))
+    last = base64.b64decode(inside[-1].partition("base64,")[2]).decode()
+    assert last == plotted.as_csv(plotted.errors_table(cube))
     assert [link for link in links if link not in inside] == [
         "#provenance-beam-distance", "#provenance-beam-distance", "beam-distance.nc",
     ]  # fmt: skip
