@@ -16,6 +16,8 @@ WORKERS ?= 3
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile \
 	--nbval tests $(NOTEBOOKS)
 NOTEBOOKS := notebooks/beam-distance.ipynb notebooks/sound-distance.ipynb
+# The folders of tests of what differs from the last commit, new files included: of src/thesis_lib/vision/ tests/vision/.
+EDITED = $(shell git status --porcelain | sed -nE 's,^.. (src/thesis_lib|tests)/([a-z_]+)/.*,tests/\2/,p')
 
 .PHONY: book pdf test test-all test-nightly test-cpus test-newest quick check bench photographs platforms lock clean
 
@@ -31,8 +33,9 @@ test: check  ## what a contributor needs, in minutes and without a book
 test-all: check book  ## all tests but those of the night, those of the rendered book included
 	$(PYTEST) -m "not nightly" --hypothesis-seed 0 --junitxml build/conformance.xml
 
-quick: $(ALL)  ## half a minute of tests: those that the edited files reach, the nearest first
-	$(BIN)/python tests/quick.py
+quick: $(ALL)  ## the quick tests of the rooms that you have edited since the last commit
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not (slow or book or nightly)" \
+		$(or $(filter $(wildcard tests/*/),$(sort $(EDITED))),$(error no room is edited: make test runs all))
 
 test-nightly: book $(ALL)  ## what takes an hour or two: long recordings, scatter, thousands of inputs, all notebooks
 	$(PYTEST) -m nightly

@@ -20,7 +20,7 @@ from command import hears_signals
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytest_plugins = ["conforms", "quick", "small_book", "tiers"]
+pytest_plugins = ["conforms", "small_book", "tiers"]
 PROJECT = Path(__file__).parents[1]
 PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py",
          "book/_toc.yml"]  # fmt: skip
