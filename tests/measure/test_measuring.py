@@ -86,11 +86,6 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
-def test_growth_is_seen(conforms, tmp_path):
-    found = phase_advance(tracks(tmp_path, 4.25, seconds=10.0, growth=0.2), 0.2, 10.0, 4.25, 1)
-    conforms.closed_form(found.growth, 0.2 * 9.8 / 10, rtol=0.05)
-
-
 # Models.
 
 

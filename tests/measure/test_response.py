@@ -185,19 +185,6 @@ def test_standard_errors_of_every_estimator_are_what_draws_scatter_by(of_force, 
         assert np.mean(np.abs(z) < 2) > 0.93
 
 
-def test_the_noise_at_rest_is_the_error_of_one_segment():
-    rng, cut = np.random.default_rng(0), cut_of(512, 64.0, None)
-    force = rng.standard_normal((512, 1))
-    moved = 3 * force + 0.1 * rng.standard_normal((512, 200))
-    F, X = (segment_spectra(values, cut) for values in (force, moved))
-    found = receptance_of_segments(
-        F[:, :, 0], X, cut, np.full(200, 0.1**2 / 32)
-    )  # power up to 32 Hz
-    for estimate, told in zip(found.receptance, found.deviation, strict=True):
-        off = (estimate - 3)[:, 1:-1] / told[:, 1:-1]
-        assert np.sqrt(np.mean(np.abs(off) ** 2) / 2) == pytest.approx(1, abs=0.02)
-
-
 def smoothed(frequency, seconds, values):
     """Spectra as a Hann window shows them on average: over time, times its autocorrelation."""
     n = 2 * len(frequency)
@@ -263,24 +250,6 @@ def test_a_sweep_from_rest_to_rest_is_right_however_fast(swept):
     assert float(data["sweep_duration"]) == pytest.approx(8, rel=0.1)
     codes = {one.code for one in check_response(data, manifest)}
     assert not codes & {"sweep-fast", "still-ringing"}
-
-
-@pytest.mark.nightly
-def test_standard_errors_of_a_whole_sweep_hold_where_centres_are_missing(swept, tmp_path):
-    """A tenth of each camera's centres, at random."""
-    rng, recordings = np.random.default_rng(1), []
-    for k, each in enumerate(swept.recordings):
-        uv, path = np.load(each.path), tmp_path / f"gaps-{k}.npy"
-        lost = rng.random((len(uv), 1, uv.shape[2])) < 0.1
-        np.save(path, np.where(lost, np.nan, uv))
-        recordings.append(replace(each, path=path))
-    own = replace(swept, recordings=recordings)
-    data = own.responded(own.asked("sweep"))
-    f = data["frequency"].values
-    z = [(apart / error)[(f > 5) & (f < 38)]
-         for apart, error in (off(data, own.truth, k) for k in range(75))]  # fmt: skip
-    assert 0.8 < np.sqrt(np.mean(np.abs(z) ** 2) / 2) < 1.3
-    assert np.mean(np.abs([np.real(z), np.imag(z)]) < 2) > 0.92
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
-from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
@@ -396,20 +395,6 @@ def test_markers_of_another_grid_are_refused(rest, wrong, said):
     assert said in message
 
 
-def test_given_corners_need_not_be_exact(conforms, rest):
-    at, image, view, _ = rest
-    given = corners(at) + 2.0 * np.random.default_rng(3).uniform(-1, 1, (2, 4))
-    own = sharpen_view(image, view_of(at, MARKERS, given))
-    conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
-
-
-def test_sharpening_finds_the_spread_of_the_picture(conforms, rest):
-    at, _, view, _ = rest
-    conforms.closed_form(view.blur, above=0.5, below=0.75)
-    blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
-    conforms.closed_form(found_view(at, blurred).blur, above=0.95, below=1.25)
-
-
 # Corners as the manifest gives them, and reduced widths.
 
 
@@ -456,18 +441,6 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
     assert all("320 px" in note for note in notes)
 
 
-def test_reduced_frames_show_the_same_places(conforms, rest):
-    at, image, _, exact = rest
-    small = following.reduce_frame(image, 640)
-    assert following.reduce_frame(image, 1920 + 640) is image  # never larger
-    own = pinhole.resize_camera(at, (640, 360))
-    view = sharpen_view(small, find_view(small, own, MARKERS))
-    error = Tracker(view).centres(small) - exact / 3
-    assert np.mean(np.isnan(error)) < 0.25
-    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
-    conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
-
-
 # The beam resampled on its plane.
 
 
@@ -484,21 +457,6 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
     assert np.nanmedian(away) > 0.15
     tracker.centres(np.full((1080, 1920), 60, np.uint8))
     assert np.isnan(tracker.matched).all()
-
-
-@pytest.mark.parametrize("factor", [0.1, 1000.0])
-def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
-    _, image, view, exact = rest
-    beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
-                   marker_spacing=factor * BEAM.marker_spacing)  # fmt: skip
-    x, y = MARKERS.hole
-    markers = rows_on(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
-    H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
-    tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
-    conforms.closed_form(tracker.scale, tracking.THESIS_SCALE_PX_PER_M / factor, rtol=1e-6)
-    conforms.closed_form(tracker.reach, tracking.THESIS_REACH_M * factor, rtol=1e-6)
-    assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
-    conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
 
 
 # Assignment and homographies.

@@ -112,7 +112,6 @@ class Optics:
     spread: Callable = field(default_factory=lambda: gaussian(0.6))
     fine: int = 4  # rays along each side of a pixel
     slope: float = 0.0  # how much brighter the right end of the scene is lit than the left
-    vignetting: float = 0.0  # loss of light in the picture's corners
     row_time: float = 0.0  # s from row to row: a rolling shutter
 
 
@@ -124,11 +123,6 @@ def _exposed(eye, box, light, optics):
     pixels = spread.reshape(v1 - v0, fine, u1 - u0, fine).mean(axis=(1, 3))
     picture = np.full(eye.size[::-1], BEHIND, np.float32)
     picture[v0:v1, u0:u1] = pixels
-    if optics.vignetting:
-        width, height = eye.size
-        u, v = np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2
-        far = (u**2 + v[:, None] ** 2) / (width**2 + height**2) * 4
-        picture *= (1 - optics.vignetting * far).astype(np.float32)
     return picture
 
 
@@ -281,24 +275,12 @@ class Film:
         return BEHIND + _soft(inside, self.spacing) * (light - BEHIND)
 
 
-# What the sensor and the camera's software make of it.
+# What the sensor makes of it.
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Noise and coding."""
-
-    shot: float = 0.05  # variance of the noise in grey levels, over the grey level
-    read: float = 1.0
-    srgb: bool = False
-
-    def grey(self, light, rng):
-        """8-bit grey levels of a linear picture."""
-        level = 255 * light
-        level = level + np.sqrt(self.shot * level + self.read**2) * rng.standard_normal(
-            level.shape, np.float32
-        )
-        if self.srgb:
-            v = np.clip(level / 255, 0, 1)
-            level = 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
-        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+def grey(light, rng, shot=0.05, read=1.0):
+    """8-bit grey levels of a linear picture, with `shot` times these as variance of the noise."""
+    level = 255 * light
+    spread = np.sqrt(shot * level + read**2)
+    level = level + spread * rng.standard_normal(level.shape, np.float32)
+    return np.clip(np.rint(level), 0, 255).astype(np.uint8)
