@@ -92,19 +92,10 @@ def rest():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("azimuth", "k1", "by_tables"), [(-10.0, -0.1, True), (170.0, 0.05, False)]
-)
-def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1, by_tables):
-    at = camera(azimuth, k1=k1)
-    times = np.arange(-1, 22) / 60
+def test_centres_are_those_of_the_projected_discs(conforms):
+    at, times = camera(), np.arange(-1, 22) / 60
     frames = filmed(at, times)
-    view = found_view(at, frames[0])
-    if by_tables:
-        found = tabulated(frames, view)
-    else:
-        tracker = Tracker(view)
-        found = np.array([tracker.centres(frame) for frame in frames])
+    found = tabulated(frames, found_view(at, frames[0]))
     assert np.isfinite(found).all()
     exact = truth(at, times)
     assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
@@ -408,12 +399,13 @@ def video(tmp_path_factory):
 
 
 def test_given_corners_are_those_in_the_picture(conforms, rest, video):
-    """They have to be given where no hole tells the clamped end."""
+    """They have to be given where no hole tells the clamped end, and need not be exact."""
     path, at, times = video
     px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     assert "corners_px" in one_line(find_view, rest[1], at, markers)
+    px = px + 2.0 * np.random.default_rng(3).uniform(-1, 1, px.shape)
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
         off(given.swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
