@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, nearest_order, photograph, picture, rig
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.pinhole import resize_camera
+from thesis_lib.vision.pinhole import Camera, resize_camera
 
 HALF_SIZE = (960, 540)
 MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
@@ -51,6 +52,19 @@ def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(conforms, s
     found = errors(scenes, noisy=True)
     conforms.sampled(rms(found), below=0.009)
     conforms.sampled(np.abs(found).max(), below=0.05)
+
+
+@pytest.mark.parametrize(("blur", "most"), [(0.05, 0.1), (1.2, 0.03)])  # px
+def test_corners_are_found_whatever_the_spread(conforms, blur, most):
+    """Edges along the pixels are ramps under a lens that spreads no light, unlike the fit's."""
+    K = np.array([[760, 0, 320], [0, 760, 180], [0, 0, 1.0]])
+    facing = Rotation.from_euler("xz", [180, 0.3], degrees=True).as_matrix()
+    centre, board = np.array([0.02, -0.03, 0.9]), Board(9, 9, 0.028, 0.020)
+    camera = Camera("S", K, np.zeros(5), facing, centre, (640, 360))
+    R, t = np.eye(3), np.zeros(3)
+    found = find_corners(photograph(picture(camera, R, t, board, blur=blur), 0), board)
+    exact = exact_images([camera], R[None], t[None], board.corners)[0, 0]
+    conforms.sampled(rms(np.hypot(*nearest_order(found, exact))), below=most)
 
 
 # Boards with marks: each corner is known by them, wherever it is.

@@ -1,44 +1,33 @@
 """The measuring chain on material that no code of the library made.
 
 Real photographs by others, compared with OpenCV's own calibration; recordings by a ray caster
-(`foreign.rays`), written by Pillow and PyAV, compared with what `cv2.projectPoints` says; and a
+(`foreign.rays`), written by PyAV, compared with what `cv2.projectPoints` says; and a
 plate that two telephones film, rendered by POV-Ray.
 """
 
-import shutil
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import pytest
-import xarray as xr
 from scenes import own
 from scenes.foreign import photographs, povray
-from scenes.foreign.rays import Optics, airy, gaussian, grey, looking, sharp
-from scenes.foreign.recording import RATE, TIP, Scene
+from scenes.foreign.recording import RATE, Scene
 from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
-from thesis_lib.arrays import Array
-from thesis_lib.figure_sets.experiment import methods
 from thesis_lib.measure.calibration.bundle_adjustment import (
     Adjustment,
     adjust_bundle,
-    align_cameras,
-    camera_deviations,
 )
 from thesis_lib.measure.calibration.corners import find_corners
 from thesis_lib.measure.calibration.rig import (
     Calibration,
-    adjust_cameras,
     calibrate_camera,
     unify_corners,
 )
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
+from thesis_lib.measure.pipeline import fit_deflection, record_tracks
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import write_manifest
-from thesis_lib.measure.recordings.validation import markers_of
-from thesis_lib.vision.pinhole import Camera
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
@@ -183,142 +172,62 @@ def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair):
 
 # Another renderer.
 
-LIGHT = Optics(spread=airy(1.0), slope=0.15)
-SCENE = Scene(optics=LIGHT)
-
-
-@dataclass
-class Measured:
-    """The recording, calibrated and measured."""
-
-    folder: Path
-    corners: Array
-    lost: list[str]
-    full: Adjustment
-    data: xr.Dataset
-    tracks: methods.Tracks
-
-
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    folder, manifest = tmp_path_factory.mktemp("foreign"), SCENE.manifest()
-    SCENE.film(folder)
-    corners, lost, _, full = adjust_cameras(manifest, folder)
-    data = methods.measure_recordings(manifest, folder, folder / "steps")
-    names, width = [eye.name for eye in SCENE.eyes], SCENE.eyes[0].size[0]
-    tracks = methods.select_tracks(data, markers_of(manifest), names, width, "full")
-    return Measured(folder, corners, lost, full, data, tracks)
-
-
-def truth() -> list[Camera]:
-    return [
-        Camera(eye.name, eye.K + CORNER, eye.distortion, eye.R, eye.centre, eye.size)
-        for eye in SCENE.eyes
-    ]
-
 
 def rms(values):
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
-@pytest.mark.nightly
-def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured):
-    assert measured.lost == []
-    errors = []
-    for camera, found in enumerate(measured.corners):
-        for uv, true in zip(found, SCENE.corners(camera), strict=True):
-            apart = uv[:, :, None] - true[:, None]
-            nearest = np.argmin(np.sum(apart**2, axis=0), axis=1)
-            assert len(np.unique(nearest)) == len(nearest)
-            errors.append(apart[:, np.arange(len(nearest)), nearest])
-    errors = np.array(errors)
-    conforms.sampled(rms(errors), measured.full.sigma, rtol=0.1)
-    conforms.independent(rms(errors), below=0.01)
-    shift = np.abs(errors.mean(axis=(0, 2))).max()  # of all pixels
-    conforms.independent(shift, below=0.002)
+def measured(scene, folder):
+    """What is filmed, by the true cameras: tracks, and what is found."""
+    scene.film(folder)
+    manifest = scene.manifest()
+    found = record_tracks(manifest, folder, folder / "steps", lambda line: None)
+    return found.recordings, fit_deflection(manifest, found)[0]
+
+
+@pytest.fixture(scope="module")
+def global_shutter(tmp_path_factory):
+    return measured(Scene(), tmp_path_factory.mktemp("foreign"))
 
 
 @pytest.mark.nightly
-def test_calibration_is_right_to_its_standard_deviations(conforms, measured):
-    full = measured.full
-    lenses = np.array([lens_of(c.K, c.distortion) for c in full.cameras])
-    true = np.array([lens_of(c.K, c.distortion) for c in truth()])
-    pulls = (lenses - true) / full.deviations
-    conforms.sampled(np.abs(pulls).max(), below=4.5)
-    conforms.sampled(rms(pulls), above=0.5, below=1.6)  # 24 that partly go together
-    _, centres, turns = align_cameras(full.cameras, truth())
-    centre_deviations, turn_deviations = camera_deviations(full)
-    conforms.sampled(rms(centres / centre_deviations), below=2.2)
-    conforms.sampled(rms(turns / turn_deviations), below=2.2)
-    conforms.independent(np.linalg.norm(centres, axis=1).max(), below=2e-4)  # m, of 0.9 m
-
-
-@pytest.mark.nightly
-def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
-    data, sigma = measured.data, measured.tracks.sigma
-    for camera, found in enumerate(data["tracks"].values[:, 0]):
-        errors = found - SCENE.tracks(camera)
+def test_centres_are_found_to_what_their_scatter_says(conforms, global_shutter):
+    tracks, data = global_shutter
+    for camera, (found, sigma) in enumerate(zip(tracks, data["centre_scatter"], strict=True)):
+        errors = found.centres - Scene().tracks(camera)
         assert np.isfinite(errors).all()
         # What stays from frame to frame is no scatter: the light of a round aperture is not spread
         # as the fit has it, which leaves 0.007 px.
-        conforms.sampled(np.std(errors) / rms(sigma[camera]), above=0.9)
-        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma[camera]), 0.009))
+        conforms.sampled(np.std(errors) / rms(sigma), above=0.9)
+        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma), 0.009))
         # A disc's image has its middle beside that of its centre, by f (r/d)² sin θ cos θ.
         conforms.independent(np.abs(errors.mean(axis=(0, 2))).max(), below=0.008)
 
 
-@pytest.mark.nightly
-def test_deflection_is_the_true_one(conforms, measured):
-    tracks, data = measured.tracks, measured.data
-    instant = methods.find_maxima(data, SCENE.manifest().structure.damping)
-    found, predicted = methods.measure_deflection(
-        tracks, instant, "harmonic", data["exposure"].values
-    )
-    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    conforms.independent(tracks.frame.scale, 1, atol=2e-4)
-    conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)  # 75 markers: 4 σ
+def assert_true(conforms, data):
+    """The deflection is the true one to its standard errors."""
+    found, true = data["deflection"].values, Scene().shape
+    off = (found - true) / data["standard_error"].values
+    conforms.sampled(rms(off), 1, atol=0.35)  # 75 markers: 4 σ
     conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
-    conforms.independent(rms(found - true), below=3e-6)  # m; the tip moves by 4 mm
 
 
 @pytest.mark.nightly
-def test_deflection_under_rolling_shutters_is_the_true_one(conforms, measured, tmp_path):
-    # Two of the cameras, whose rows take 80 % of a frame's time to be read, told so and not.
-    row_time = 0.8 / RATE / SCENE.eyes[0].size[1]
-    rolling = Scene(eyes=SCENE.eyes[:2], optics=replace(LIGHT, row_time=row_time))
-    rolling.film(tmp_path, shots=False)
-    for eye in rolling.eyes:
-        shutil.copytree(measured.folder / eye.name, tmp_path / eye.name, dirs_exist_ok=True)
-    write_manifest(rolling.manifest(), tmp_path / "manifest.yaml")
-    data = own.shape_of(tmp_path / "manifest.yaml", tmp_path / "steps")
-    found, predicted = data["deflection"].values, data["standard_error"].values
-    quadrature = data["quadrature"].values
-    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)
-    conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
-    conforms.sampled(rms(quadrature / predicted), below=2)  # 10 if it is taken for a global shutter
+def test_deflection_is_the_true_one(conforms, global_shutter):
+    _, data = global_shutter
+    assert_true(conforms, data)
+    conforms.independent(float(data["grid_scale"]), 1, atol=2e-4)
+    conforms.independent(rms(data["deflection"] - Scene().shape), below=3e-6)  # m, of 4 mm
 
 
-# Edges along the pixels, under a lens that spreads no light.
-
-FACING = looking("S", (0.02, -0.03, 0.9), 0.3, (640, 360), (760, 760))
-
-
-@pytest.mark.parametrize(
-    ("spread", "most"),
-    [
-        # Edges along the pixels are then ramps, and the fit's are not: 0.07 px.
-        pytest.param(sharp, 0.1, id="none"),
-        pytest.param(gaussian(1.2), 0.03, id="wide"),
-    ],
-)
-def test_corners_are_found_whatever_the_spread(conforms, spread, most):
-    tiles, board = SCENE.board, Board(9, 9, 0.028, 0.020)
-    light = tiles.shot(FACING, np.eye(3), np.zeros(3), Optics(spread=spread, fine=8))
-    true = FACING.project(tiles.corners)
-    found = find_corners(grey(light, np.random.default_rng(0)), board)
-    apart = np.linalg.norm(found[:, :, None] - true[:, None], axis=0).min(axis=1)
-    conforms.independent(rms(apart), below=most)
+@pytest.mark.nightly
+def test_deflection_under_rolling_shutters_is_the_true_one(conforms, tmp_path):
+    """Two of the cameras, whose rows take 80 % of a frame's time to be read."""
+    eyes = Scene().eyes[:2]
+    _, data = measured(Scene(eyes=eyes, row_time=0.8 / RATE / eyes[0].size[1]), tmp_path)
+    assert_true(conforms, data)
+    ratio = data["quadrature"] / data["standard_error"]
+    conforms.sampled(rms(ratio), below=2)  # 10 if it is taken for a global shutter
 
 
 # POV-Ray.

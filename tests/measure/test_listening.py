@@ -43,22 +43,6 @@ def refusal(manifest, folder, kind=SynchronisationError):
     return str(error.value)
 
 
-def test_delays_and_force_are_the_true_ones(conforms, tmp_path):
-    rate = 44100
-    t = np.arange(4 * rate) / rate
-    starts = np.array([0.1, 0.0, 0.2371])
-    found = estimate_delays(
-        folder_of(tmp_path, [force(t + start) for start in starts], rate), tmp_path
-    )
-    delays = found.synchronisation.delays
-    conforms.closed_form(delays, starts - starts[0], atol=1e-4 / 60)
-    turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])  # on A's clock
-    conforms.closed_form(abs(found.force / turned - 1), below=2e-4)
-    begin, end = found.steady
-    assert 0.9 + 2 / FREQUENCY < begin < 0.9 + 3.3 / FREQUENCY
-    assert 3.9 < end <= 4
-
-
 T = np.arange(4 * RATE) / RATE
 NOISE = 0.1 * np.random.default_rng(0).standard_normal(len(T))
 

@@ -17,7 +17,6 @@ from thesis_lib.measure.synchronisation.audio import (
 from thesis_lib.measure.synchronisation.delays import (
     delay_deviation,
     force_match,
-    phase_delays,
 )
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import (
@@ -136,16 +135,6 @@ def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     scatter = np.sqrt(np.mean(missed**2))
     conforms.sampled(scatter / bound, above=0.85, below=1.2)
     conforms.sampled(abs(missed.mean()), below=4 * bound / np.sqrt(missed.size / 2))
-
-
-@pytest.mark.parametrize("signal", [transient, lambda t: growing(5 - t)])
-def test_the_phase_of_a_tone_that_grows_or_fades_errs_by_the_noise_alone(conforms, signal):
-    """What grows or fades is left out: none of it stays when there is no noise."""
-    for snr_db, most in ((20.0, 0.005), (60.0, 1e-4)):
-        for seed in range(3):
-            signals, truth = recordings(signal, seed, snr_db, seconds=3.5)
-            error = FPS * (phase_delays(signals, RATE, FREQUENCY, truth) - truth)
-            conforms.sampled(np.abs(error).max(), below=most)
 
 
 # Ambiguity.

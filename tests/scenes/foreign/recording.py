@@ -1,4 +1,4 @@
-"""A small laboratory filmed by the ray caster and written by Pillow and PyAV.
+"""A small laboratory filmed by the ray caster and written by PyAV.
 
 The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictures.
 """
@@ -8,15 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
-from PIL import Image
-from scenes.foreign.rays import Chessboard, Eye, Film, Optics, Strip, grey, looking
+from scenes.foreign.rays import Eye, Film, Strip, grey, looking
 from scenes.sounds import write_film
 
-from thesis_lib.measure.recordings.board import BoardSpec
+from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
-from thesis_lib.measure.recordings.manifest_parts import Excitation
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Reuse
+from thesis_lib.vision.pinhole import Camera
 
 RATE, SOUND_RATE = 60, 48000  # frames and samples a second
 FREQUENCY, TIP = 11.3, 0.004  # Hz, m
@@ -54,57 +53,43 @@ def eyes() -> list[Eye]:
     ]  # fmt: skip
 
 
-def poses(shots=8):
-    """Rotations (shots, 3, 3) and places (shots, 3) of the board, tilted to all sides."""
-    k = np.arange(shots)
-    tilt, turn = np.radians(np.where(k == 0, 4, 20 + 5.0 * (k % 3))), 2.4 * k
-    axes = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1) * tilt[:, None]
-    rolls = np.radians(7.0 + 9 * (k % 4))
-    R = np.array([cv2.Rodrigues(a)[0] @ cv2.Rodrigues(np.array([0, 0, r]))[0]
-                  for a, r in zip(axes, rolls, strict=True)])  # fmt: skip
-    t = np.stack([0.15 * np.cos(3.9 * k), 0.05 * np.sin(2.3 * k), 0.03 * np.cos(1.7 * k)], axis=1)
-    t[0] = 0
-    return R, t
-
-
 @dataclass(frozen=True)
 class Scene:
     """All that is filmed."""
 
     eyes: Sequence[Eye] = field(default_factory=eyes)
-    optics: Optics = field(default_factory=Optics)
+    row_time: float = 0.0  # s from row to row: a rolling shutter
     strip: Strip = field(default_factory=Strip)
-    board: Chessboard = field(default_factory=lambda: Chessboard(9, 9, 0.028, 0.020))
-    poses: tuple = field(default_factory=poses)
     starts: Sequence[float] = (0.0, 0.0137, 0.0291)
     noise_db: float = 25.0  # power of the force over that of the noise in the sound
+
+    @property
+    def shape(self):
+        """The largest deflection of every marker, m."""
+        return TIP * self.strip.shape(self.strip.points[0])
 
     def tracks(self, camera):
         """Where the markers are, (frames, 2, markers), from the sensor's corner in px."""
         times = self.starts[camera] + STAMPS
         return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
 
-    def corners(self, camera):
-        """Where the board's corners are, (shots, 2, corners), px."""
-        return np.array([self.eyes[camera].project(R @ self.board.corners + t[:, None])
-                         for R, t in zip(*self.poses, strict=True)])  # fmt: skip
-
-    def film(self, folder: Path, shots: bool = True) -> None:
-        """Write videos, with pictures of the board or without."""
+    def film(self, folder: Path) -> None:
+        """Write the videos and the cameras."""
         with ThreadPoolExecutor(2) as pool:
-            list(pool.map(lambda i: self._film(i, folder, shots), range(len(self.eyes))))
+            list(pool.map(lambda i: self._film(i, folder), range(len(self.eyes))))
+        # OpenCV counts pixels from the first one's centre, the library from its corner.
+        corner = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+        cameras = [Camera(eye.name, eye.K + corner, eye.distortion, eye.R, eye.centre, eye.size)
+                   for eye in self.eyes]  # fmt: skip
+        write_opencv(folder / "cameras.yaml", cameras)
 
-    def _film(self, index, folder, shots):
+    def _film(self, index, folder):
         eye, start = self.eyes[index], self.starts[index]
         rng = np.random.default_rng([0, index, 0])
-        (folder / eye.name).mkdir(parents=True, exist_ok=True)
-        for shot, (R, t) in enumerate(zip(*self.poses, strict=True) if shots else ()):
-            picture = Image.fromarray(grey(self.board.shot(eye, R, t, self.optics), rng))
-            picture.save(folder / eye.name / f"{shot:02d}.png")
         clean = force(start + np.arange(int(LENGTH * SOUND_RATE)) / SOUND_RATE)
         spread = 0.4 / np.sqrt(2) * 10 ** (-self.noise_db / 20)
         noise = np.random.default_rng([0, index, 99]).standard_normal(len(clean))
-        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.optics)
+        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.row_time)
         frames = (grey(view.picture(start + stamp), rng) for stamp in STAMPS)
         write_film(folder / f"{eye.name}.mkv", [clean + spread * noise], SOUND_RATE, frames=frames,
                    frame_rate=RATE, pictures="ffv1", pix_fmt="gray", codec="pcm_s16le")  # fmt: skip
@@ -116,14 +101,10 @@ class Scene:
                 CameraFiles(
                     name=eye.name, video=f"{eye.name}.mkv", width_px=eye.size[0],
                     height_px=eye.size[1], frame_rate_hz=RATE, exposure_s=EXPOSURE,
-                    readout_s=(eye.size[1] - 1) * self.optics.row_time,
-                    board_images=f"{eye.name}/*.png",
+                    readout_s=(eye.size[1] - 1) * self.row_time,
                 )
                 for eye in self.eyes
             ),
-            board=BoardSpec(
-                columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
-                margin_mm=1e3 * self.board.margin, two_sided=False,
-            ),
+            calibration=Reuse(file="cameras.yaml"),
             excitation=Excitation(frequency_hz=FREQUENCY, rest_duration_s=REST),
         )  # fmt: skip
