@@ -169,16 +169,6 @@ def test_a_slightly_bent_board_is_found_at_any_size(scenes, scale):
     assert np.isfinite(find_corners(image, BOARD)).all()
 
 
-def test_large_tiles_are_found(conforms, scenes, marked):
-    for board, (clean, exact) in ((BOARD, scenes[1]), (MARKED, marked)):
-        low, high = (np.round(f(exact, axis=1)).astype(int) for f in (np.min, np.max))
-        part = clean[low[1] - 60 : high[1] + 60, low[0] - 60 : high[0] + 60]
-        image = cv2.resize(photograph(part, 2), None, fx=4, fy=4)
-        found = find_corners(image, board) / 4 + (low - 60)[:, None]
-        off = found - exact if board.mark else nearest_order(found, exact)
-        conforms.sampled(rms(off), below=0.03)
-
-
 def test_boards_printed_white_on_black_are_read(conforms, scenes, marked):
     for board, (clean, exact) in ((BOARD, scenes[0]), (MARKED, marked)):
         found = find_corners(255 - photograph(clean, 1), board)

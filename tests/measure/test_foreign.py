@@ -15,16 +15,9 @@ from scenes.foreign import photographs, povray
 from scenes.foreign.recording import RATE, Scene
 from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
-from thesis_lib.measure.calibration.bundle_adjustment import (
-    Adjustment,
-    adjust_bundle,
-)
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.rig import (
-    Calibration,
-    calibrate_camera,
-    unify_corners,
-)
+from thesis_lib.measure.calibration.rig import Calibration, calibrate_camera, unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
 from thesis_lib.measure.pipeline import fit_deflection, record_tracks
 from thesis_lib.measure.recordings.board import Board

@@ -76,6 +76,9 @@ def test_cameras_of_unlike_sample_rates_are_put_on_one_clock(conforms, tmp_path,
     conforms.closed_form(found.synchronisation.delays[1], 0.1371, atol=1e-4 / 60)
     turned = FORCE * np.exp(2j * np.pi * FREQUENCY * starts[0])
     conforms.closed_form(abs(found.force / turned - 1), below=5e-4)
+    begin, end = found.steady
+    assert 0.9 + 2 / FREQUENCY < begin < 0.9 + 3.3 / FREQUENCY
+    assert 3.8 < end <= 3.9
 
 
 def test_a_frequency_that_cannot_be_filmed_is_refused(tmp_path):
@@ -135,29 +138,13 @@ def test_sounds_without_one_tone_are_refused_if_it_is_sought(tmp_path, sounds, w
         assert word in message
 
 
-@pytest.mark.parametrize(
-    ("frequency", "declared", "told"),
-    [
-        (29.9, False, None),
-        (70.0, False, "given 70, allowed: below half of the frame rate, 30 Hz"),
-        (59.39, True, None),
-        (59.41, True, "given 59.41, allowed: at least 0.6 Hz from 60 Hz"),
-    ],
-)
-def test_what_the_cameras_sample_too_rarely_must_be_declared(frequency, declared, told):
-    excitation = Excitation(frequency_hz=frequency, undersampled=declared)
-    cameras = tuple(
-        CameraFiles(
-            name=name, video=f"{name}.mkv", exposure_s=0.004, board_images="s", frame_rate_hz=60
-        )
-        for name in "BC"
-    )
-    lines = check_excitation(Manifest(cameras=cameras, excitation=excitation))
-    if told is None:
-        assert lines == []
-    else:
-        (line,) = lines
-        assert line.startswith(f"excitation.frequency_hz: {told}")
+@pytest.mark.parametrize(("frequency", "refused"), [(59.39, False), (59.41, True)])
+def test_what_is_undersampled_keeps_from_the_frame_rate(tmp_path, frequency, refused):
+    manifest = folder_of(tmp_path, [T[:0]] * 2, frequency_hz=frequency, undersampled=True)
+    cameras = (one.model_copy(update={"frame_rate_hz": 60.0}) for one in manifest.cameras)
+    lines = check_excitation(manifest.model_copy(update={"cameras": tuple(cameras)}))
+    told = "excitation.frequency_hz: given 59.41, allowed: at least 0.6 Hz from 60 Hz"
+    assert [line.startswith(told) for line in lines] == [True] * refused
 
 
 # A steady part that is given.

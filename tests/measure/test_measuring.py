@@ -1,4 +1,4 @@
-"""Parts of a measurement of one's own recordings: sums, frequencies, models, files, steps."""
+"""Parts of a measurement of one's own recordings: sums, frequencies, models, files."""
 
 import numpy as np
 import pytest
@@ -125,6 +125,3 @@ def test_the_universal_file_joins_neighbours_and_leaves_out_what_is_unknown(conf
     spectrum = np.fft.rfft([response["data"] for response in responses])
     period = len(responses[0]["data"])
     conforms.closed_form(spectrum[:, 1] * 2 / period, amplitude[known], rtol=1e-4)
-
-
-# Steps.

@@ -10,12 +10,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.radiation import AIR
-from thesis_lib.measure.modes.identify import (
-    Asked,
-    ModalError,
-    identify_modes,
-    modal_assurance,
-)
+from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
 from thesis_lib.measure.report.warnings import check_modes

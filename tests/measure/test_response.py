@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 import pyuff
 import xarray as xr
-from scenes.driven import (
-    FINE,
-    PLACE,
-    RATES,
-    Driven,
-    random_force,
-    swept_force,
-    write_wav,
-)
+from scenes.driven import FINE, PLACE, RATES, Driven, random_force, swept_force, write_wav
 from scenes.modes import calibration_of, recorded, rig
 from scipy.signal import resample_poly
 from sdypy import EMA
@@ -331,12 +323,7 @@ def test_a_sound_track_of_a_camera_has_its_clock(tmp_path):
 
 def manifest_for(folder, **force):
     """Two cameras of 10 Hz, and a force."""
-    given = {
-        "file": "force.wav",
-        "full_scale_n": SCALE,
-        "offset_s": 0.0,
-        "at_mm": [100.0, 15.0],
-    }
+    given = {"file": "force.wav", "full_scale_n": SCALE, "offset_s": 0.0, "at_mm": [100.0, 15.0]}
     cameras = [
         {"name": name, "video": f"{name}.mkv", "board_images": "x*.png", "exposure_s": 0.01,
          "frame_rate_hz": 10.0} for name in "AB"
@@ -476,7 +463,7 @@ def test_another_library_finds_the_same_modes_in_the_exported_curves(tapped):
 
 
 @pytest.mark.nightly
-def test_what_a_reader_should_know_is_told(driven, averaged, swept):
+def test_what_a_reader_should_know_is_told(driven, averaged):
     manifest, data = driven.asked(segment_s=5.0), averaged
     changes = {
         "The force covers": {"filmed": ("end", [0.0, 90.0])},
@@ -495,14 +482,4 @@ def test_what_a_reader_should_know_is_told(driven, averaged, swept):
     for told, changed in changes.items():
         assert not [one for one in check_response(data, manifest) if re.match(told, one.text)]
         noted = check_response(data.assign(changed), manifest)
-        there = [one for one in noted if re.match(told, one.text)]
-        assert there, told
-    short = driven.asked(segment_s=1.0)  # whatever damping the manifest has
-    stiff = short.structure.model_copy(update={"damping": 0.5})
-    noted = check_response(driven.responded(short), short.model_copy(update={"structure": stiff}))
-    assert "segment-short" in {one.code for one in noted}
-    sweep = swept.asked("sweep")
-    early = sweep.excitation.model_copy(update={"steady_interval_s": (0.5, 5.0)})
-    cut = sweep.model_copy(update={"excitation": early})
-    noted = check_response(swept.responded(cut), cut)
-    assert "still-ringing" in {one.code for one in noted}
+        assert [one for one in noted if re.match(told, one.text)], told

@@ -117,9 +117,7 @@ def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frequency", "how"),
-    [(1.7, {"like": 0.5}), (4.25, {"kept": 0.9, "fastest": True})],
-    ids=str,
+    ("frequency", "how"), [(1.7, {"like": 0.5}), (4.25, {"kept": 0.9, "fastest": True})], ids=str
 )
 def test_standard_errors_are_what_noise_of_any_kind_scatters_by(
     conforms, tmp_path, monkeypatch, frequency, how

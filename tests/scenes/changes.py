@@ -28,10 +28,7 @@ SHAPE_CHANGES = {
     "force_mm": [60, 60],
 }
 SPECIAL = {
-    "cameras": {
-        "sensors_mm": {"one": [4, 3]},
-        "bayer_pattern": "GRBG",
-    },
+    "cameras": {"sensors_mm": {"one": [4, 3]}, "bayer_pattern": "GRBG"},
     "lab-layout": {
         "focal_length_mm": 23,
         "elevation_deg": 21,
