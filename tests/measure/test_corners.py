@@ -125,18 +125,12 @@ def test_boards_that_begin_with_a_light_tile_are_read_too(conforms, marked):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        (
-            {"dictionary": "DICT_6X6_250"},
-            "0 marks of DICT_6X6_250 seen, but 24 of DICT_5X5_250; 0 .* 8 × 6 tiles, needs 12",
-        ),
-        (
-            {"columns": 7},
-            "24 marks of DICT_5X5_1000 seen; 0 corners .* as on .* 7 × 6 tiles, needs 12",
-        ),
-        ({"mark": 0.0}, "a corner's edges misfit by [0-9]+% of the contrast, allowed 60%"),
-    ],
-)
+    [({"dictionary": "DICT_6X6_250"},
+      "0 marks of DICT_6X6_250 seen, but 24 of DICT_5X5_250; 0 .* 8 × 6 tiles, needs 12"),
+     ({"columns": 7},
+      "24 marks of DICT_5X5_1000 seen; 0 corners .* as on .* 7 × 6 tiles, needs 12"),
+     ({"mark": 0.0}, "a corner's edges misfit by [0-9]+% of the contrast, allowed 60%")],
+)  # fmt: skip
 def test_another_board_with_marks_is_refused_by_what_is_seen(marked, change, words):
     with pytest.raises(BoardNotFound, match=f"^{words}$"):
         find_corners(photograph(marked[0]), replace(MARKED, **change))

@@ -218,7 +218,8 @@ def write(path: Path, phone: Phone, frames, stamps: np.ndarray) -> None:
     tinted = [np.rint(np.stack([image, 0.97 * image, 0.92 * image], axis=-1)) for image in stored]
     ticks = np.rint(stamps / float(TICK)).astype(int).tolist()
     write_film(path, [sound], SOUND_RATE, frames=[image.astype(np.uint8) for image in tinted],
-               frame_rate=phone.rate, times=ticks, tick=TICK, pictures="libx264", options={"crf": "23", "preset": "medium"})  # fmt: skip
+               frame_rate=phone.rate, times=ticks, tick=TICK, pictures="libx264",
+               options={"crf": "23", "preset": "medium"})  # fmt: skip
     if phone.turned:  # shown a quarter to the right
         turn_film(path, path, (0, 1, -1, 0))
 
