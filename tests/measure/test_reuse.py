@@ -79,12 +79,6 @@ def opencv(path, camera, **more):
     file.release()
 
 
-def test_a_file_of_opencv_for_each_camera(tmp_path):
-    for camera in CAMERAS:
-        opencv(tmp_path / f"{camera.name}.yml", camera)
-    assert_same(read_cameras(tmp_path), placed=False)
-
-
 def test_a_file_of_ros(tmp_path):
     camera = CAMERAS[2]
     K = camera.K - 0.5 * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
@@ -165,19 +159,6 @@ def test_a_file_of_kalibr(tmp_path):
     path.write_text(yaml.safe_dump(values), encoding="utf-8")
     with pytest.raises(ManifestError, match=r"cam1: distortion model .*equidistant"):
         read_cameras(path)
-
-
-@pytest.mark.parametrize("ending", [".yml", ".toml"])
-def test_line_ends_and_marks_of_windows(tmp_path, ending):
-    path = tmp_path / f"A{ending}"
-    if ending == ".toml":
-        path.write_text(toml(), encoding="utf-8")
-    else:
-        opencv(path, CAMERAS[0])
-    before = read_cameras(path)
-    text = path.read_text(encoding="utf-8").replace("\n", "\r\n")
-    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
-    assert_same(read_cameras(path), before.cameras, before.placed)
 
 
 @pytest.mark.parametrize(
