@@ -14,7 +14,6 @@ from thesis_lib.vision.triangulation import triangulate
 
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
-POINTS = MARKERS.positions[:, : MARKERS.count]
 WORLD = MARKERS.world[:, : MARKERS.count]
 AZIMUTHS = np.radians([10, -10, 190, 170])
 P = hemisphere_cameras(0.57, AZIMUTHS, np.radians([22.0] * 4), 1280.0, (1920, 1080)).P

@@ -30,7 +30,7 @@ from thesis_lib.vision import pinhole
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
-FULL, HALF = (1920, 1080), (960, 540)
+HALF = (960, 540)
 
 
 def followed(video, at, markers, shares=(), corners=None):
