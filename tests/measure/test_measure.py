@@ -5,6 +5,7 @@ import os
 import resource
 import shutil
 import signal
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,11 +24,15 @@ from thesis_lib.files import CACHE_TAG, RECORD_NAME, put_files
 from thesis_lib.laboratory.recording_files import EXAMPLE_AMPLITUDE_M, example_manifest, example_rig
 from thesis_lib.measure import steps as steps_module
 from thesis_lib.measure.feasibility.assess import assess_manifest
+from thesis_lib.measure.fitting import result
 from thesis_lib.measure.pipeline import OUTPUT_FILES
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
 from thesis_lib.measure.recordings.media_info import frame_times
+from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.report.warnings import check_shape
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vibration.structure import deflection_shape
+from thesis_lib.vision.pinhole import project_points
 from thesis_lib.vision.simulation import assurance_criterion
 
 pytestmark = pytest.mark.slow  # for the report of conformance
@@ -435,3 +440,34 @@ def test_whatever_stops_it_the_same_command_goes_on(measured, data, tmp_path):
 
 
 # Long recordings.
+
+
+@pytest.mark.nightly
+def test_memory_does_not_hold_a_long_recording(conforms, tmp_path, rig):
+    def change(given):
+        beam = given.structure.model_copy(update={"markers": given.structure.markers.model_copy(
+            update={"rows": 2, "columns": 4, "spacing_mm": 150.0, "hole_mm": None})})  # fmt: skip
+        return given.model_copy(update={"structure": beam})
+
+    manifest = change(example_manifest(rig))
+    grid, count, rate = markers_of(manifest), 30_000, 60.0
+    shape = 0.003 * (grid.centres[0] / 0.623) ** 2
+    lift = np.sin(2 * np.pi * 4.25 * np.arange(count) / rate) * (np.arange(count) >= rate)
+    noise, recordings = 0.02 * np.random.default_rng(1).standard_normal((count, 2, grid.count)), []
+    for station in rig.stations[:2]:
+        rest = project_points(station.camera, grid.world)
+        up = project_points(station.camera, grid.world + shape * np.array([[0], [0], [1]])) - rest
+        path = tmp_path / f"{station.camera.name}.npy"
+        np.save(path, rest + up * lift[:, None, None] + noise)
+        recordings.append(Recording(station.camera, rate, 0.0, 1e-6, 0.0, path))
+    del noise
+    sound = xr.Dataset({"frequency": 4.25, "of_sound": np.nan, "of_sound_deviation": np.nan,
+                        "force": ("part", [1.0, 0.0]), "of_force": 1,
+                        "steady": ("end", [1.0, count / rate - 0.1])})  # fmt: skip
+    tracemalloc.start()
+    data = result.shape_result(manifest, sound, recordings)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    found = np.abs(data["deflection"].values)
+    conforms.closed_form(np.sqrt(np.mean((found - shape) ** 2)), below=1e-3 * shape.max())
+    assert peak < path.stat().st_size  # of the tracks of one camera

@@ -1,7 +1,6 @@
 """From tracks to the shape: made-up tracks of known cameras, whose truth is exact."""
 
 import re
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -331,17 +330,6 @@ def test_motion_in_the_plane_widens_standard_errors(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.nanmean(off**2)), below=4)
     off = (data["deflection"] - TRUE) / data["error_of_scatter"]
     conforms.sampled(np.sqrt(np.nanmean(off**2)), above=15)
-
-
-@pytest.mark.nightly
-def test_memory_does_not_hold_a_long_recording(conforms, tmp_path):
-    own = recordings(tmp_path, count=2, noise=0.02, end=200.0)
-    tracemalloc.start()
-    data = shape_result(manifest(), heard(end=200.0), own)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    conforms.sampled(np.nanmax(np.abs(data["deflection"] - TRUE)), below=1e-3 * 0.004)
-    assert peak < own[0].path.stat().st_size
 
 
 @pytest.mark.nightly
