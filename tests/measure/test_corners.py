@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 from scenes.calibration import BOARD, exact_images, nearest_order, photograph, picture, rig
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.laboratory.rig import default_poses
 from thesis_lib.measure.calibration.corners import BoardNotFound, find_corners
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.vision.pinhole import resize_camera
+from thesis_lib.vision.pinhole import Camera, resize_camera
 
 HALF_SIZE = (960, 540)
 MARKED = Board(8, 6, 0.045, 0.045, mark=0.0315)
@@ -53,29 +54,17 @@ def test_corners_are_exact_to_nine_thousandths_of_a_pixel_with_noise(conforms, s
     conforms.sampled(np.abs(found).max(), below=0.05)
 
 
-def test_oblong_boards_are_found(conforms):
-    board = Board(columns=6, rows=5)
-    camera, (R, t) = resize_camera(rig()[0], HALF_SIZE), default_poses()
-    found = find_corners(photograph(picture(camera, R[1], t[1], board), 0), board)
-    exact = exact_images([camera], R[1:2], t[1:2], board.corners)[0, 0]
-    turned = exact.reshape(2, 4, 5)[:, ::-1, ::-1].reshape(2, -1)
-    conforms.closed_form(min(rms(found - exact), rms(found - turned)), below=0.01)
-
-
-@pytest.mark.nightly
-def test_a_board_partly_outside_is_refused_or_right(conforms):
-    camera, (R, _) = resize_camera(rig()[0], HALF_SIZE), default_poses()
-    refused = 0
-    for x in (0.16, 0.2, 0.24, 0.28, 0.32):
-        shift = np.array([x, 0, 0])
-        exact = exact_images([camera], R[:1], shift[None])[0, 0]
-        try:
-            found = find_corners(photograph(picture(camera, R[0], shift, samples=16), 0), BOARD)
-        except BoardNotFound:
-            refused += 1
-        else:
-            conforms.closed_form(np.abs(nearest_order(found, exact)).max(), below=0.2)
-    assert refused >= 2
+@pytest.mark.parametrize(("blur", "most"), [(0.05, 0.1), (1.2, 0.03)])  # px
+def test_corners_are_found_whatever_the_spread(conforms, blur, most):
+    """Edges along the pixels are ramps under a lens that spreads no light, unlike the fit's."""
+    K = np.array([[760, 0, 320], [0, 760, 180], [0, 0, 1.0]])
+    facing = Rotation.from_euler("xz", [180, 0.3], degrees=True).as_matrix()
+    centre, board = np.array([0.02, -0.03, 0.9]), Board(9, 9, 0.028, 0.020)
+    camera = Camera("S", K, np.zeros(5), facing, centre, (640, 360))
+    R, t = np.eye(3), np.zeros(3)
+    found = find_corners(photograph(picture(camera, R, t, board, blur=blur), 0), board)
+    exact = exact_images([camera], R[None], t[None], board.corners)[0, 0]
+    conforms.sampled(rms(np.hypot(*nearest_order(found, exact))), below=most)
 
 
 # Boards with marks: each corner is known by them, wherever it is.
@@ -136,18 +125,12 @@ def test_boards_that_begin_with_a_light_tile_are_read_too(conforms, marked):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        (
-            {"dictionary": "DICT_6X6_250"},
-            "0 marks of DICT_6X6_250 seen, but 24 of DICT_5X5_250; 0 .* 8 × 6 tiles, needs 12",
-        ),
-        (
-            {"columns": 7},
-            "24 marks of DICT_5X5_1000 seen; 0 corners .* as on .* 7 × 6 tiles, needs 12",
-        ),
-        ({"mark": 0.0}, "a corner's edges misfit by [0-9]+% of the contrast, allowed 60%"),
-    ],
-)
+    [({"dictionary": "DICT_6X6_250"},
+      "0 marks of DICT_6X6_250 seen, but 24 of DICT_5X5_250; 0 .* 8 × 6 tiles, needs 12"),
+     ({"columns": 7},
+      "24 marks of DICT_5X5_1000 seen; 0 corners .* as on .* 7 × 6 tiles, needs 12"),
+     ({"mark": 0.0}, "a corner's edges misfit by [0-9]+% of the contrast, allowed 60%")],
+)  # fmt: skip
 def test_another_board_with_marks_is_refused_by_what_is_seen(marked, change, words):
     with pytest.raises(BoardNotFound, match=f"^{words}$"):
         find_corners(photograph(marked[0]), replace(MARKED, **change))
@@ -178,16 +161,6 @@ def test_a_slightly_bent_board_is_found_at_any_size(scenes, scale):
     image = photograph(cv2.remap(clean.astype(np.float32), x, bent, cv2.INTER_LINEAR), 0)
     image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     assert np.isfinite(find_corners(image, BOARD)).all()
-
-
-def test_large_tiles_are_found(conforms, scenes, marked):
-    for board, (clean, exact) in ((BOARD, scenes[1]), (MARKED, marked)):
-        low, high = (np.round(f(exact, axis=1)).astype(int) for f in (np.min, np.max))
-        part = clean[low[1] - 60 : high[1] + 60, low[0] - 60 : high[0] + 60]
-        image = cv2.resize(photograph(part, 2), None, fx=4, fy=4)
-        found = find_corners(image, board) / 4 + (low - 60)[:, None]
-        off = found - exact if board.mark else nearest_order(found, exact)
-        conforms.sampled(rms(off), below=0.03)
 
 
 def test_boards_printed_white_on_black_are_read(conforms, scenes, marked):

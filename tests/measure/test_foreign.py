@@ -1,43 +1,26 @@
 """The measuring chain on material that no code of the library made.
 
-Real photographs by others, compared with OpenCV's own calibration; and recordings by a ray caster
-(`foreign.rays`), written by Pillow and PyAV, compared with what `cv2.projectPoints` says.
+Real photographs by others, compared with OpenCV's own calibration; recordings by a ray caster
+(`foreign.rays`), written by PyAV, compared with what `cv2.projectPoints` says; and a
+plate that two telephones film, rendered by POV-Ray.
 """
 
-import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import pytest
-import xarray as xr
 from scenes import own
-from scenes.foreign import photographs
-from scenes.foreign.rays import Optics, Sensor, airy, gaussian, looking, sharp
-from scenes.foreign.recording import RATE, TIP, Scene, Take
+from scenes.foreign import photographs, povray
+from scenes.foreign.recording import RATE, Scene
 from scenes.jackknife import deviations_of, differences, of_covariance, refitted
 
-from thesis_lib.arrays import Array
-from thesis_lib.figure_sets.experiment import methods as chain
-from thesis_lib.figure_sets.experiment import methods as shapes
-from thesis_lib.measure.calibration.bundle_adjustment import (
-    Adjustment,
-    adjust_bundle,
-    align_cameras,
-    camera_deviations,
-)
+from thesis_lib.measure.calibration.bundle_adjustment import Adjustment, adjust_bundle
 from thesis_lib.measure.calibration.corners import find_corners
-from thesis_lib.measure.calibration.rig import (
-    Calibration,
-    adjust_cameras,
-    calibrate_camera,
-    unify_corners,
-)
+from thesis_lib.measure.calibration.rig import Calibration, calibrate_camera, unify_corners
 from thesis_lib.measure.calibration.uncertainty import jackknife_cameras
+from thesis_lib.measure.pipeline import fit_deflection, record_tracks
 from thesis_lib.measure.recordings.board import Board
-from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
-from thesis_lib.measure.recordings.validation import markers_of
-from thesis_lib.vision.pinhole import Camera
 
 pytestmark = pytest.mark.slow  # for the report of conformance
 
@@ -163,14 +146,13 @@ def test_stated_deviations_are_those_of_refits_without_each_photograph(conforms,
 
 
 @needs_photographs
-@pytest.mark.parametrize("shots", [pytest.param(3, marks=pytest.mark.nightly), 6])
-def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair, shots):
-    """Of calibrations that share no photograph, even from three of them."""
+def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair):
+    """Of calibrations that share no photograph."""
     draw, pulls = np.random.default_rng(0), []
     cameras = [one.camera() for one in pair.single]
     for _ in range(60):
         mixed = draw.permutation(len(photographs.SHOTS))
-        halves = [pair.corners[:, mixed[:shots]], pair.corners[:, mixed[shots : 2 * shots]]]
+        halves = [pair.corners[:, mixed[:6]], pair.corners[:, mixed[6:12]]]
         full = [adjust_bundle(half, TILES.corners, cameras) for half in halves]
         stated = [
             deviations_of(jackknife_cameras(half, TILES.corners, one))
@@ -183,174 +165,88 @@ def test_halves_of_the_photographs_differ_by_what_is_stated(conforms, pair, shot
 
 # Another renderer.
 
-LIGHT = Optics(spread=airy(1.0), slope=0.15, vignetting=0.2)
-SCENE = Scene(optics=LIGHT)
-TAKES = ("plain", "phone")
-
-
-@dataclass
-class Measured:
-    """A take, calibrated and measured."""
-
-    manifest: Manifest
-    corners: Array
-    lost: list[str]
-    full: Adjustment
-    data: xr.Dataset
-
-    @property
-    def tracks(self) -> shapes.Tracks:
-        markers = markers_of(self.manifest)
-        names = [eye.name for eye in SCENE.eyes]
-        return shapes.select_tracks(self.data, markers, names, SCENE.eyes[0].size[0], "full")
-
-    @property
-    def instant(self) -> shapes.Instant:
-        return shapes.find_maxima(self.data, self.manifest.structure.damping)
-
-
-@pytest.fixture(scope="module")
-def takes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Take]:
-    """The same light as a laboratory's camera records it, and as a telephone does."""
-    folder = tmp_path_factory.mktemp("foreign")
-    found = {
-        "plain": Take(folder / "plain"),
-        "phone": Take(folder / "phone", Sensor(srgb=True), "jpg", "h264", "aac"),
-    }  # fmt: skip
-    SCENE.film(list(found.values()))
-    return found
-
-
-@pytest.fixture(scope="module")
-def measured(
-    takes: dict[str, Take], tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, Measured]:
-    found = {}
-    for name, take in takes.items():
-        manifest = SCENE.manifest(take)
-        corners, lost, _, full = adjust_cameras(manifest, take.folder)
-        data = chain.measure_recordings(manifest, take.folder, tmp_path_factory.mktemp("steps"))
-        found[name] = Measured(manifest, corners, lost, full, data)
-    return found
-
-
-def truth() -> list[Camera]:
-    return [
-        Camera(eye.name, eye.K + CORNER, eye.distortion, eye.R, eye.centre, eye.size)
-        for eye in SCENE.eyes
-    ]
-
 
 def rms(values):
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("take", TAKES)
-def test_corners_are_found_to_what_the_adjustment_says_of_them(conforms, measured, take):
-    one = measured[take]
-    assert one.lost == []
-    errors = []
-    for camera, found in enumerate(one.corners):
-        for uv, true in zip(found, SCENE.corners(camera), strict=True):
-            apart = uv[:, :, None] - true[:, None]
-            nearest = np.argmin(np.sum(apart**2, axis=0), axis=1)
-            assert len(np.unique(nearest)) == len(nearest)
-            errors.append(apart[:, np.arange(len(nearest)), nearest])
-    errors = np.array(errors)
-    conforms.sampled(rms(errors), one.full.sigma, rtol=0.1)
-    conforms.independent(rms(errors), below=0.01)
-    conforms.independent(
-        np.abs(errors.mean(axis=(0, 2))).max(), below=0.002
-    )  # no shift of all pixels
+def measured(scene, folder):
+    """What is filmed, by the true cameras: tracks, and what is found."""
+    scene.film(folder)
+    manifest = scene.manifest()
+    found = record_tracks(manifest, folder, folder / "steps", lambda line: None)
+    return found.recordings, fit_deflection(manifest, found)[0]
+
+
+@pytest.fixture(scope="module")
+def global_shutter(tmp_path_factory):
+    return measured(Scene(), tmp_path_factory.mktemp("foreign"))
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("take", TAKES)
-def test_calibration_is_right_to_its_standard_deviations(conforms, measured, take):
-    full = measured[take].full
-    lenses = np.array([lens_of(c.K, c.distortion) for c in full.cameras])
-    true = np.array([lens_of(c.K, c.distortion) for c in truth()])
-    pulls = (lenses - true) / full.deviations
-    conforms.sampled(np.abs(pulls).max(), below=4.5)
-    conforms.sampled(rms(pulls), above=0.5, below=1.6)  # 24 that partly go together
-    _, centres, turns = align_cameras(full.cameras, truth())
-    centre_deviations, turn_deviations = camera_deviations(full)
-    conforms.sampled(rms(centres / centre_deviations), below=2.2)
-    conforms.sampled(rms(turns / turn_deviations), below=2.2)
-    conforms.independent(np.linalg.norm(centres, axis=1).max(), below=2e-4)  # m, of 0.9 m
-
-
-@pytest.mark.nightly
-def test_centres_are_found_to_what_their_scatter_says(conforms, measured):
-    data, sigma = measured["plain"].data, measured["plain"].tracks.sigma
-    for camera, found in enumerate(data["tracks"].values[:, 0]):
-        errors = found - SCENE.tracks(camera)
+def test_centres_are_found_to_what_their_scatter_says(conforms, global_shutter):
+    tracks, data = global_shutter
+    for camera, (found, sigma) in enumerate(zip(tracks, data["centre_scatter"], strict=True)):
+        errors = found.centres - Scene().tracks(camera)
         assert np.isfinite(errors).all()
         # What stays from frame to frame is no scatter: the light of a round aperture is not spread
         # as the fit has it, which leaves 0.007 px.
-        conforms.sampled(np.std(errors) / rms(sigma[camera]), above=0.9)
-        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma[camera]), 0.009))
+        conforms.sampled(np.std(errors) / rms(sigma), above=0.9)
+        conforms.sampled(np.std(errors), below=np.hypot(1.03 * rms(sigma), 0.009))
         # A disc's image has its middle beside that of its centre, by f (r/d)² sin θ cos θ.
         conforms.independent(np.abs(errors.mean(axis=(0, 2))).max(), below=0.008)
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("take", TAKES)
-def test_deflection_is_the_true_one(conforms, measured, take):
-    one = measured[take]
-    exposures = one.data["exposure"].values
-    tracks, instant = one.tracks, one.instant
-    found, predicted = shapes.measure_deflection(tracks, instant, "harmonic", exposures)
-    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    errors = found - true
-    assert np.isfinite(errors).all()
-    conforms.independent(tracks.frame.scale, 1, atol=2e-4)
-    if take == "plain":
-        conforms.sampled(rms(errors / predicted), 1, atol=0.35)  # 75 markers: 4 σ
-        conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
-        conforms.independent(rms(errors), below=3e-6)  # m; the tip moves by 4 mm
-    else:  # H.264 leaves still what moves by less than a few tenths of a pixel
-        conforms.independent(rms(errors), below=0.008 * TIP)
-        conforms.independent(found @ true / (true @ true), 1, atol=0.006)
-
-
-@pytest.mark.nightly
-def test_deflection_under_rolling_shutters_is_the_true_one(conforms, takes, tmp_path):
-    # Two of the cameras, whose rows take 80 % of a frame's time to be read, told so and not.
-    row_time = 0.8 / RATE / SCENE.eyes[0].size[1]
-    rolling = Scene(eyes=SCENE.eyes[:2], optics=replace(LIGHT, row_time=row_time))
-    take = Take(tmp_path)
-    rolling.film([take], shots=False)
-    for eye in rolling.eyes:
-        shutil.copytree(takes["plain"].folder / eye.name, tmp_path / eye.name, dirs_exist_ok=True)
-    write_manifest(rolling.manifest(take), tmp_path / "manifest.yaml")
-    data = own.shape_of(tmp_path / "manifest.yaml", tmp_path / "steps")
-    found, predicted = data["deflection"].values, data["standard_error"].values
-    quadrature = data["quadrature"].values
-    true = TIP * SCENE.strip.shape(SCENE.strip.points[0])
-    conforms.sampled(rms((found - true) / predicted), 1, atol=0.35)
+def assert_true(conforms, data):
+    """The deflection is the true one to its standard errors."""
+    found, true = data["deflection"].values, Scene().shape
+    off = (found - true) / data["standard_error"].values
+    conforms.sampled(rms(off), 1, atol=0.35)  # 75 markers: 4 σ
     conforms.independent(found @ true / (true @ true), 1, atol=1e-3)
-    conforms.sampled(rms(quadrature / predicted), below=2)  # 10 if it is taken for a global shutter
 
 
-# Edges along the pixels, under a lens that spreads no light.
+@pytest.mark.nightly
+def test_deflection_is_the_true_one(conforms, global_shutter):
+    _, data = global_shutter
+    assert_true(conforms, data)
+    conforms.independent(float(data["grid_scale"]), 1, atol=2e-4)
+    conforms.independent(rms(data["deflection"] - Scene().shape), below=3e-6)  # m, of 4 mm
 
-FACING = looking("S", (0.02, -0.03, 0.9), 0.3, (640, 360), (760, 760))
+
+@pytest.mark.nightly
+def test_deflection_under_rolling_shutters_is_the_true_one(conforms, tmp_path):
+    """Two of the cameras, whose rows take 80 % of a frame's time to be read."""
+    eyes = Scene().eyes[:2]
+    _, data = measured(Scene(eyes=eyes, row_time=0.8 / RATE / eyes[0].size[1]), tmp_path)
+    assert_true(conforms, data)
+    ratio = data["quadrature"] / data["standard_error"]
+    conforms.sampled(rms(ratio), below=2)  # 10 if it is taken for a global shutter
 
 
-@pytest.mark.parametrize(
-    ("spread", "most"),
-    [
-        # Edges along the pixels are then ramps, and the fit's are not: 0.07 px.
-        pytest.param(sharp, 0.1, id="none"),
-        pytest.param(gaussian(1.2), 0.03, id="wide"),
-    ],
+# POV-Ray.
+
+needs_povray = pytest.mark.skipif(
+    povray.POVRAY is None, reason="no POV-Ray: apt-get install povray"
 )
-def test_corners_are_found_whatever_the_spread(conforms, spread, most):
-    tiles, board = SCENE.board, Board(9, 9, 0.028, 0.020)
-    light = tiles.shot(FACING, np.eye(3), np.zeros(3), Optics(spread=spread, fine=8))
-    true = FACING.project(tiles.corners)
-    found = find_corners(Sensor().grey(light, np.random.default_rng(0)), board)
-    apart = np.linalg.norm(found[:, :, None] - true[:, None], axis=0).min(axis=1)
-    conforms.independent(rms(apart), below=most)
+
+
+# 0.84 % of the largest deflection are left, 88 % lie within two errors. Of twelve draws of the
+# noise 92 % do: errors are 1.05 times the stated ones. What is over is at the four markers whose
+# images move least, by 0.35 px: compression takes up to a tenth of that in both cameras alike.
+# Motion in the plane does not show it, nor does a marker that stands still.
+@needs_povray
+@pytest.mark.nightly
+def test_the_plates_shape_is_the_true_one_within_its_errors(conforms, tmp_path):
+    """Compressed as phones do it, frames at uneven times, one phone upright."""
+    found = own.shape_of(povray.film(tmp_path), tmp_path / "steps")
+    assert found.attrs["most_similar"] == "mode (2, 1)"
+    off = found["deflection"].values - povray.truth()
+    conforms.independent(np.sqrt(np.mean(off**2)) / povray.AMPLITUDE, below=0.014)
+    conforms.sampled(np.mean(np.abs(off) < 2 * found["standard_error"].values), above=0.75)
+    conforms.independent(found["grid_scale"], 1, atol=1e-3)
+    conforms.independent(found["frequency"], povray.FREQUENCY, atol=5e-3)
+    starts = [phone.start for phone in povray.PHONES]
+    apart = np.subtract(starts, starts[0])
+    conforms.independent(found["delay"] + found["lag"], apart, atol=2e-4)
+    centres = found["camera_centre"].values
+    conforms.independent(centres, [phone.centre for phone in povray.PHONES], atol=1e-3)

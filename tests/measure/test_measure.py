@@ -15,13 +15,7 @@ import pytest
 import pyuff
 import xarray as xr
 from command import thesis
-from scenes.measure import (
-    RESULTS,
-    Page,
-    Running,
-    change_manifest,
-    copied,
-)
+from scenes.measure import RESULTS, Page, Running, change_manifest, copied
 
 from thesis_lib.acoustics.radiation import AIR
 from thesis_lib.facts import setups

@@ -1,24 +1,16 @@
-"""Parts of a measurement of one's own recordings: sums, frequencies, models, files, steps."""
-
-from dataclasses import replace
+"""Parts of a measurement of one's own recordings: sums, frequencies, models, files."""
 
 import numpy as np
 import pytest
 import pyuff
 import xarray as xr
 
-from thesis_lib.facts import setups
-from thesis_lib.laboratory.recording_files import render_frames
-from thesis_lib.laboratory.rig import default_rig
 from thesis_lib.measure.exchange import files
 from thesis_lib.measure.fitting.frequency import FrequencyError, look_for, phase_advance
 from thesis_lib.measure.fitting.harmonics import fit_harmonics, sums_of
 from thesis_lib.measure.fitting.result import candidate_modes, scale_model
-from thesis_lib.measure.recordings import media
-from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.manifest_parts import StructureSpec
-from thesis_lib.measure.tracking import tracks as recording_module
-from thesis_lib.measure.tracking.tracks import Recording, record_track
+from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.pinhole import Camera
 from thesis_lib.vision.simulation import assurance_criterion
 
@@ -86,11 +78,6 @@ def test_the_advance_of_the_phase_corrects_a_frequency(conforms, tmp_path, frequ
     conforms.sampled(abs(found.frequency - frequency), below=5 * bound)
 
 
-def test_growth_is_seen(conforms, tmp_path):
-    found = phase_advance(tracks(tmp_path, 4.25, seconds=10.0, growth=0.2), 0.2, 10.0, 4.25, 1)
-    conforms.closed_form(found.growth, 0.2 * 9.8 / 10, rtol=0.05)
-
-
 # Models.
 
 
@@ -138,53 +125,3 @@ def test_the_universal_file_joins_neighbours_and_leaves_out_what_is_unknown(conf
     spectrum = np.fft.rfft([response["data"] for response in responses])
     period = len(responses[0]["data"])
     conforms.closed_form(spectrum[:, 1] * 2 / period, amplitude[known], rtol=1e-4)
-
-
-# Steps.
-
-
-class StopError(Exception):
-    """Someone pulls the plug."""
-
-
-@pytest.mark.slow
-def test_tracking_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
-    rig = default_rig(setups.thesis_beam(), [(10, 30), (-10, 30)], size=(960, 540))
-    rig = replace(rig, duration=0.5, motion=replace(rig.motion, start=0.3, ramp=0.2))
-    station = rig.stations[0]
-    media.write_video(tmp_path / "A.mkv", render_frames(rig, 0), 60, np.zeros(24000), 48000)
-    files = CameraFiles(name="A", video="A.mkv", width_px=960, height_px=540, exposure_s=0.004,
-                        board_images="shots")  # fmt: skip
-    monkeypatch.setattr(recording_module, "FRAMES_PER_STATE", 7)
-
-    def run(name, key="k", tick=lambda done: None):
-        camera, markers, path = station.camera, rig.markers, tmp_path / name
-        notes.append(
-            record_track(files, tmp_path, clock, camera, markers, 0.445, path, key, tick, (0.5, 1))
-        )
-        return np.load(path)
-
-    notes, clock = [], np.arange(30) / 60
-    whole = run("whole.npy")
-    assert whole.shape == (30, 4, 2, 75)
-    assert np.isfinite(whole).mean() > 0.8
-    done = []
-
-    def stop(frames):
-        done.append(frames)
-        if sum(done) == 18:
-            raise StopError
-
-    with pytest.raises(StopError):
-        run("part.npy", tick=stop)
-    again = []
-    np.testing.assert_array_equal(run("part.npy", tick=again.append), whole)
-    assert again[0] == 14  # two times seven frames were kept
-    assert sum(again) == 30
-    again.clear()
-    run("part.npy", tick=again.append)
-    assert again == [30]
-    again.clear()
-    run("part.npy", key="another", tick=again.append)  # of something else: all anew
-    assert again[0] == 0
-    assert all(told == notes[0] for told in notes)

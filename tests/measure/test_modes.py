@@ -10,14 +10,7 @@ import xarray as xr
 from scenes.modes import BEAM, Truth, beam_modes, calibration_of, recorded, rest, rig, tracks
 
 from thesis_lib.acoustics.radiation import AIR
-from thesis_lib.measure.calibration.bundle_adjustment import Network, step_network
-from thesis_lib.measure.modes.identify import (
-    Asked,
-    ModalError,
-    identify_modes,
-    modal_assurance,
-    modes_result,
-)
+from thesis_lib.measure.modes.identify import Asked, ModalError, identify_modes, modal_assurance
 from thesis_lib.measure.pipeline import Recorded, measure_modes
 from thesis_lib.measure.recordings.manifest_parts import Excitation, Radiation
 from thesis_lib.measure.report.warnings import check_modes
@@ -256,32 +249,6 @@ def known(calibration):
     n = calibration.sizes["camera"]
     sigma = np.r_[np.tile([1e-4] * 3 + [2e-4] * 3, n), np.tile([1, 1, 2, 2, 0, 0, 0, 0], n)]
     return calibration.assign(covariance=(("unknown", "other"), np.diag(sigma**2)))
-
-
-@pytest.mark.nightly
-def test_errors_of_shapes_hold_those_of_the_calibration(tmp_path, conforms):
-    """By cameras drawn about the true ones; without the covariance errors are told too small."""
-    truth = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))
-    recordings, manifest = recorded(tmp_path, RIG, truth)
-    sound = xr.Dataset({"steady": ("end", [0.5, 3.4])}, attrs={"synchronisation": "none"})
-    covariance = 4 * known(calibration_of(recordings))["covariance"].values
-    network = Network(
-        tuple(own.camera for own in recordings), np.zeros((0, 3, 3)), np.zeros((0, 3))
-    )
-    rng, ratios, without = np.random.default_rng(4), [], []
-    for _ in range(8):
-        step = np.sqrt(np.diag(covariance)) * rng.standard_normal(len(covariance))
-        cameras = step_network(network, step).cameras
-        wrong = [replace(own, camera=c) for own, c in zip(recordings, cameras, strict=True)]
-        data = modes_result(manifest, sound, wrong, covariance)
-        found = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
-        true = truth.shape_at(float(data["zero"]) - 0.5)  # the first half second is rest
-        turned = data["deflection"].values + 1j * data["quadrature"].values
-        off = np.real((found - true) * turned / found)
-        ratios.append(off / data["standard_error"].values)
-        without.append(off / data["error_of_scatter"].values)
-    conforms.sampled(np.sqrt(np.mean(np.square(ratios))), above=0.7, below=1.35)
-    assert np.sqrt(np.mean(np.square(without))) > 1.5
 
 
 TWO_MODES = beam_modes(damping=(0.01, 0.006), amplitude=(2e-3, 1e-3j))

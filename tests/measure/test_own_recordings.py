@@ -59,35 +59,6 @@ def test_bright_points_anywhere_on_a_plate(conforms, tmp_path):
     assert data.sizes["marker"] == 40
 
 
-@pytest.mark.nightly
-def test_colour_videos_and_a_clap_in_a_room(conforms, tmp_path):
-    rig = own.short_rig(BEAM, [(12, 30), (-150, 35)], Component(amplitude=0.003, frequency=6.3),
-                        steady=1.7)  # fmt: skip
-    excitation = {"sound": "room", "frequency_hz": None, "steady_interval_s": (0.45, 2.0),
-                  "force_per_full_scale_n": None}  # fmt: skip
-    manifest = own.make(tmp_path, rig, excitation, colour=True,
-                        sound=lambda rig, index: own.room(rig, index, 0.9))  # fmt: skip
-    data = own.shape_of(manifest, tmp_path / "steps")
-    assert data.attrs["most_similar"] == "bending 1"
-    compare(conforms, data, rig, 0.02)
-    conforms.closed_form(float(data["frequency"]), 6.3, atol=0.02)
-    assert np.isnan(data["phase"]).all()
-    starts = [station.start for station in rig.stations]
-    conforms.closed_form(data["delay"], np.subtract(starts, starts[0]), atol=0.1 / 60)
-
-
-@pytest.mark.nightly
-def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(conforms, tmp_path):
-    part = Component("bending", 2, 39.6, 0.0008)
-    rig = own.short_rig(BEAM, [(12, 30), (-12, 30), (170, 30)], part, steady=0.9,
-                        sensor=Sensor(exposure=1 / 500, samples=4))  # fmt: skip
-    manifest = own.make(tmp_path, rig, {"undersampled": True})
-    data = own.shape_of(manifest, tmp_path / "steps")
-    assert data.attrs["most_similar"] == "bending 2"
-    conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
-    conforms.sampled(compare(conforms, data, rig, 0.02), below=3)
-
-
 @pytest.fixture(scope="module")
 def silent(tmp_path_factory):
     """A vibration that two industrial cameras film without sound, never at rest, poses mixed up."""

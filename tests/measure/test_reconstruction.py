@@ -14,7 +14,6 @@ from thesis_lib.vision.triangulation import triangulate
 
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
-POINTS = MARKERS.positions[:, : MARKERS.count]
 WORLD = MARKERS.world[:, : MARKERS.count]
 AZIMUTHS = np.radians([10, -10, 190, 170])
 P = hemisphere_cameras(0.57, AZIMUTHS, np.radians([22.0] * 4), 1280.0, (1920, 1080)).P
@@ -47,14 +46,6 @@ def test_a_point_is_made_from_the_cameras_that_see_it(conforms, seed):
     assert np.isnan(np.delete(points, twice, axis=1)).all()
     expected = [triangulate(P[visible[:, k]], uv[visible[:, k]][:, :, k]) for k in twice]
     conforms.independent(points[:, twice], np.transpose(expected), atol=1e-12)
-
-
-def test_half_an_image_is_no_image(conforms):
-    uv = project(P, WORLD)
-    uv[1, 1, 3] = np.nan
-    points, seen = rc.triangulate_seen(P, uv)
-    assert seen.tolist() == [4] * 3 + [3] + [4] * 71
-    conforms.closed_form(points, WORLD, atol=1e-11)
 
 
 # The beam's frame.
@@ -208,17 +199,6 @@ def test_interpolation_converges_with_the_order_of_its_points(conforms, points):
         errors.append(np.abs(found - np.sin(OMEGA * at + phases)).max())
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     conforms.order(rates, points, atol=0.25)
-
-
-@given(st.floats(0, 1))
-def test_six_frames_err_by_less_than_the_bound_that_is_stated(conforms, fraction):
-    times = np.arange(40) / 60
-    at = (20 + fraction) / 60
-    phases = np.linspace(0, 2 * np.pi, 24)
-    found = rc.interpolate_frames(times, np.sin(np.add.outer(OMEGA * times, phases)), at)
-    bound = (OMEGA / 60) ** 6 * 5 / 1024
-    conforms.closed_form(np.abs(found - np.sin(OMEGA * at + phases)).max(), below=bound)
-    conforms.closed_form(bound, 4e-5, rtol=0.25)
 
 
 def test_a_missing_frame_is_missing_in_what_is_interpolated():

@@ -116,9 +116,7 @@ def spoiled(own, seed, noise=0.05, kept=1.0, like=0.0, fastest=False):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frequency", "how"),
-    [(1.7, {"like": 0.5}), (4.25, {"kept": 0.9, "fastest": True})],
-    ids=str,
+    ("frequency", "how"), [(1.7, {"like": 0.5}), (4.25, {"kept": 0.9, "fastest": True})], ids=str
 )
 def test_standard_errors_are_what_noise_of_any_kind_scatters_by(
     conforms, tmp_path, monkeypatch, frequency, how
@@ -144,23 +142,6 @@ def test_the_frequency_is_looked_for_where_centres_are_missing(conforms, tmp_pat
     error = float(data["frequency_deviation"])
     conforms.sampled(float(data["frequency"]), 4.25, atol=4 * error)
     conforms.sampled(float(data["growth"]), 0, atol=0.003)
-
-
-@pytest.mark.nightly
-def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
-    shapes, without = [], []
-    for seed in range(40):
-        data = shape_result(
-            manifest(), heard(), recordings(tmp_path, noise=0.05, seed=seed, lost=0.1)
-        )
-        shapes.append(data["deflection"].values)
-        without.append(data["without_camera"].values - data["deflection"].values)
-    predicted = np.sqrt(np.mean(data["standard_error"].values ** 2))
-    conforms.sampled(np.sqrt(np.mean((np.array(shapes) - TRUE) ** 2)), predicted, rtol=0.06)
-    # Without a camera the shape differs as its part in the whole says.
-    ratio = np.array(without) / data["without_deviation"].values
-    conforms.sampled(np.sqrt(np.nanmean(ratio**2)), 1, rtol=0.06)
-    assert all("lost" in line for _, line in check_shape(summed(data)))
 
 
 def summed(data):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from command import thesis
-from scipy.signal import butter, sosfilt
+from scenes.sounds import claps, later
 
 from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.media import write_video
@@ -19,33 +19,12 @@ RATE = 16000
 SECONDS = 24
 
 
-def room(seed=0, seconds=SECONDS + 4):
-    """A room's sound at four times the rate: murmur and claps."""
-    rng = np.random.default_rng(seed)
-    n = 4 * RATE * seconds
-    murmur = sosfilt(butter(2, [200, 3000], "bandpass", fs=4 * RATE, output="sos"),
-                     rng.standard_normal(n))  # fmt: skip
-    sound = 0.05 * murmur / murmur.std()
-    for at in rng.uniform(1, seconds - 1, 12):
-        first = int(at * 4 * RATE)
-        clap = rng.standard_normal(2000) * np.exp(-np.arange(2000) / 300)
-        sound[first : first + 2000] += 0.2 * clap
-    return sound
-
-
-def recorded(sound, start, fast, seed, noise=0.01):
-    """What a recorder hears that starts at a time and whose clock is fast."""
-    times = start + np.arange(SECONDS * RATE) / RATE / (1 + fast)
-    heard = np.interp(times * 4 * RATE, np.arange(len(sound)), sound)
-    return heard + noise * np.random.default_rng(seed).standard_normal(len(heard))
-
-
 @pytest.fixture(scope="module")
 def videos(tmp_path_factory):
-    folder, sound = tmp_path_factory.mktemp("room"), room()
+    folder, sound = tmp_path_factory.mktemp("room"), claps(0, SECONDS + 4)
     clocks = {"A": (0.5, 0.0), "B": (1.7312, 30e-6), "C": (0.1117, -20e-6)}
     for k, (name, (start, fast)) in enumerate(clocks.items()):
-        track = recorded(sound, start, fast, k)
+        track = later(sound, start, SECONDS, fast=fast, seed=k)
         pictures = (np.zeros((16, 16), np.uint8) for _ in range(30 * SECONDS))
         write_video(folder / f"{name}.mkv", pictures, 30, track, RATE)
     return [folder / f"{name}.mkv" for name in clocks]
@@ -74,9 +53,9 @@ def test_starts_and_drifts_are_the_true_ones(conforms, videos, tmp_path):
 def test_standard_errors_of_drifts_are_their_scatter(conforms):
     off = []
     for seed in range(30):
-        sound = room(seed, 14)[: 4 * RATE * 13]
-        one = recorded(sound, 0.1, 0.0, seed + 100, 0.1)[: 10 * RATE]
-        other = recorded(sound, 0.4, 15e-6, seed + 200, 0.1)[: 10 * RATE]
+        sound = claps(seed)
+        one = later(sound, 0.1, 10, seed=seed + 100)
+        other = later(sound, 0.4, 10, fast=15e-6, seed=seed + 200)
         found = drift_of(one, other, RATE, (0.0, 0.0), 0.3)
         off.append([(found.drift - 15e-6) / found.drift_deviation,
                     (found.delay - 0.3) / found.delay_deviation])  # fmt: skip
@@ -117,8 +96,7 @@ def test_names_are_neither_formulas_nor_commands_of_the_screen(videos, tmp_path,
 def test_sounds_that_are_unlike_and_files_that_are_none_are_one_line(videos, tmp_path):
     pictures = np.zeros((30, 16, 16), np.uint8)
     write_video(tmp_path / "D.mkv", pictures, 30, np.zeros(0), RATE)
-    track = recorded(room(5), 0.2, 0.0, 9)[: 8 * RATE]
-    write_video(tmp_path / "F.mkv", pictures, 30, track, RATE)
+    write_video(tmp_path / "F.mkv", pictures, 30, later(claps(5), 0.2, 8, seed=9), RATE)
     cases = {
         (videos[0],): (2, "two or more"),
         (videos[0], tmp_path / "D.mkv"): (1, "D.mkv"),

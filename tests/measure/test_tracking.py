@@ -14,7 +14,6 @@ from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.measure.recordings.manifest import CameraFiles
 from thesis_lib.measure.recordings.media_info import frame_clock
 from thesis_lib.measure.tracking import follow as following
-from thesis_lib.measure.tracking import tracker as tracking
 from thesis_lib.measure.tracking.follow import Follower
 from thesis_lib.measure.tracking.homography import (
     TrackingError,
@@ -31,7 +30,7 @@ from thesis_lib.vision import pinhole
 BEAM = setups.thesis_beam()
 MARKERS = rows_on(BEAM)
 MOTION = Motion(BEAM, (Component(), Component("torsion", 1, 6.0, 0.0005)), 0.0, 0.25)
-FULL, HALF = (1920, 1080), (960, 540)
+HALF = (960, 540)
 
 
 def followed(video, at, markers, shares=(), corners=None):
@@ -93,19 +92,10 @@ def rest():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("azimuth", "k1", "by_tables"), [(-10.0, -0.1, True), (170.0, 0.05, False)]
-)
-def test_centres_are_those_of_the_projected_discs(conforms, azimuth, k1, by_tables):
-    at = camera(azimuth, k1=k1)
-    times = np.arange(-1, 22) / 60
+def test_centres_are_those_of_the_projected_discs(conforms):
+    at, times = camera(), np.arange(-1, 22) / 60
     frames = filmed(at, times)
-    view = found_view(at, frames[0])
-    if by_tables:
-        found = tabulated(frames, view)
-    else:
-        tracker = Tracker(view)
-        found = np.array([tracker.centres(frame) for frame in frames])
+    found = tabulated(frames, found_view(at, frames[0]))
     assert np.isfinite(found).all()
     exact = truth(at, times)
     assert np.ptp(exact[:, 1], axis=0).max() > 12  # they move
@@ -238,23 +228,16 @@ def cropped(at, image, view, left, top, right, bottom):
     return part, replace(view, camera=small, H_image_plane=shift @ view.H_image_plane)
 
 
-@pytest.mark.parametrize("border", ["left", "bottom"])
-def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest, border):
+def test_what_the_border_cuts_off_is_missing_and_the_rest_stays(conforms, rest):
     at, image, view, exact = rest
-    box = {"left": 0, "top": 0, "right": 1920, "bottom": 1080}
-    axis = 0 if border == "left" else 1
-    through = exact[axis, 10 if axis == 0 else 12]  # the middle of a marker
-    box[border] = round(through)
-    part, own = cropped(at, image, view, **box)
-    found = Tracker(own).centres(part) + np.array([[box["left"]], [box["top"]]])
-    whole = Tracker(view).centres(image)
-    place = exact[axis] - box[border]
-    place = place if border == "left" else -place
-    out, clear = place < 3, place > 16
+    left = round(exact[0, 10])  # the middle of a marker
+    part, own = cropped(at, image, view, left, 0, 1920, 1080)
+    found = Tracker(own).centres(part) + np.array([[left], [0]])
+    out, clear = exact[0] - left < 3, exact[0] - left > 16
     assert 5 < np.count_nonzero(out) < 70
     assert np.isnan(found[:, out]).all()
     assert np.isfinite(found[:, clear]).all()
-    conforms.invariance(np.nanmax(off(found, whole)), below=0.02)
+    conforms.invariance(np.nanmax(off(found, Tracker(view).centres(image))), below=0.02)
 
 
 def test_what_is_no_beam_gives_no_markers_and_it_comes_back(rest):
@@ -396,20 +379,6 @@ def test_markers_of_another_grid_are_refused(rest, wrong, said):
     assert said in message
 
 
-def test_given_corners_need_not_be_exact(conforms, rest):
-    at, image, view, _ = rest
-    given = corners(at) + 2.0 * np.random.default_rng(3).uniform(-1, 1, (2, 4))
-    own = sharpen_view(image, view_of(at, MARKERS, given))
-    conforms.invariance(Tracker(own).centres(image), Tracker(view).centres(image), atol=2e-3)
-
-
-def test_sharpening_finds_the_spread_of_the_picture(conforms, rest):
-    at, _, view, _ = rest
-    conforms.closed_form(view.blur, above=0.5, below=0.75)
-    blurred = BeamView(at, MARKERS, MOTION, Sensor(spread=1.1)).frame(-1.0)
-    conforms.closed_form(found_view(at, blurred).blur, above=0.95, below=1.25)
-
-
 # Corners as the manifest gives them, and reduced widths.
 
 
@@ -423,12 +392,13 @@ def video(tmp_path_factory):
 
 
 def test_given_corners_are_those_in_the_picture(conforms, rest, video):
-    """They have to be given where no hole tells the clamped end."""
+    """They have to be given where no hole tells the clamped end, and need not be exact."""
     path, at, times = video
     px = seen_corners(at)
     assert off(px, corners(at)).max() > 5  # the lens bends them
     markers = rows_on(BEAM, hole=None)  # which is then one more dark disc
     assert "corners_px" in one_line(find_view, rest[1], at, markers)
+    px = px + 2.0 * np.random.default_rng(3).uniform(-1, 1, px.shape)
     given, _ = followed(path, at, markers, corners=tuple(map(tuple, px.T.tolist())))
     conforms.closed_form(
         off(given.swapaxes(0, 1), truth(at, times).swapaxes(0, 1)).max(), below=0.1
@@ -456,18 +426,6 @@ def test_a_video_is_followed_at_several_widths_at_once(video):
     assert all("320 px" in note for note in notes)
 
 
-def test_reduced_frames_show_the_same_places(conforms, rest):
-    at, image, _, exact = rest
-    small = following.reduce_frame(image, 640)
-    assert following.reduce_frame(image, 1920 + 640) is image  # never larger
-    own = pinhole.resize_camera(at, (640, 360))
-    view = sharpen_view(small, find_view(small, own, MARKERS))
-    error = Tracker(view).centres(small) - exact / 3
-    assert np.mean(np.isnan(error)) < 0.25
-    conforms.closed_form(np.sqrt(np.nanmean(error**2)), below=0.04)
-    conforms.closed_form(np.abs(np.nanmean(error, axis=1)).max(), below=0.015)
-
-
 # The beam resampled on its plane.
 
 
@@ -484,21 +442,6 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
     assert np.nanmedian(away) > 0.15
     tracker.centres(np.full((1080, 1920), 60, np.uint8))
     assert np.isnan(tracker.matched).all()
-
-
-@pytest.mark.parametrize("factor", [0.1, 1000.0])
-def test_the_resampled_beam_follows_the_markers_size(conforms, rest, factor):
-    _, image, view, exact = rest
-    beam = replace(BEAM, length=factor * BEAM.length, width=factor * BEAM.width,
-                   marker_spacing=factor * BEAM.marker_spacing)  # fmt: skip
-    x, y = MARKERS.hole
-    markers = rows_on(beam, 3, 0.01 * factor, 0.005 * factor, (x * factor, y * factor))
-    H = view.H_image_plane @ np.diag([1 / factor, 1 / factor, 1])
-    tracker = Tracker(replace(view, markers=markers, H_image_plane=H))
-    conforms.closed_form(tracker.scale, tracking.THESIS_SCALE_PX_PER_M / factor, rtol=1e-6)
-    conforms.closed_form(tracker.reach, tracking.THESIS_REACH_M * factor, rtol=1e-6)
-    assert abs(tracker.resampled(image).size - 160 * 1346) < 2000
-    conforms.closed_form(off(tracker.centres(image), exact).max(), below=0.02)
 
 
 # Assignment and homographies.

@@ -1,7 +1,24 @@
 """Values of parameters, beside those of the thesis, that every figure set must take."""
 
-PAIR = [[80, 10], [-80, 10]]
+from thesis_lib.figure_sets.registry import STUDIES
 
+PAIR = [[80, 10], [-80, 10]]
+# What one more, or the first of a list, is not another permitted value of.
+CHANGES = {
+    "rest": "known",
+    "azimuth_zero": "X",
+    "principal_offset_px": 0.25,
+    "estimator": "analytic-centre",
+    "repeats": 3,
+    "resolution_px": [320, 181],
+    "pair_order": {"4d": "printed"},
+    "layouts": {"mine": [PAIR]},
+    "grid": [16, 10],
+    "plane_shape": [149, 100],
+    "lens_k1": -0.05,
+    "codec": "h264",
+    "width_px": 1280,
+}
 SHAPE_CHANGES = {
     "outline_mm": [[0, 0], [668, 0], [668, 440], [0, 443]],
     "circles_mm": [[100, 100, 30]],
@@ -9,151 +26,39 @@ SHAPE_CHANGES = {
     "support": "clamped",
     "edge_supports": {"2": "free"},
     "force_mm": [60, 60],
-    "element_mm": 20,
 }
-
-
-CHANGES = {
-    "focal_length_mm": 25,
-    "sensor_width_mm": 35,
-    "amplitude_mm": 5,
-    "rest": "known",
-    "azimuth_zero": "X",
-    "principal_offset_px": 0.25,
-    "estimator": "analytic-centre",
-    "noise_px": 0.1,
-    "first_marker_mm": 12,
-    "readings": ["1 N"],
-    "modes": [1, 2],
-    "repeats": 3,
-    "trials": 201,
-    "seed": 1,
-    "distances_mm": [500, 750],
-    "azimuth_deg": 31,
-    "elevation_deg": 26,
-    "elevations_deg": [5, 20],
-    "half_apertures_deg": [8, 30],
-    "resolution_px": [320, 181],
-    "distance_mm": 501,
-    "widths_px": [320],
-    "pair_order": {"4d": "printed"},
-    "layouts": {"mine": [PAIR]},
-    "grid": [16, 10],
-    "speed_of_sound_m_s": 340,
-    "air_density_kg_m3": 1.2,
-    "plane_half_width_mm": 300,
-    "plane_bottom_mm": 45,
-    "plane_top_mm": 440,
-    "plane_shape": [149, 100],
-    "lens_k1": -0.05,
-    "frequency_hz": 5,
-    "frame_rate_hz": 50,
-    "exposure_ms": 2,
-    "shot_noise": 0.1,
-    "read_noise": 2,
-    "audio_noise_db": 30,
-    "codec": "h264",
-    "width_px": 1280,
-}
-OWN_CHANGES = {
-    "cameras": {
-        "sensors_mm": {"one": [4, 3]},
-        "focal_lengths_mm": [24],
-        "format_widths_px": [640],
-        "marker_mm": 4,
-        "bayer_pattern": "GRBG",
-        "f_numbers": [8],
-        "circle_mm": 0.02,
-        "baselines_mm": [100],
-        "disparity_error_px": 0.2,
-    },
-    "design-law": {
-        "cone_distance_mm": 1100,
-        "cone_deg": 60,
-        "cone_cameras": 8,
-        "amplitude_mm": 5,
-        "small_amplitude_mm": 0.01,
-        "pixels_per_second": 1e8,
-        "counts": [2, 4],
-        "frame_rates_hz": [60, 120],
-        "frequency_hz": 8,
-        "duration_s": 2,
-    },
-    "planner": {
-        "counts": [2, 3],
-        "resolutions_px": [[640, 360]],
-        "beam_amplitude_mm": 5,
-        "plate_amplitude_mm": 9,
-        "tilt_deg": 70,
-        "separation_mm": 60,
-        "target_percent": 4,
-        "step_deg": 15,
-        "starts": 1,
-    },
-    "lab-elevation": {
-        "distance_mm": 571,
-        "periods": 2,
-        "coarse_width_px": 960,
-    },
+SPECIAL = {
+    "cameras": {"sensors_mm": {"one": [4, 3]}, "bayer_pattern": "GRBG"},
     "lab-layout": {
         "focal_length_mm": 23,
-        "sensor_width_mm": 37,
-        "lens_k1": -0.1,
-        "distance_mm": 571,
-        "distances_mm": [600, 800],
         "elevation_deg": 21,
-        "periods": 2,
         "directions_deg": [[10, 22], [-10, 22], [60, 30]],
     },
-    "lab-equal-pixels": {
-        "counts": [2, 3],
-        "diameters_mm": [25],
-        "width_px": 300,
-        "frame_rate_hz": 61,
-        "duration_s": 0.4,
-        "frequency_hz": 12,
-        "exposure_ms": 0.9,
-        "amplitude_mm": 4,
-        "grid": [5, 4],
-        "distance_mm": 1100,
-        "cone_deg": 50,
-    },
-    "lab-radiation": {
-        "cases": ["plate", "beam"],
-        "amplitude_mm": 1.5,
-        "azimuths_deg": [-35, 30, 170],
-        "elevation_deg": 44,
-        "plate_distance_mm": 1000,
-        "beam_distance_mm": 650,
-        "width_px": 800,
-        "frame_rate_hz": 52,
-        "frames": 25,
-        "exposure_ms": 0.9,
-        "trials": 40,
-    },
+    "lab-equal-pixels": {"frequency_hz": 12, "width_px": 300, "grid": [5, 4]},
+    "lab-radiation": {"azimuths_deg": [-35, 30, 170]},
     "lab-modes": {
-        "modes": [2],
         "amplitude_mm": 1,
         "exposure_ms": 1,
         "width_px": 960,
-        "frame_rates_hz": [60, 240],
-        "frames": 25,
         "torsion_mm": 0,
-        "torsion_phase_deg": 0,
         "starts": "together",
-        "highest_hz": 250,
     },
+    "lab-plate": {"exposure_ms": 0.1, "frame_rate_hz": 59},
     "shape-l": SHAPE_CHANGES,
     "shape-holes": SHAPE_CHANGES,
-    "lab-plate": {
-        "amplitude_mm": 2,
-        "exposure_ms": 0.1,
-        "distance_mm": 1010,
-        "distances_mm": [800],
-        "elevations_deg": [25],
-        "widths_px": [960],
-        "camera_counts": [2, 4],
-        "frame_rate_hz": 59,
-        "frames": 17,
-    },
 }
+
+
+def _other(default):
+    if isinstance(default, list):
+        return default[:1]
+    return default + type(default)(1) if isinstance(default, int | float) else default
+
+
+def _changes(name):
+    defaults = {field: value for field, value in STUDIES[name]() if field != "cube"}
+    known = CHANGES | SPECIAL.get(name, {})
+    return {field: known.get(field, _other(value)) for field, value in defaults.items()}
+
+
+OWN_CHANGES = {name: _changes(name) for name in STUDIES}

@@ -6,12 +6,7 @@ from thesis_lib.figure_sets.lab_modes import compute as beam_films
 from thesis_lib.figure_sets.lab_plate import compute as plate_films
 from thesis_lib.laboratory.experiment import join_replicates
 from thesis_lib.laboratory.rig import EXPOSURE_SAMPLES
-from thesis_lib.laboratory.tracking import (
-    TrackedCentres,
-    frame_times,
-    record_tracks,
-    true_centres,
-)
+from thesis_lib.laboratory.tracking import TrackedCentres, frame_times, record_tracks, true_centres
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # of an exposure, from −1 to 1
 

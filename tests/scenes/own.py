@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from scenes.sounds import write_film
 
 from thesis_lib.laboratory import recording_files as laboratory_film
 from thesis_lib.laboratory.recording_files import manifest_of, render_board_images
@@ -46,22 +45,9 @@ def corners_px(rig: Rig, index: int) -> tuple[tuple[float, float], ...]:
     return tuple((float(round(u)), float(round(v))) for u, v in uv.T)
 
 
-def room(rig: Rig, index: int, clap: float) -> np.ndarray:
-    """What a camera's microphone hears: a clap at a world time, a hum, and its own noise."""
-    rng = np.random.default_rng([7, index])
-    times = rig.stations[index].start + np.arange(int(rig.duration * RATE)) / RATE
-    since = times - clap
-    burst = np.random.default_rng(8).standard_normal(int(0.02 * RATE))
-    sound = 0.004 * rng.standard_normal(len(times)) + 0.01 * np.sin(2 * np.pi * 50 * times)
-    first = int(np.argmin(np.abs(since)))
-    sound[first : first + len(burst)] += 0.3 * burst * np.exp(-np.arange(len(burst)) / 200)
-    return np.clip(sound, -0.99, 0.99)
-
-
 def make(
-    folder: Path, rig: Rig, excitation: dict, *, sound=None, corners=False, board_sensor=None,
-    colour=False,
-) -> Path:  # fmt: skip
+    folder: Path, rig: Rig, excitation: dict, *, sound=None, corners=False, board_sensor=None
+) -> Path:
     """Write videos, pictures of the board and the manifest, of one's own making."""
     cameras = []
     manifest = manifest_of(rig)
@@ -69,11 +55,7 @@ def make(
         name = station.camera.name
         audio = laboratory_film.render_sound(rig, index) if sound is None else sound(rig, index)
         frames = laboratory_film.render_frames(rig, index)
-        if colour:
-            write_colour(folder / f"{name}.mp4", frames, station.frame_rate, audio)
-            files = files.model_copy(update={"video": f"{name}.mp4"})
-        else:
-            media.write_video(folder / f"{name}.mkv", frames, station.frame_rate, audio, RATE)
+        media.write_video(folder / f"{name}.mkv", frames, station.frame_rate, audio, RATE)
         sensor = board_sensor or Sensor()
         plain = replace(rig, stations=tuple(replace(s, sensor=sensor) for s in rig.stations))
         for k, shot in enumerate(render_board_images(plain, index)):
@@ -91,13 +73,3 @@ def shape_of(manifest: Path, steps: Path) -> xr.Dataset:
     """What a measurement finds, without its report and the other files."""
     given = read_manifest(manifest)
     return fit_deflection(given, record_tracks(given, manifest.parent, steps, lambda line: None))[0]
-
-
-def write_colour(path: Path, frames, rate: float, audio: np.ndarray) -> None:
-    """A colour video of a phone's kind: H.264 in 4:2:0 and AAC sound, slightly reddish."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    tinted = (
-        np.stack([image, 0.95 * image, 0.9 * image], axis=-1).astype(np.uint8) for image in frames
-    )
-    write_film(path, [audio], RATE, frames=tinted, frame_rate=rate, pictures="libx264",
-               options={"crf": "14"})  # fmt: skip

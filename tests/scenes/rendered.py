@@ -1,23 +1,26 @@
 """Recordings of a beam that is tapped: rendered to video files, with claps."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scenes.driven import write_wav
 from scenes.modes import BEAM
-from scenes.rolling import rolling_frames
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, Image
 from thesis_lib.laboratory.recording_files import SAMPLE_RATE_HZ, manifest_of
-from thesis_lib.laboratory.render import Sensor
+from thesis_lib.laboratory.render import BeamView, Light, Sensor, collect_light
 from thesis_lib.laboratory.rig import Rig, default_rig
 from thesis_lib.measure.exchange.cameras import write_opencv
+from thesis_lib.measure.recordings.board import Markers, on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, write_manifest
 from thesis_lib.measure.recordings.media import write_video
 from thesis_lib.studies.workers import map_in_pairs
+from thesis_lib.vibration.motion import Motion
+from thesis_lib.vision import pinhole
+from thesis_lib.vision.pinhole import Camera
 
 CLAPS = (0.4, 0.47, 0.61, 1.05, 1.5)  # s of the world
 DIRECTIONS = [(-10.0, 22.0), (10.0, 22.0), (170.0, 22.0), (190.0, 22.0)]  # those of chapter 5
@@ -51,6 +54,39 @@ def force_heard(rig: Rig, folder: Path, place: tuple[float, float]) -> dict[str,
     write_wav(folder / "force.wav", newtons / full_scale, heard(world, 99), rate=SAMPLE_RATE_HZ)
     at = [1000 * x for x in place]
     return {"file": "force.wav", "full_scale_n": full_scale, "sound_channel": 2, "at_mm": at}
+
+
+class RollingView(BeamView):
+    """A camera whose rows are exposed one after the other: each point at the time of its row."""
+
+    def __init__(
+        self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor, readout: float
+    ) -> None:
+        super().__init__(camera, markers, motion, sensor)
+        self.readout = readout
+        rest = pinhole.project_points(camera, on_surface(markers.extent, self.points))
+        self.late = readout * (rest[1] / camera.size[1] - 0.5)
+
+    def collect_light(self, time: float) -> Light:
+        """Collect the light around a time in s of the motion, that of the middle row."""
+        samples, late = self.sensor.samples, self.late
+        within = ((np.arange(samples) + 0.5) / samples - 0.5) * self.sensor.exposure
+        for _ in range(2):  # a moving point is seen at the time of the row where it is then
+            at = time + within[:, None] + late
+            deflection = np.einsum("kn,ksn->sn", self.shapes, self.motion.coordinates(at))
+            uv = pinhole.project_points(
+                self.camera, on_surface(self.markers.extent, self.points[:, None], deflection)
+            )
+            late = self.readout * (uv[1].mean(axis=0) / self.camera.size[1] - 0.5)
+        return collect_light(uv, self.polygons, self.camera.size, self.sensor)
+
+
+def rolling_frames(rig: Rig, index: int, readout: float) -> Iterator[Image]:
+    """Render the frames of one camera whose rows are read in `readout` s."""
+    station = rig.stations[index]
+    view = RollingView(station.camera, rig.markers, rig.motion, station.sensor, readout)
+    for k in range(int(rig.duration * station.frame_rate)):
+        yield view.frame(station.start + k / station.frame_rate, rig.generator(1, index, k))
 
 
 def written(rig: Rig, folder: Path, readout: float, **changes: Mapping[str, Any]) -> Path:

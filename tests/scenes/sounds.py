@@ -85,13 +85,13 @@ def later(sound, start, seconds, rate=16000, fast=0.0, to_rate=None, seed=0):
 
 
 def write_film(path, tracks=(), rate=48000, *, frames=30, frame_rate=30, pictures="mpeg4",
-               pix_fmt="yuv420p", limited=None, times=None, options=None, container=None,
-               codec="aac", layout="mono", start=0, stamps=None):  # fmt: skip
+               pix_fmt="yuv420p", limited=None, times=None, tick=None, options=None,
+               container=None, codec="aac", layout="mono", start=0, stamps=None):  # fmt: skip
     """A film as other programs write it, with sound tracks (samples,) or (channels, samples).
 
-    `frames` are images, or a number of plain ones; they are shown at `times`, in frames. `limited`
-    is whether grey levels are 16…235. Sound begins `start` samples late; `stamps` maps the time
-    stamps of its packets, in samples.
+    `frames` are images, or a number of plain ones; they are shown at `times`, in frames or in
+    `tick` s. `limited` is whether grey levels are 16…235. Sound begins `start` samples late;
+    `stamps` maps the time stamps of its packets, in samples.
     """
     if isinstance(frames, int):
         frames = [np.full((48, 64), 40 + k % 100, np.uint8) for k in range(frames)]
@@ -104,6 +104,8 @@ def write_film(path, tracks=(), rate=48000, *, frames=30, frame_rate=30, picture
             film = file.add_stream(pictures, rate=rate_of_frames, options=options or {})
             film.height, film.width = first.shape[:2]
             film.pix_fmt = pix_fmt
+            if tick:
+                film.codec_context.time_base = tick
             ranges = {}
             if limited is not None:
                 film.codec_context.color_range = 1 if limited else 2
@@ -116,7 +118,7 @@ def write_film(path, tracks=(), rate=48000, *, frames=30, frame_rate=30, picture
                 if kind != pix_fmt:
                     frame = frame.reformat(format=pix_fmt, **ranges)
                 frame.pts = k if times is None else times[k]
-                frame.time_base = 1 / rate_of_frames
+                frame.time_base = tick or 1 / rate_of_frames
                 file.mux(film.encode(frame))
             file.mux(film.encode(None))
         for track, sound in zip(outs, tracks, strict=True):

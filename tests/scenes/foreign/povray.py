@@ -6,17 +6,16 @@ telephone is held upright: its frames lie on their side, and the file says how t
 """
 
 import shutil
-import struct
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 import yaml
+from scenes.sounds import turn_film, write_film
 
 POVRAY = shutil.which("povray")
 LENGTH, WIDTH, THICKNESS = 0.24, 0.16, 0.002  # m
@@ -26,7 +25,7 @@ FREQUENCY, AMPLITUDE = 13.0, 0.0018  # Hz, m
 REST, RAMP, SECONDS = 0.25, 0.15, 1.7  # s
 FOCAL = 560.0  # px
 SOUND_RATE = 48000
-UPRIGHT = (65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)  # MP4's matrix of a picture that is not turned
+TICK = Fraction(1, 90_000)  # s of time stamps
 
 
 @dataclass(frozen=True)
@@ -154,8 +153,8 @@ def plate_scene(phone: Phone, deflections: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray, marked: bool = False) -> str:
-    """A checkerboard with a white margin, or OpenCV's print of one with marks."""
+def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray) -> str:
+    """A checkerboard with a white margin."""
 
     def sheet(x0: float, y0: float, x1: float, y1: float, z: float, grey: float) -> str:
         corners = [R @ [x, y, z] + t for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
@@ -166,21 +165,13 @@ def board_scene(phone: Phone, R: np.ndarray, t: np.ndarray, marked: bool = False
     left, low = -nx * TILE / 2, -ny * TILE / 2
     lines = [phone.scene, "background { rgb 0.2 }",
              sheet(left - MARGIN, low - MARGIN, -left + MARGIN, -low + MARGIN, 0, 0.8)]  # fmt: skip
-    dark = np.indices((ny, nx)).sum(axis=0) % 2 == 0
-    if marked:  # 20 dots along a tile, 14 of them along a mark of 7 × 7 bits
-        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_1000)
-        layout = cv2.aruco.CharucoBoard(TILES, 1.0, 0.7, dictionary)
-        dark = layout.generateImage((20 * nx, 20 * ny))[::-1] < 128
-    step = TILE * ny / len(dark)
-    for row, values in enumerate(dark):
-        ends = np.flatnonzero(np.diff(np.pad(values.astype(int), 1)))
-        for i, j in ends.reshape(-1, 2):
-            y = low + row * step
-            lines.append(sheet(left + i * step, y, left + j * step, y + step, 1e-6, 0.05))
+    for row, column in np.argwhere(np.indices((ny, nx)).sum(axis=0) % 2 == 0):
+        x, y = left + column * TILE, low + row * TILE
+        lines.append(sheet(x, y, x + TILE, y + TILE, 1e-6, 0.05))
     return "\n".join(lines)
 
 
-def poses(count: int = 9, away: float = 0.03) -> list[tuple[np.ndarray, np.ndarray]]:
+def poses(count: int = 9) -> list[tuple[np.ndarray, np.ndarray]]:
     """Turns and places of the board, tilted to all sides, its middle near the plate's."""
     k = np.arange(count)
     tilt, way = np.radians(9 + 7.0 * (k % 3)), 2.4 * k
@@ -188,7 +179,7 @@ def poses(count: int = 9, away: float = 0.03) -> list[tuple[np.ndarray, np.ndarr
     for a, b, n in zip(tilt, way, k, strict=True):
         tilted = cv2.Rodrigues(a * np.array([np.cos(b), np.sin(b), 0]))[0]
         rolled = cv2.Rodrigues(np.array([0, 0, np.radians(8.0 * (n % 4) - 12)]))[0]
-        place = [away * np.cos(3.9 * n), away / 1.5 * np.sin(2.3 * n), 0.015 * np.cos(1.7 * n)]
+        place = [0.03 * np.cos(3.9 * n), 0.02 * np.sin(2.3 * n), 0.015 * np.cos(1.7 * n)]
         found.append((tilted @ rolled, np.array(place)))
     return found
 
@@ -213,19 +204,6 @@ def film(folder: Path) -> Path:
     return path
 
 
-def photograph_boards(folder: Path, away: float) -> dict:
-    """Pictures of a board with marks that are often cut off; the manifest, without videos."""
-    rng = np.random.default_rng(6)
-    for phone in PHONES:
-        (folder / phone.name).mkdir(parents=True)
-        for k, (R, t) in enumerate(poses(away=away)):
-            scene = board_scene(phone, R, t, marked=True)
-            picture = rendered(folder / "work" / f"{phone.name}{k}", scene, phone.size)[0]
-            cv2.imwrite(str(folder / phone.name / f"{k:02d}.png"), noisy(picture, rng))
-    board = {"kind": "charuco", "columns": TILES[0], "rows": TILES[1], "tile_mm": 1e3 * TILE}
-    return manifest() | {"board": board}
-
-
 def noisy(picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A picture slightly out of focus, with the noise of a sensor."""
     soft = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 0.6)
@@ -235,39 +213,15 @@ def noisy(picture: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def write(path: Path, phone: Phone, frames, stamps: np.ndarray) -> None:
     """H.264 in colour at frames' own times, with the force as AAC; turned if the phone was."""
     t = np.arange(int(SECONDS * SOUND_RATE)) / SOUND_RATE + phone.start
-    sound = (0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * t)).astype(np.float32)
-    tick = Fraction(1, 90_000)
-    with av.open(str(path), "w") as file:
-        video = file.add_stream("libx264", rate=Fraction(phone.rate).limit_denominator(1001))
-        track = file.add_stream("aac", rate=SOUND_RATE, layout="mono")
-        stored = phone.size[::-1] if phone.turned else phone.size
-        video.width, video.height, video.pix_fmt = *stored, "yuv420p"
-        video.codec_context.time_base = tick
-        video.options = {"crf": "23", "preset": "medium"}
-        for image, stamp in zip(frames, stamps, strict=True):
-            image = np.rot90(image) if phone.turned else image
-            tinted = np.stack([image, 0.97 * image, 0.92 * image], axis=-1)
-            frame = av.VideoFrame.from_ndarray(np.rint(tinted).astype(np.uint8), format="rgb24")
-            frame.pts, frame.time_base = round(stamp / float(tick)), tick
-            file.mux(video.encode(frame))
-        file.mux(video.encode())
-        for k in range(0, len(sound) - 1023, 1024):
-            block = av.AudioFrame.from_ndarray(
-                np.ascontiguousarray(sound[None, k : k + 1024]), format="fltp", layout="mono"
-            )
-            block.sample_rate, block.pts = SOUND_RATE, k
-            file.mux(track.encode(block))
-        file.mux(track.encode())
-    if phone.turned:
-        turn(path, stored[1])
-
-
-def turn(path: Path, height: int) -> None:
-    """Say in an MP4 that its pictures are to be shown a quarter to the right."""
-    data = path.read_bytes()
-    at = data.index(struct.pack(">9i", *UPRIGHT), data.index(b"tkhd"))
-    quarter = struct.pack(">9i", 0, 65536, 0, -65536, 0, 0, height << 16, 0, 1 << 30)
-    path.write_bytes(data[:at] + quarter + data[at + 36 :])
+    sound = 0.4 * envelope(t) * np.cos(2 * np.pi * FREQUENCY * t)
+    stored = [np.rot90(image) if phone.turned else image for image in frames]
+    tinted = [np.rint(np.stack([image, 0.97 * image, 0.92 * image], axis=-1)) for image in stored]
+    ticks = np.rint(stamps / float(TICK)).astype(int).tolist()
+    write_film(path, [sound], SOUND_RATE, frames=[image.astype(np.uint8) for image in tinted],
+               frame_rate=phone.rate, times=ticks, tick=TICK, pictures="libx264",
+               options={"crf": "23", "preset": "medium"})  # fmt: skip
+    if phone.turned:  # shown a quarter to the right
+        turn_film(path, path, (0, 1, -1, 0))
 
 
 def manifest() -> dict:

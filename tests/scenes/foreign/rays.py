@@ -1,19 +1,21 @@
-"""A ray caster for boards and beams, which shares nothing with the library's renderer.
+"""A ray caster for beams, which shares nothing with the library's renderer.
 
 The library projects outlines and sums the exact areas of pixels. Here OpenCV undoes the lens, a ray
-goes through each of many points of a pixel and asks what it hits, to within their spacing; the
-point spread is any kernel on those points. Light is linear: 0 is black, 1 is the brightest that the
+goes through each of many points of a pixel and asks what it hits, to within their spacing; a round
+aperture spreads the light on those points. Light is linear: 0 is black, 1 is the brightest that the
 sensor takes.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from scipy.special import j1
 
 WHITE, DARK, BEHIND = 0.75, 0.08, 0.15
+SLOPE = 0.15  # how much brighter the right end of the scene is lit than the left
+FINE = 4  # rays along each side of a pixel
+AIRY = 1.0  # px: λN of the aperture, whose first dark ring is at 1.22 λN
 MARGIN = 6  # px around what is drawn: farther than light is spread
 EXACT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 
@@ -42,31 +44,27 @@ class Eye:
         high = np.minimum(np.ceil(uv.max(axis=1)).astype(int) + MARGIN, self.size)
         return *low, *high
 
-    def directions(self, box, fine, turn=None):
-        """Rays through fine × fine points of each pixel: x, y and z, each (rows, columns).
-
-        They are in the world, or, with a rotation `turn` from there, in a frame of its own.
-        """
+    def directions(self, box):
+        """Rays in the world through the points of each pixel: x, y and z, each (rows, columns)."""
         u0, v0, u1, v1 = box
         u, v = np.meshgrid(np.arange(u0 - 1.0, u1 + 1), np.arange(v0 - 1.0, v1 + 1))
         pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None]
         flat = cv2.undistortPoints(pixels, self.K, self.distortion, None, None, None, EXACT)
         x, y = flat[:, 0].T.reshape(2, *u.shape).astype(np.float32)
-        x, y = (_refined(_refined(part, fine).T, fine).T for part in (x, y))
-        rotation = self.R.T if turn is None else turn @ self.R.T
-        return [a * x + b * y + c for a, b, c in rotation.astype(np.float32)]
+        x, y = (_refined(_refined(part).T).T for part in (x, y))
+        return [a * x + b * y + c for a, b, c in self.R.T.astype(np.float32)]
 
 
-def _refined(values, fine):
-    """Values (n + 2, ...) at the centres of pixels −1…n, at `fine` points in each of 0…n − 1."""
+def _refined(values):
+    """Values (n + 2, ...) at the centres of pixels −1…n, at the points in each of 0…n − 1."""
     count = len(values) - 2
-    place = (np.arange(count * fine) + 0.5) / fine + 0.5  # from the first of the centres
+    place = (np.arange(count * FINE) + 0.5) / FINE + 0.5  # from the first of the centres
     left = place.astype(int)
     share = (place - left)[:, None].astype(np.float32)
     return (1 - share) * values[left] + share * values[left + 1]
 
 
-def looking(name, place, roll_deg, size, focal, principal=(0, 0), distortion=(0.0,) * 5):
+def looking(name, place, roll_deg, size, focal, principal, distortion):
     """A camera at a place that looks at the origin; up is about +Y."""
     place = np.array(place, float)
     z = -place / np.linalg.norm(place)
@@ -79,57 +77,13 @@ def looking(name, place, roll_deg, size, focal, principal=(0, 0), distortion=(0.
     return Eye(name, size, K, np.array(distortion, float), R, place)
 
 
-# Point spreads, as what they make of the light on the fine points.
-
-
-def sharp(light, fine):
-    """No spread but the pixel's own area."""
-    return light
-
-
-def gaussian(sigma):
-    """A Gaussian of a standard deviation in px."""
-    return lambda light, fine: cv2.GaussianBlur(light, (0, 0), sigma * fine)
-
-
-def airy(wavelength_times_f):
-    """The diffraction of a round aperture: λN in px; its first dark ring is at 1.22 λN."""
-
-    def spread(light, fine):
-        reach = int(5 * wavelength_times_f * fine)
-        x = np.arange(-reach, reach + 1) / fine
-        r = np.pi * np.hypot(x, x[:, None]) / wavelength_times_f
-        kernel = (2 * j1(np.maximum(r, 1e-9)) / np.maximum(r, 1e-9)) ** 2
-        return cv2.filter2D(light, -1, kernel.astype(np.float32) / kernel.sum())
-
-    return spread
-
-
-@dataclass(frozen=True)
-class Optics:
-    """What happens to light between the scene and the sensor."""
-
-    spread: Callable = field(default_factory=lambda: gaussian(0.6))
-    fine: int = 4  # rays along each side of a pixel
-    slope: float = 0.0  # how much brighter the right end of the scene is lit than the left
-    vignetting: float = 0.0  # loss of light in the picture's corners
-    row_time: float = 0.0  # s from row to row: a rolling shutter
-
-
-def _exposed(eye, box, light, optics):
-    """Full linear picture from the light on the fine points of a box."""
-    u0, v0, u1, v1 = box
-    fine = optics.fine
-    spread = optics.spread(light, fine)
-    pixels = spread.reshape(v1 - v0, fine, u1 - u0, fine).mean(axis=(1, 3))
-    picture = np.full(eye.size[::-1], BEHIND, np.float32)
-    picture[v0:v1, u0:u1] = pixels
-    if optics.vignetting:
-        width, height = eye.size
-        u, v = np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2
-        far = (u**2 + v[:, None] ** 2) / (width**2 + height**2) * 4
-        picture *= (1 - optics.vignetting * far).astype(np.float32)
-    return picture
+def _spread(light):
+    """What the diffraction of the aperture makes of the light on the fine points."""
+    reach = int(5 * AIRY * FINE)
+    x = np.arange(-reach, reach + 1) / FINE
+    r = np.maximum(np.pi * np.hypot(x, x[:, None]) / AIRY, 1e-9)
+    kernel = (2 * j1(r) / r) ** 2
+    return cv2.filter2D(light, -1, kernel.astype(np.float32) / kernel.sum())
 
 
 def _soft(inside, spacing):
@@ -146,47 +100,6 @@ def _spacing(x, y):
 
 
 # What is seen.
-
-
-@dataclass(frozen=True)
-class Chessboard:
-    """Tiles in a white margin; its frame is at its centre, as the library's board."""
-
-    columns: int
-    rows: int
-    tile: float
-    margin: float
-
-    @property
-    def corners(self):
-        x = (np.arange(1, self.columns) - self.columns / 2) * self.tile
-        y = (np.arange(1, self.rows) - self.rows / 2) * self.tile
-        X, Y = np.meshgrid(x, y)
-        return np.stack([X.ravel(), Y.ravel(), 0 * X.ravel()])
-
-    def shot(self, eye, R, t, optics):
-        """A linear picture of the board at a pose in the world."""
-        w, h = self.columns * self.tile / 2, self.rows * self.tile / 2
-        rim = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]], float)
-        rim *= [[w + self.margin], [h + self.margin], [0]]
-        box = eye.box(R @ rim + t[:, None])
-        dx, dy, dz = eye.directions(box, optics.fine, R.T)
-        cx, cy, cz = (R.T @ (eye.centre - t)).astype(np.float32)
-        x, y = cx - cz * dx / dz, cy - cz * dy / dz
-        spacing = _spacing(x, y)
-        inside = np.minimum(w - abs(x), h - abs(y))
-        waves = []
-        for place, half in ((x, w), (y, h)):  # from −1 to 1 at every other line of the grid
-            line = np.rint((place + half) / self.tile)
-            step = 2 * _soft(place + half - line * np.float32(self.tile), spacing) - 1
-            waves.append(np.where(line % 2, -step, step))
-        dark = _soft(inside, spacing) * (1 + waves[0] * waves[1]) / 2
-        light = WHITE - np.float32(WHITE - DARK) * dark
-        if optics.slope:
-            light *= 1 + np.float32(optics.slope) * x / np.float32(2 * w)
-        board = _soft(inside + np.float32(self.margin), spacing)
-        light = BEHIND + board * (light - BEHIND)
-        return _exposed(eye, box, light, optics)
 
 
 @dataclass(frozen=True)
@@ -221,47 +134,43 @@ class Strip:
 
 
 class Film:
-    """What one camera sees of a beam whose tip moves."""
+    """What one camera sees of a beam whose tip moves; rows may be read one after the other."""
 
-    def __init__(self, eye, strip, tip, most, exposure, optics):
-        self.eye, self.strip, self.tip, self.optics = eye, strip, tip, optics
+    def __init__(self, eye, strip, tip, most, exposure, row_time):
+        self.eye, self.strip, self.tip, self.row_time = eye, strip, tip, row_time
         rim = [[x, y, z] for x in np.linspace(-0.5, 0.5, 9) * strip.length
                for y in (-0.5 * strip.width, 0.5 * strip.width) for z in (-most, most)]  # fmt: skip
         self.box = eye.box(np.array(rim).T)
-        dx, dy, dz = eye.directions(self.box, optics.fine)
+        dx, dy, dz = eye.directions(self.box)
         cx, cy, cz = eye.centre.astype(np.float32)
         self.along, self.across = dx / dz, dy / dz  # x and y of a ray for each m of height
         self.x = cx - cz * self.along + np.float32(strip.length / 2)
         self.y = cy - cz * self.across + np.float32(strip.width / 2)
         self.spacing = _spacing(self.x, self.y)
         # Every point of a pixel has its own moment of the exposure, in an order of its own.
-        moments, shape = optics.fine**2, self.x.shape
-        rng = np.random.default_rng([0, 7])
-        order = rng.permuted(np.tile(np.arange(moments, dtype=np.uint8), (211, 1)), axis=1)
-        pixel = np.add.outer(np.arange(shape[0]) // optics.fine * 37,
-                             np.arange(shape[1]) // optics.fine) % 211  # fmt: skip
-        point = np.add.outer(np.arange(shape[0]) % optics.fine * optics.fine,
-                             np.arange(shape[1]) % optics.fine)  # fmt: skip
-        self.moment = order[pixel, point]
-        self.moments = exposure * ((np.arange(moments) + 0.5) / moments - 0.5)
+        rows, columns = (n // FINE for n in self.x.shape)
+        order = np.tile(np.arange(FINE**2, dtype=np.uint8), (rows, columns, 1))
+        order = np.random.default_rng([0, 7]).permuted(order, axis=2)
+        order = order.reshape(rows, columns, FINE, FINE).swapaxes(1, 2)
+        self.moment = order.reshape(self.x.shape)
+        self.moments = exposure * ((np.arange(FINE**2) + 0.5) / FINE**2 - 0.5)
 
     def picture(self, time):
         """The linear picture exposed around a time."""
-        strip, optics = self.strip, self.optics
-        if optics.row_time:
-            rows = (self.box[1] + np.arange(self.box[3] - self.box[1])) * optics.row_time
-            tips = self.tip(time + rows[:, None] + self.moments).astype(np.float32)
-            line = np.repeat(np.arange(len(rows)), optics.fine)[:, None]
-            tip = tips[line, self.moment]
-        else:
-            tip = self.tip(time + self.moments).astype(np.float32)[self.moment]
-        x, length = self.x, np.float32(strip.length)
+        u0, v0, u1, v1 = self.box
+        late = np.arange(v0, v1) * self.row_time
+        tips = self.tip(time + late[:, None] + self.moments).astype(np.float32)
+        tip = tips[np.repeat(np.arange(v1 - v0), FINE)[:, None], self.moment]
+        x, length = self.x, np.float32(self.strip.length)
         for _ in range(3):  # where a ray meets the bent surface
             s = np.clip(x, 0, length) / length
             z = tip * (s * s * (6 - 4 * s + s * s) / 3)
             x = self.x + z * self.along
         y = self.y + z * self.across
-        return _exposed(self.eye, self.box, self._light(x, y), optics)
+        light = _spread(self._light(x, y))
+        picture = np.full(self.eye.size[::-1], BEHIND, np.float32)
+        picture[v0:v1, u0:u1] = light.reshape(v1 - v0, FINE, u1 - u0, FINE).mean(axis=(1, 3))
+        return picture
 
     def _light(self, x, y):
         strip, radius = self.strip, np.float32(self.strip.diameter / 2)
@@ -272,8 +181,7 @@ class Film:
         dy = y - y0 - j * np.float32(strip.row_spacing)
         ink = _soft(radius - np.sqrt(dx * dx + dy * dy), self.spacing)
         light = WHITE - np.float32(WHITE - DARK) * ink
-        if self.optics.slope:
-            light *= 1 + np.float32(self.optics.slope) * (x / np.float32(strip.length) - 0.5)
+        light *= 1 + np.float32(SLOPE) * (x / np.float32(strip.length) - 0.5)
         hx, hy = np.float32(strip.hole[0]), np.float32(strip.hole[1])
         inside = np.minimum(np.minimum(x, np.float32(strip.length) - x),
                             np.minimum(y, np.float32(strip.width) - y))  # fmt: skip
@@ -281,24 +189,12 @@ class Film:
         return BEHIND + _soft(inside, self.spacing) * (light - BEHIND)
 
 
-# What the sensor and the camera's software make of it.
+# What the sensor makes of it.
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Noise and coding."""
-
-    shot: float = 0.05  # variance of the noise in grey levels, over the grey level
-    read: float = 1.0
-    srgb: bool = False
-
-    def grey(self, light, rng):
-        """8-bit grey levels of a linear picture."""
-        level = 255 * light
-        level = level + np.sqrt(self.shot * level + self.read**2) * rng.standard_normal(
-            level.shape, np.float32
-        )
-        if self.srgb:
-            v = np.clip(level / 255, 0, 1)
-            level = 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
-        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+def grey(light, rng, shot=0.05, read=1.0):
+    """8-bit grey levels of a linear picture, with `shot` times these as variance of the noise."""
+    level = 255 * light
+    spread = np.sqrt(shot * level + read**2)
+    level = level + spread * rng.standard_normal(level.shape, np.float32)
+    return np.clip(np.rint(level), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""A small laboratory filmed by the ray caster and written by Pillow and PyAV.
+"""A small laboratory filmed by the ray caster and written by PyAV.
 
 The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictures.
 """
@@ -6,18 +6,16 @@ The truth is OpenCV's: `cv2.projectPoints` says where everything is in the pictu
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from fractions import Fraction
 from pathlib import Path
 
-import av
-import cv2
 import numpy as np
-from PIL import Image
-from scenes.foreign.rays import Chessboard, Eye, Film, Optics, Sensor, Strip, looking
+from scenes.foreign.rays import Eye, Film, Strip, grey, looking
+from scenes.sounds import write_film
 
-from thesis_lib.measure.recordings.board import BoardSpec
+from thesis_lib.measure.exchange.cameras import write_opencv
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest
-from thesis_lib.measure.recordings.manifest_parts import Excitation
+from thesis_lib.measure.recordings.manifest_parts import Excitation, Reuse
+from thesis_lib.vision.pinhole import Camera
 
 RATE, SOUND_RATE = 60, 48000  # frames and samples a second
 FREQUENCY, TIP = 11.3, 0.004  # Hz, m
@@ -55,149 +53,58 @@ def eyes() -> list[Eye]:
     ]  # fmt: skip
 
 
-def poses(shots=8):
-    """Rotations (shots, 3, 3) and places (shots, 3) of the board, tilted to all sides."""
-    k = np.arange(shots)
-    tilt, turn = np.radians(np.where(k == 0, 4, 20 + 5.0 * (k % 3))), 2.4 * k
-    axes = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1) * tilt[:, None]
-    rolls = np.radians(7.0 + 9 * (k % 4))
-    R = np.array([cv2.Rodrigues(a)[0] @ cv2.Rodrigues(np.array([0, 0, r]))[0]
-                  for a, r in zip(axes, rolls, strict=True)])  # fmt: skip
-    t = np.stack([0.15 * np.cos(3.9 * k), 0.05 * np.sin(2.3 * k), 0.03 * np.cos(1.7 * k)], axis=1)
-    t[0] = 0
-    return R, t
-
-
-@dataclass(frozen=True)
-class Take:
-    """How the recording is coded and written.
-
-    Pictures of the board are ``png`` or ``jpg``; the video is ``ffv1`` in gray, lossless, or
-    ``h264`` in colour at half the chroma's resolution; the sound is ``pcm`` or ``aac``.
-    """
-
-    folder: Path
-    sensor: Sensor = field(default_factory=Sensor)
-    shots: str = "png"
-    video: str = "ffv1"
-    sound: str = "pcm"
-
-    def video_of(self, eye):
-        """Name of a camera's video."""
-        return f"{eye.name}.{'mkv' if self.video == 'ffv1' else 'mp4'}"
-
-
 @dataclass(frozen=True)
 class Scene:
     """All that is filmed."""
 
     eyes: Sequence[Eye] = field(default_factory=eyes)
-    optics: Optics = field(default_factory=Optics)
+    row_time: float = 0.0  # s from row to row: a rolling shutter
     strip: Strip = field(default_factory=Strip)
-    board: Chessboard = field(default_factory=lambda: Chessboard(9, 9, 0.028, 0.020))
-    poses: tuple = field(default_factory=poses)
     starts: Sequence[float] = (0.0, 0.0137, 0.0291)
     noise_db: float = 25.0  # power of the force over that of the noise in the sound
+
+    @property
+    def shape(self):
+        """The largest deflection of every marker, m."""
+        return TIP * self.strip.shape(self.strip.points[0])
 
     def tracks(self, camera):
         """Where the markers are, (frames, 2, markers), from the sensor's corner in px."""
         times = self.starts[camera] + STAMPS
         return np.array([self.eyes[camera].project(self.strip.world(tip(t))) for t in times])
 
-    def corners(self, camera):
-        """Where the board's corners are, (shots, 2, corners), px."""
-        return np.array([self.eyes[camera].project(R @ self.board.corners + t[:, None])
-                         for R, t in zip(*self.poses, strict=True)])  # fmt: skip
-
-    def film(self, takes: Sequence[Take], shots: bool = True) -> None:
-        """Write the same light as several takes, with pictures of the board or without."""
+    def film(self, folder: Path) -> None:
+        """Write the videos and the cameras."""
         with ThreadPoolExecutor(2) as pool:
-            list(pool.map(lambda i: self._film(i, takes, shots), range(len(self.eyes))))
+            list(pool.map(lambda i: self._film(i, folder), range(len(self.eyes))))
+        # OpenCV counts pixels from the first one's centre, the library from its corner.
+        corner = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+        cameras = [Camera(eye.name, eye.K + corner, eye.distortion, eye.R, eye.centre, eye.size)
+                   for eye in self.eyes]  # fmt: skip
+        write_opencv(folder / "cameras.yaml", cameras)
 
-    def _film(self, index, takes, shots):
+    def _film(self, index, folder):
         eye, start = self.eyes[index], self.starts[index]
-        rng = [np.random.default_rng([0, index, k]) for k in range(len(takes))]
-        for take in takes:
-            (take.folder / eye.name).mkdir(parents=True, exist_ok=True)
-        for shot, (R, t) in enumerate(zip(*self.poses, strict=True) if shots else ()):
-            light = self.board.shot(eye, R, t, self.optics)
-            for take, own in zip(takes, rng, strict=True):
-                picture = Image.fromarray(take.sensor.grey(light, own))
-                path = take.folder / eye.name / f"{shot:02d}.{take.shots}"
-                if take.shots == "jpg":
-                    picture.convert("RGB").save(path, quality=90)
-                else:
-                    picture.save(path)
+        rng = np.random.default_rng([0, index, 0])
         clean = force(start + np.arange(int(LENGTH * SOUND_RATE)) / SOUND_RATE)
         spread = 0.4 / np.sqrt(2) * 10 ** (-self.noise_db / 20)
         noise = np.random.default_rng([0, index, 99]).standard_normal(len(clean))
-        writers = [_Writer(take, eye, clean + spread * noise) for take in takes]
-        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.optics)
-        for stamp in STAMPS:
-            light = view.picture(start + stamp)
-            for take, own, writer in zip(takes, rng, writers, strict=True):
-                writer.add(take.sensor.grey(light, own), stamp)
-        for writer in writers:
-            writer.close()
+        view = Film(eye, self.strip, tip, 1.3 * TIP, EXPOSURE, self.row_time)
+        frames = (grey(view.picture(start + stamp), rng) for stamp in STAMPS)
+        write_film(folder / f"{eye.name}.mkv", [clean + spread * noise], SOUND_RATE, frames=frames,
+                   frame_rate=RATE, pictures="ffv1", pix_fmt="gray", codec="pcm_s16le")  # fmt: skip
 
-    def manifest(self, take: Take) -> Manifest:
-        """What a take's files are; the structure is the thesis's beam."""
+    def manifest(self) -> Manifest:
+        """What the files are; the structure is the thesis's beam."""
         return Manifest(
             cameras=tuple(
                 CameraFiles(
-                    name=eye.name, video=take.video_of(eye), width_px=eye.size[0],
+                    name=eye.name, video=f"{eye.name}.mkv", width_px=eye.size[0],
                     height_px=eye.size[1], frame_rate_hz=RATE, exposure_s=EXPOSURE,
-                    readout_s=(eye.size[1] - 1) * self.optics.row_time,
-                    board_images=f"{eye.name}/*.{take.shots}",
+                    readout_s=(eye.size[1] - 1) * self.row_time,
                 )
                 for eye in self.eyes
             ),
-            board=BoardSpec(
-                columns=self.board.columns, rows=self.board.rows, tile_mm=1e3 * self.board.tile,
-                margin_mm=1e3 * self.board.margin, two_sided=False,
-            ),
+            calibration=Reuse(file="cameras.yaml"),
             excitation=Excitation(frequency_hz=FREQUENCY, rest_duration_s=REST),
         )  # fmt: skip
-
-
-class _Writer:
-    """One video with its sound."""
-
-    def __init__(self, take, eye, sound):
-        self.colour = take.video == "h264"
-        self.file = av.open(str(take.folder / take.video_of(eye)), "w")
-        self.video = self.file.add_stream("libx264" if self.colour else "ffv1", rate=RATE)
-        self.tick = Fraction(1, 90_000 if self.colour else RATE)
-        self.video.codec_context.time_base = self.tick
-        self.video.width, self.video.height = eye.size
-        self.video.pix_fmt = "yuv420p" if self.colour else "gray"
-        if self.colour:
-            self.video.options = {"crf": "12", "preset": "veryfast"}
-        self.track = self.file.add_stream("pcm_s16le" if take.sound == "pcm" else "aac",
-                                          rate=SOUND_RATE, layout="mono")  # fmt: skip
-        self.samples = np.rint(32767 * np.clip(sound, -1, 1)).astype(np.int16)
-        self.heard = 0
-
-    def add(self, image, stamp):
-        if self.colour:  # paper that is not quite white, a lamp that is not either
-            image = np.stack([image, image * 0.98, image * 0.93], axis=-1)
-            frame = av.VideoFrame.from_ndarray(np.rint(image).astype(np.uint8), format="rgb24")
-        else:
-            frame = av.VideoFrame.from_ndarray(image, format="gray")
-        frame.pts, frame.time_base = round(stamp / float(self.tick)), self.tick
-        self.file.mux(self.video.encode(frame))
-        self._sound(round(stamp * SOUND_RATE))
-
-    def _sound(self, until):
-        if self.heard < (until := min(until, len(self.samples))):
-            part = self.samples[None, self.heard : until]
-            block = av.AudioFrame.from_ndarray(part, "s16", "mono")
-            block.sample_rate, block.time_base = SOUND_RATE, Fraction(1, SOUND_RATE)
-            block.pts, self.heard = self.heard, until
-            self.file.mux(self.track.encode(block))
-
-    def close(self):
-        self._sound(len(self.samples))
-        self.file.mux(self.video.encode(None))
-        self.file.mux(self.track.encode(None))
-        self.file.close()
