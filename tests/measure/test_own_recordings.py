@@ -108,3 +108,15 @@ def test_a_pose_that_no_camera_can_use_is_left_out(silent):
     seen = np.isfinite(calibration["corners"]).all(("side", "corner")).any("camera").values
     np.testing.assert_array_equal(np.flatnonzero(~seen), [2, 5, 6])
     assert float(calibration["reprojection_rms"]) < 0.1
+
+
+@pytest.mark.nightly
+def test_a_vibration_too_fast_for_the_frames_is_measured_by_its_known_frequency(conforms, tmp_path):
+    part = Component("bending", 2, 39.6, 0.0008)
+    rig = own.short_rig(BEAM, [(12, 30), (-12, 30), (170, 30)], part, steady=0.9,
+                        sensor=Sensor(exposure=1 / 500, samples=4))  # fmt: skip
+    manifest = own.make(tmp_path, rig, {"undersampled": True})
+    data = own.shape_of(manifest, tmp_path / "steps")
+    assert data.attrs["most_similar"] == "bending 2"
+    conforms.closed_form(float(data["frequency"]), 39.6, atol=0.01)
+    conforms.sampled(compare(conforms, data, rig, 0.02), below=3)

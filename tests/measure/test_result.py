@@ -350,3 +350,20 @@ def test_standard_errors_hold_what_drawn_calibrations_do(conforms, tmp_path):
     conforms.sampled(np.sqrt(np.mean(errors**2)), np.sqrt(np.mean(stated**2)), rtol=0.25)
     conforms.sampled(np.mean(np.abs(errors) < 2 * stated), above=0.88)
     assert np.sqrt(np.mean(errors**2)) > 3 * np.sqrt(np.mean(alone**2))
+
+
+@pytest.mark.nightly
+def test_standard_errors_are_the_scatter_of_repeated_recordings(conforms, tmp_path):
+    shapes, without = [], []
+    for seed in range(40):
+        data = shape_result(
+            manifest(), heard(), recordings(tmp_path, noise=0.05, seed=seed, lost=0.1)
+        )
+        shapes.append(data["deflection"].values)
+        without.append(data["without_camera"].values - data["deflection"].values)
+    predicted = np.sqrt(np.mean(data["standard_error"].values ** 2))
+    conforms.sampled(np.sqrt(np.mean((np.array(shapes) - TRUE) ** 2)), predicted, rtol=0.06)
+    # Without a camera the shape differs as its part in the whole says.
+    ratio = np.array(without) / data["without_deviation"].values
+    conforms.sampled(np.sqrt(np.nanmean(ratio**2)), 1, rtol=0.06)
+    assert all("lost" in line for _, line in check_shape(summed(data)))

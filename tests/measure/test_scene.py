@@ -128,3 +128,25 @@ def test_complex_amplitudes_are_the_first_harmonic_of_the_deflection(conforms):
         found = steady_amplitudes(motion, PLACES, part.frequency)
         conforms.independent(found, expected, atol=1e-15)
     np.testing.assert_array_equal(steady_amplitudes(motion, PLACES, 5.0), 0)
+
+
+def test_driving_the_mode_by_the_force_gives_the_motion_back(conforms):
+    # m (q̈ + 2ξωₙq̇ + ωₙ²q) = F φ(x_F), integrated by Runge and Kutta's method of order 4.
+    motion, xi = Motion(BEAM, (BENDING,), 0.2, 0.5), BEAM.damping
+    natural = 2 * np.pi * BENDING.frequency / np.sqrt(1 - 2 * xi**2)
+    drive, h = BENDING.shape(BEAM, BEAM.force_point)[0] / (BEAM.mass / 4), 1e-3
+    t = np.arange(0, 1.5, h)
+    load = drive * motion.force(np.arange(0, 1.5 + h, h / 2))
+
+    def rate(y, a):
+        return np.array([y[1], a - 2 * xi * natural * y[1] - natural**2 * y[0]])
+
+    y, path = np.zeros(2), []
+    for k in range(len(t)):
+        path.append(y[0])
+        a, b, c = load[2 * k : 2 * k + 3]
+        k1 = rate(y, a)
+        k2 = rate(y + h / 2 * k1, b)
+        k3 = rate(y + h / 2 * k2, b)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(y + h * k3, c))
+    conforms.independent(path, motion.coordinates(t)[0], atol=1e-6 * 0.004)

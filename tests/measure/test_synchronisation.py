@@ -297,3 +297,18 @@ def test_a_tone_is_found_and_its_error_is_the_noise_s(conforms, frequency):
         low, rate = decimate_signal(x, 2000, 64 * frequency)
         off.append((found - frequency) / frequency_deviation(low, rate, found))
     conforms.sampled(np.sqrt(np.mean(np.square(off))), above=0.7, below=1.35)
+
+
+@pytest.mark.nightly
+def test_five_minutes_of_tone_do_not_drown_what_tells_its_periods_apart(conforms):
+    """A clap after 200 s; at a low rate, which makes the same noise denser."""
+    rate, rng = 8000, np.random.default_rng(1)
+    starts, t = rng.uniform(0, 0.3, 2), np.arange(300 * rate) / rate
+    spread, signals = np.sqrt(POWER / 100), []
+    for start in starts:
+        since = np.maximum(t + start - 200, 0)
+        clapped = 0.4 * np.exp(-150 * since) * np.sin(2 * np.pi * 700 * since)
+        signals.append(tone(t + start) + clapped + spread * rng.standard_normal(len(t)))
+    found = synchronise_sounds(signals, rate, FPS, FREQUENCY)
+    assert not found.ambiguous
+    conforms.closed_form(found.delays, starts - starts[0], atol=0.002 / FPS)
