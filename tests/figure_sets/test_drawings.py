@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import matplotlib
 import pytest
@@ -16,8 +15,6 @@ from thesis_lib.figure_sets.display import as_svg
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.plotting import style
 
-TESTS = Path(__file__).parents[1]
-RESULTS = PROJECT / "data" / "results"
 LAYOUTS = {"$\\frac$": [[[20, 30], [-20, 30]]], "a$b$_c^d\\": [[[20, 30], [-20, 30]]]}
 
 
@@ -96,14 +93,3 @@ def test_foreign_configuration_changes_no_byte(cube, tmp_path, kind):
         capture_output=True, text=True, timeout=100, check=True,
     )  # fmt: skip
     assert done.stdout.strip() == hashlib.sha256(drawn(cube).encode()).hexdigest()
-
-
-@pytest.mark.nightly
-def test_all_figures_of_the_book_ten_times_on_a_loaded_machine():
-    if not RESULTS.is_dir():
-        pytest.skip("no data/results: run `thesis book` first")
-    done = subprocess.run(
-        [sys.executable, str(TESTS / "drawings.py"), "10"],
-        capture_output=True, text=True, timeout=7000, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
