@@ -164,4 +164,4 @@ def test_in_the_library_it_passes_the_tests_of_all_figure_sets(own_checkout, tmp
     asked = ["-m", "pytest", "-q", "-k", name, *contracts]
     done = own_checkout.python(*asked, cwd=own_checkout.root, timeout=400)
     assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) == 10
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) == 8
