@@ -20,11 +20,7 @@ def line_of(error: type[Exception], call: Callable[..., object], *given: Any) ->
 
 def refusal(name: str, /, **values: Any) -> str:
     """The one line by which a figure set's request is refused."""
-    with pytest.raises(ParameterError) as caught:
-        validate_request(name, values)
-    message = str(caught.value)
-    assert len(message.splitlines()) == 1, message
-    assert message.isprintable()
+    message = line_of(ParameterError, validate_request, name, values)
     assert message.startswith(f"{name}: ")
     return message
 

@@ -56,14 +56,14 @@ def test_coherence_is_1_of_independent_errors_and_bounded_by_the_loudest_mode(co
         conforms.closed_form(radiation.coherence_ratio(FACTOR, covariance(seed)), below=most)
 
 
-def drawn_errors(turn, draws=11):
+def drawn_errors(turn):
     """Errors (draws, markers) of an opposed pair's deflections, from whole pixels alone."""
     w = deflection_shape(PLATE, 1, PLATE.markers, 0.01)
     x, y = PLATE.markers - np.array(PLATE.extent)[:, None] / 2
     points = np.stack(np.broadcast_arrays(x, y, np.stack([0 * w, w])))
     azimuth, elevation = np.radians([turn, 180 + turn]), np.radians([40, 40])
     rig = hemisphere_cameras(0.75, azimuth, elevation, 320 * 24 / 36, (320, 180))
-    shift = qmc.Sobol(4, rng=0).random_base2(draws).reshape(-1, 2, 2) - 0.5
+    shift = qmc.Sobol(4, rng=0).random_base2(11).reshape(-1, 2, 2) - 0.5
     shift = np.moveaxis(shift, 0, 2)[..., None]
     images = project(rig.P, points)
     rest, moved = (

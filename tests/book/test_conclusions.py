@@ -19,14 +19,14 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.schema import with_provenance
 
 
-def power_law(name, knob, power, factor=3.0):
+def power_law(name, knob, power):
     """A cube whose errors are exactly a power of what is varied, in every trial."""
     request = validate_request(name, {"trials": 5, "modes": [1, 2]})
     cube = with_provenance(studies.run(request), request, 0.0)
     x = xr.DataArray(cube["value"].values.astype(float), dims="setting") ** power
     one = xr.ones_like(cube["mean_error"])
     return cube.assign(
-        mean_error=factor * one * x, predicted_error=xr.ones_like(cube["predicted_error"]) * x
+        mean_error=3 * one * x, predicted_error=xr.ones_like(cube["predicted_error"]) * x
     )
 
 

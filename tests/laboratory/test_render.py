@@ -36,11 +36,11 @@ def one(uv, contrast=1.0, size=SIZE):
     )
 
 
-def star(seed, n=9, middle=(20, 15), reach=14.0):
+def star(seed, n=9, middle=(20, 15)):
     """A polygon that does not cross itself, far from convex."""
     rng = np.random.default_rng(seed)
     angle = np.sort(rng.uniform(0, 2 * np.pi, n)) + rng.uniform(0, 7)
-    radius = rng.uniform(0.1, 1, n) * reach
+    radius = 14 * rng.uniform(0.1, 1, n)
     return np.array(middle)[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)])
 
 
@@ -67,13 +67,13 @@ def clipped(polygon, pixel):
     return polygon
 
 
-def by_clipping(uv, size=SIZE):
+def by_clipping(uv):
     """Coverage of every pixel, one after the other."""
     return np.array(
         [
             [abs(area(part.T)) if len(part := clipped(uv.T, (u, v))) else 0.0
-             for u in range(size[0])]
-            for v in range(size[1])
+             for u in range(SIZE[0])]
+            for v in range(SIZE[1])
         ]
     )  # fmt: skip
 

@@ -83,8 +83,8 @@ def hum(t):
     return 0.3 * np.sin(2 * np.pi * 50 * t) * np.clip(t - 1, 0, 1)
 
 
-def faint(sounds, level=0.01, seed=0):
-    rng = np.random.default_rng(seed)
+def faint(sounds, level=0.01):
+    rng = np.random.default_rng(0)
     return [sound + level * rng.standard_normal(len(sound)) for sound in sounds]
 
 

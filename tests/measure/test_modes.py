@@ -70,15 +70,15 @@ def decaying(*zeta):
     return Truth(np.array([11.2, 20.4, 23.7])[: len(zeta)], np.array(zeta), form)
 
 
-def with_losses(clean, seed, share, fastest=False, noise=0.03):
-    """Tracks with noise, px, that lack a share of the centres: any, or those that move fastest."""
+def with_losses(clean, seed, share, fastest=False):
+    """Tracks with noise of 0.03 px that lack a share of centres: any, or the fastest."""
     rng, made = np.random.default_rng(seed), []
     for track in clean:
         speed = np.linalg.norm(np.gradient(track.uv, track.times, axis=0), axis=1)
         lost = rng.random(speed.shape) < share
         if fastest:
             lost = speed > np.quantile(speed, 1 - share)
-        uv = track.uv + noise * rng.standard_normal(track.uv.shape)
+        uv = track.uv + 0.03 * rng.standard_normal(track.uv.shape)
         made.append(replace(track, uv=np.where(lost[:, None], np.nan, uv)))
     return made
 

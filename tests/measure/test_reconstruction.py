@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes.convergence import orders
 
 from thesis_lib.facts import setups
 from thesis_lib.measure.fitting import reconstruction as rc
@@ -197,8 +198,7 @@ def test_interpolation_converges_with_the_order_of_its_points(conforms, points):
         values = np.sin(np.add.outer(OMEGA * times, phases))
         found = rc.interpolate_frames(times, values, at, points)
         errors.append(np.abs(found - np.sin(OMEGA * at + phases)).max())
-    rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    conforms.order(rates, points, atol=0.25)
+    conforms.order(orders(errors), points, atol=0.25)
 
 
 def test_a_missing_frame_is_missing_in_what_is_interpolated():

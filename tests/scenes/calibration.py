@@ -44,7 +44,7 @@ def observations(sigma=0.0, seed=0, cameras=None):
     return uv + np.random.default_rng(seed).normal(0, 1, uv.shape) * sigma
 
 
-def as_found(uv, cameras=None, seed=0):
+def as_found(uv, seed=0):
     """Corners as a finder orders them: front view, any of the alike corners first."""
     rng, nx = np.random.default_rng(seed), BOARD.shape[0]
     shots = []

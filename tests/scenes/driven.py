@@ -69,10 +69,10 @@ class Driven:
         return found
 
 
-def random_force(seconds: float, level: float = 0.1, highest: float = 45.0, seed: int = 0) -> Array:
-    """Noise up to a frequency in Hz, rms in N."""
-    rng = np.random.default_rng(seed)
-    taps = firwin(2001, highest, fs=FINE)
+def random_force(seconds: float, level: float = 0.1) -> Array:
+    """Noise up to 45 Hz, of a level in N (rms)."""
+    rng = np.random.default_rng(0)
+    taps = firwin(2001, 45.0, fs=FINE)
     made = oaconvolve(rng.standard_normal(int(seconds * FINE) + 2000), taps, "valid")
     return np.asarray(level * made / made.std(), float)
 
