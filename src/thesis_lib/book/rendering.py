@@ -218,8 +218,8 @@ def run_sphinx(root: Path, builder: str) -> Path:
         If it fails or warns.
     """
     folder = root / "build" / "sphinx"
-    out, doctrees, read = folder / builder, folder / f"{builder}-doctrees", folder / "html-doctrees"
-    if doctrees != read and read.is_dir():  # what was read for the book's pages serves for others
+    out, doctrees = folder / builder, folder / f"{builder}-doctrees"
+    if builder != "html" and (read := folder / "html-doctrees").is_dir():  # read once for both
         shutil.rmtree(doctrees, ignore_errors=True)
         shutil.copytree(read, doctrees)
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-W", "-n", "--keep-going"]
