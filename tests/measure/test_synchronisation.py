@@ -13,7 +13,7 @@ from thesis_lib.measure.synchronisation.audio import (
     decimate_blocks,
     decimate_signal,
 )
-from thesis_lib.measure.synchronisation.delays import delay_deviation, force_match
+from thesis_lib.measure.synchronisation.delays import force_match
 from thesis_lib.measure.synchronisation.listen import coupling_delay, whole_frames
 from thesis_lib.measure.synchronisation.tones import find_tone, frequency_deviation
 
@@ -104,7 +104,9 @@ def test_a_transient_is_aligned_within_0_005_frame_without_doubt(conforms, signa
         signals, truth = recordings(signal, seed)
         found = synchronise_sounds(signals, RATE, FPS, FREQUENCY)
         conforms.sampled(FPS * np.abs(found.delays - truth).max(), below=0.005)
-        conforms.closed_form(np.abs(found.frames - FPS * truth).max(), below=0.505)
+        conforms.closed_form(
+            np.abs(whole_frames(found.delays, FPS) - FPS * truth).max(), below=0.505
+        )
         assert not found.ambiguous
         assert any("Not ambiguous" in line for line in found.describe("ABCD"))
 
@@ -124,7 +126,9 @@ def test_levels_and_offsets_of_the_inputs_do_not_matter(conforms):
 def test_delays_scatter_as_the_cramer_rao_bound_says(conforms):
     missed = errors(tone, 80, FREQUENCY, PERIOD, n=3, seconds=2.0, spread=0.05)
     periods = int(1.95 * FREQUENCY - 1)  # the first is left out
-    bound = FPS * delay_deviation(FREQUENCY, 100, round(periods * PERIOD * RATE))
+    # Of a phase the bound is 1 / (SNR · N) (Rife and Boorstyn 1974); a delay has two of them.
+    samples = round(periods * PERIOD * RATE)
+    bound = FPS * np.sqrt(2 / (100 * samples)) / (2 * np.pi * FREQUENCY)
     scatter = np.sqrt(np.mean(missed**2))
     conforms.sampled(scatter / bound, above=0.85, below=1.2)
     conforms.sampled(abs(missed.mean()), below=4 * bound / np.sqrt(missed.size / 2))

@@ -39,8 +39,7 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
 
 def _start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
     """Return a row a video: start after the first, in s and frames, and drift in 10⁻⁶."""
-    first = Drift(0.0, 0.0, 0.0, 0.0, np.array([]), np.array([]), agreement=1.0)
-    rows = [first, *drifts]
+    rows = [Drift(0.0, 0.0, 0.0, 0.0, agreement=1.0), *drifts]
     return pd.DataFrame(
         {
             "video": list(names),
@@ -88,19 +87,8 @@ def significant_decimals(std: float) -> int:
 
 def format_seconds(std: float) -> str:
     """Write a standard uncertainty in s with two significant digits, in s, ms or µs."""
-    unit, factor = next(
-        (unit, factor) for unit, factor in (("s", 1), ("ms", 1e3), ("µs", 1e6))
-        if std * factor >= 1 or unit == "µs"
-    )  # fmt: skip
+    unit, factor = ("s", 1.0) if std >= 1 else ("ms", 1e3) if std * 1e3 >= 1 else ("µs", 1e6)
     return f"{std * factor:.{significant_decimals(std * factor)}f} {unit}"
-
-
-def _sources(videos: Sequence[Path], names: Sequence[str]) -> Iterator[str]:
-    """Say which track, channels and pace a sound has, where that is not all or as stated."""
-    for video, name in zip(videos, names, strict=True):
-        with AudioSource(name, video).opened() as audio:
-            if audio.source:
-                yield f"{name}'s sound: {audio.source}"
 
 
 def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
@@ -121,7 +109,12 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
         write_csv(rows, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
-    return [*_describe_starts(drifts, names, frame_rate), *_sources(videos, names)]
+    found = [*_describe_starts(drifts, names, frame_rate)]
+    for video, name in zip(videos, names, strict=True):
+        with open_audio(video) as audio:
+            if audio.source:  # not all channels, or not at the stated pace
+                found.append(f"{name}'s sound: {audio.source}")
+    return found
 
 
 def _picture(videos: Sequence[Path], drifts: Sequence[Drift], names: Sequence[str]) -> Figure:

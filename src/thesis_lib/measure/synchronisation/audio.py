@@ -49,23 +49,14 @@ class AudioSource:
 def check_blocks(
     blocks: Iterable[ArrayLike], rate: float, shortest: float, name: str
 ) -> Iterator[Array]:
-    """Yield the blocks of a recording as they come; refuse at its end one that cannot be used.
+    """Yield the blocks (samples,) of a recording in −1…1; refuse at its end one that is unusable.
 
-    Parameters
-    ----------
-    blocks : iterable of array_like, shape (samples,)
-        The recording, −1…1.
-    rate : float
-        Its sample rate in Hz.
-    shortest : float
-        Length in s that it must have.
-    name : str
-        Its name, for errors.
+    Its sample rate is in Hz, and the length that it must have in s.
 
     Raises
     ------
     SynchronisationError
-        Naming it, if it is too short, clipped or silent.
+        With its name, if it is too short, clipped or silent.
     """
     count, mean, squares, clipped = 0, 0.0, 0.0, 0
     for block in blocks:
@@ -108,22 +99,15 @@ def part_of(blocks: Iterable[Array], first: int, last: int) -> Iterator[Array]:
 def hold_signal(blocks: Iterable[Array], skip: int) -> tuple[Track, int]:
     """Return the whole signal, or, if it is too long, `SPAN_SAMPLES` samples from `skip` on.
 
-    All blocks are taken.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        What is held.
-    int
-        How many samples came before.
+    All blocks are read. The second value is the number of samples before those returned.
     """
-    most, size, begin, count = SPAN_SAMPLES, 0, 0, 0
-    kept = np.empty(most, np.float32)
+    size, begin, count = 0, 0, 0
+    kept = np.empty(SPAN_SAMPLES, np.float32)
     for block in blocks:
-        if not begin and skip and size + len(block) > most:
+        if not begin and skip and size + len(block) > SPAN_SAMPLES:
             begin, size = skip, max(size - skip, 0)
             kept[:size] = kept[skip : skip + size].copy()
-        part = block[max(begin - count, 0) :][: most - size]
+        part = block[max(begin - count, 0) :][: SPAN_SAMPLES - size]
         kept[size : size + len(part)] = part
         size, count = size + len(part), count + len(block)
     return kept[:size].copy(), begin
@@ -144,7 +128,7 @@ def joint_spans(tracks: Sequence[Iterable[Array]]) -> Iterator[list[Track]]:
 
     The first is given in any case; others while the first signal and another one last.
     """
-    halves = [signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
+    halves = [_signal_pieces(track, SPAN_SAMPLES // 2) for track in tracks]
     none = np.empty(0, np.float32)
     before = [next(half, none) for half in halves]
     first = True
@@ -159,7 +143,7 @@ def joint_spans(tracks: Sequence[Iterable[Array]]) -> Iterator[list[Track]]:
         yield span
 
 
-def signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
+def _signal_pieces(blocks: Iterable[Array], length: int) -> Iterator[Track]:
     """Yield a signal in blocks as pieces of `length` samples, the last of which may be shorter."""
     piece, size = np.empty(length, np.float32), 0
     for block in blocks:
@@ -187,22 +171,11 @@ def _low_pass(step: int) -> Array:
 
 
 def decimate_blocks(blocks: Iterable[Array], step: int) -> Iterator[Array]:
-    """Low-pass a signal in blocks, and yield every `step`-th sample.
+    """Low-pass a signal in blocks (samples,), and yield every `step`-th sample.
 
-    The same as doing it to the whole signal: an FIR low-pass without delay, whose result is kept
-    where it does not reach beyond the signal's ends.
-
-    Parameters
-    ----------
-    blocks : iterable of ndarray, shape (samples,)
-        The signal, of any division; long blocks are faster.
-    step : int
-        Of how many samples one is kept.
-
-    Yields
-    ------
-    ndarray, shape (samples,)
-        The first sample lies `FILTER_REACH_SAMPLES` · `step` samples after that of the signal.
+    The result is that of the whole signal, however it is divided: an FIR low-pass without delay,
+    whose result is kept where it does not reach beyond the signal's ends. So the first sample lies
+    `FILTER_REACH_SAMPLES` · `step` samples after that of the signal.
     """
     if step == 1:
         yield from blocks
@@ -270,9 +243,8 @@ def _phases(ratio: float) -> Array:
     reach = int(np.ceil(FILTER_REACH_SAMPLES * ratio))
     shift = np.arange(TAP_PHASES + 1)[:, None] / TAP_PHASES
     x = (np.arange(-reach, reach + 2) - shift) / ratio
-    window = i0(KAISER_BETA * np.sqrt(np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None))) / i0(
-        KAISER_BETA
-    )
+    inside = np.clip(1 - (x / FILTER_REACH_SAMPLES) ** 2, 0, None)
+    window = i0(KAISER_BETA * np.sqrt(inside)) / i0(KAISER_BETA)
     taps = np.sinc(x) * window * (np.abs(x) <= FILTER_REACH_SAMPLES)
     return np.asarray(taps / taps.sum(axis=1, keepdims=True), float)
 

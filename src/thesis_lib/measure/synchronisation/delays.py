@@ -209,10 +209,10 @@ def _compare_signals(
 
 
 def phase_delays(
-    signals: Sequence[ArrayLike],
+    signals: Sequence[Signal],
     rate: float,
     frequency: float,
-    guess: ArrayLike,
+    guess: Array,
     steady: tuple[float, float] | None = None,
 ) -> Array:
     """Return delays from a sine's phase, each nearest to a guess, shape (recordings,), s.
@@ -223,13 +223,11 @@ def phase_delays(
 
     Parameters
     ----------
-    signals : sequence of array_like
-        The recordings.
-    rate : float
-        Their sample rate in Hz.
-    frequency : float
-        The tone's frequency in Hz.
-    guess : array_like, shape (recordings,)
+    signals : sequence of ndarray, shape (samples,)
+        The recordings, at some tens of samples per period.
+    rate, frequency : float
+        Their sample rate and the tone's frequency in Hz.
+    guess : ndarray, shape (recordings,)
         Delays to within half a period, s.
     steady : tuple of float, optional
         Used instead of the reference's settled part, s after its first sample.
@@ -237,52 +235,29 @@ def phase_delays(
     Raises
     ------
     SynchronisationError
-        If the recordings have less than one period of the steady tone in common, or a period has
-        too few samples.
+        If the recordings have less than one period of the steady tone in common.
     """
-    tones.check_rate(rate, frequency)
-    near = np.asarray(guess, float)
-    near = near - near[0]
-    parts = [decimate_signal(x, rate, tones.TONE_RATE * frequency) for x in signals]
-    low_rate = parts[0][1]
-    start, end = steady or tones.settle_interval(parts[0][0], low_rate, frequency)
+    near = guess - guess[0]
+    start, end = steady or tones.settle_interval(signals[0], rate, frequency)
     start = max(start, float(near.max()))
-    end = min([end, *(float(len(x) / low_rate + g) for (x, _), g in zip(parts, near, strict=True))])
+    end = min([end, *(float(len(x) / rate + g) for x, g in zip(signals, near, strict=True))])
     periods = int((end - start) * frequency)
     if periods < 1:
         raise SynchronisationError(
             f"the recordings share {max(end - start, 0):.3f} s of steady tone, allowed: at least "
             f"a period of {1 / frequency:.3f} s"
         )
-    length = round(periods / frequency * low_rate)
+    length = round(periods / frequency * rate)
     phases, centres = [], []
-    for (x, _), g in zip(parts, near, strict=True):
-        first = max(0, min(round((start - g) * low_rate), len(x) - length))
-        centre = (first + (length - 1) / 2) / low_rate
+    for x, g in zip(signals, near, strict=True):
+        first = max(0, min(round((start - g) * rate), len(x) - length))
+        centre = (first + (length - 1) / 2) / rate
         part = x[first : first + length]
-        phases.append(np.angle(tones.tone_at(part, low_rate, frequency, centre - first / low_rate)))
+        phases.append(np.angle(tones.tone_at(part, rate, frequency, centre - first / rate)))
         centres.append(centre)
     turn = (np.array(phases) - phases[0]) / (2 * np.pi * frequency)
     delays = centres[0] - np.array(centres) + turn
     return delays - np.rint((delays - near) * frequency) / frequency
-
-
-def delay_deviation(frequency: float, snr: float, samples: int) -> float:
-    """Return least standard deviation of a delay from the phases of two tones in white noise, s.
-
-    The Cramér–Rao bound of a phase, with frequency known, is 1 / (SNR · N) (Rife and Boorstyn
-    1974); a delay has two of them.
-
-    Parameters
-    ----------
-    frequency : float
-        Frequency of the tone in Hz.
-    snr : float
-        Power of the tone over that of the noise.
-    samples : int
-        Samples N of each recording.
-    """
-    return float(np.sqrt(2 / (snr * samples)) / (2 * np.pi * frequency))
 
 
 def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
@@ -291,19 +266,8 @@ def without_tone(x: Signal, rate: float, frequency: float) -> Signal:
     Unlike a fitted sinusoid, it needs no stretch over which the tone is steady and leaves no step
     at its ends; it removes harmonics and offsets, too, and forgives a frequency that drifts. Of an
     onset it leaves how much the tone grows in each period. The period need not be whole samples:
-    two neighbours are weighted so that the tone itself is removed exactly.
-
-    Parameters
-    ----------
-    x : ndarray, shape (samples,)
-        The signal.
-    rate, frequency : float
-        Its sample rate and the tone's frequency in Hz.
-
-    Returns
-    -------
-    ndarray, shape (samples less a period,)
-        The rest; it starts a period later.
+    two neighbours are weighted so that the tone itself is removed exactly. The residual, as long as
+    the signal (samples,) less a period, starts a period later.
     """
     m = int(rate / frequency)
     w = 2 * np.pi * frequency / rate * np.array([m, m + 1])
@@ -319,12 +283,8 @@ def design_whitening(x: Signal, rate: float) -> Signal:
 
     The background is the median over time of short spectra, so that hum and rumble weigh no more
     than their share of the band and a clap stays what it is. Beyond 0.7 of the highest frequency
-    less and less is left. Of a long signal :data:`SPECTRUM_PIECES` pieces are looked at.
-
-    Returns
-    -------
-    ndarray, shape (WHITENING_BINS,)
-        Taps of a filter whose delay is :data:`WHITENING_DELAY` samples.
+    less and less is left. Of a long signal :data:`SPECTRUM_PIECES` pieces are looked at. The taps
+    (WHITENING_BINS,) are of a filter whose delay is :data:`WHITENING_DELAY` samples.
     """
     step = len(x) // SPECTRUM_PIECES
     if step > 2 * WHITENING_BINS:
@@ -358,21 +318,32 @@ def _keep_transients(x: Signal, rate: float) -> tuple[Signal, int]:
     return weight.astype(np.float32), int(np.count_nonzero(weight))
 
 
+def _match_transients(
+    a: Signal, b: Signal, rate: float, same: float, least: float = 0.0, either_sign: bool = False
+) -> Match | None:
+    """Match what stands out in two signals by :func:`_compare_signals`; None if in doubt."""
+    (loud_a, n_a), (loud_b, n_b) = (_keep_transients(x, rate) for x in (a, b))
+    if not n_a or not n_b:
+        return None
+    found = _compare_signals(
+        loud_a,
+        loud_b,
+        rate,
+        same=same,
+        telling=min(n_a, n_b),
+        least=least,
+        either_sign=either_sign,
+    )
+    found = replace(found, least=MIN_ONSET_CORRELATION)
+    return found if found.certain else None
+
+
 def force_match(reference: ArrayLike, other: ArrayLike, rate: float, frequency: float) -> Match:
-    """Return the delay between recordings of the force's signal.
+    """Return the delay between recordings (samples,) of the force's signal, at a rate in Hz.
 
     By correlation; where that leaves doubt, by that of the tone's onset, its end, or a clap:
     :func:`without_tone`. Peaks within half a period of the highest do not count there, as the
-    tone's phase tells between them.
-
-    Parameters
-    ----------
-    reference, other : array_like, shape (samples of each,)
-        The recordings.
-    rate : float
-        Their sample rate in Hz.
-    frequency : float
-        Frequency of the tone in Hz, to within 1 %.
+    tone's phase tells between them. The tone's frequency in Hz is known to within 1 %.
     """
     a, low_rate = decimate_signal(reference, rate, CORRELATION_RATE)
     b, _ = decimate_signal(other, rate, CORRELATION_RATE)
@@ -386,19 +357,15 @@ def force_match(reference: ArrayLike, other: ArrayLike, rate: float, frequency: 
     if (end - start) * frequency > tones.MIN_SETTLED_PERIODS - 0.1:
         part = tone[round(start * tone_rate) : round(end * tone_rate)]
         frequency = tones.tone_frequency(part, tone_rate, frequency)
-    loud_a, n_a = _keep_transients(without_tone(a, low_rate, frequency), low_rate)
-    loud_b, n_b = _keep_transients(without_tone(b, low_rate, frequency), low_rate)
-    if not n_a or not n_b:
-        return whole
-    loud = _compare_signals(
-        loud_a, loud_b, low_rate, same=ONSET_SAME, telling=min(n_a, n_b), least=0.5 / frequency
-    )
-    loud = replace(loud, least=MIN_ONSET_CORRELATION, snr=whole.snr)
-    return loud if loud.certain else whole
+    a, b = (without_tone(x, low_rate, frequency) for x in (a, b))
+    loud = _match_transients(a, b, low_rate, ONSET_SAME, least=0.5 / frequency)
+    return replace(loud, snr=whole.snr) if loud else whole
 
 
 def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
-    """Return the delay between recordings of sound in a room; not certain if in doubt.
+    """Return the delay between recordings (samples,) of sound in a room, at a rate in Hz.
+
+    It is not certain if in doubt.
 
     First by all that they hear, :func:`design_whitening`: certain if the highest correlation is far
     above the 1/√n by which unlike sounds of n samples scatter, and no other comes near it. Else by
@@ -406,13 +373,6 @@ def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
 
     Two single knocks that are alike, each heard by one camera alone, cannot be told from one that
     both hear: several claps at irregular intervals can.
-
-    Parameters
-    ----------
-    reference, other : array_like, shape (samples of each,)
-        The recordings.
-    rate : float
-        Their sample rate in Hz.
     """
     a, low_rate = decimate_signal(reference, rate, ROOM_RATE)
     b, _ = decimate_signal(other, rate, ROOM_RATE)
@@ -423,11 +383,4 @@ def room_match(reference: ArrayLike, other: ArrayLike, rate: float) -> Match:
     whole = replace(whole, least=float(FAR_ABOVE / np.sqrt(n)))
     if whole.certain:
         return whole
-    (loud_a, n_a), (loud_b, n_b) = _keep_transients(a, low_rate), _keep_transients(b, low_rate)
-    if not n_a or not n_b:
-        return whole
-    loud = _compare_signals(
-        loud_a, loud_b, low_rate, same=CLAP_SAME, telling=min(n_a, n_b), either_sign=True
-    )
-    loud = replace(loud, least=MIN_ONSET_CORRELATION)
-    return loud if loud.certain else whole
+    return _match_transients(a, b, low_rate, CLAP_SAME, either_sign=True) or whole

@@ -11,7 +11,7 @@ has a peak at each of its periods.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.signal import oaconvolve
@@ -60,12 +60,14 @@ class Drift:
     """Start and clock of a recording, beside those of the reference."""
 
     delay: float  #: Start after the reference's, s
-    delay_deviation: float  #: Its standard error, s; NaN if it rests on too few windows
+    delay_deviation: float = np.nan  #: Its standard error, s; NaN if it rests on too few windows
     #: By how much its seconds are too short, relative; NaN if it rests on too few windows
-    drift: float
-    drift_deviation: float  #: Its standard error
-    times: Array  #: Middles of the windows that count, on its own clock, s, shape (windows,)
-    delays: Array  #: What they show, s, shape (windows,)
+    drift: float = np.nan
+    drift_deviation: float = np.nan  #: Its standard error
+    #: Middles of the windows that count, on its own clock, s, shape (windows,)
+    times: Array = field(default_factory=lambda: np.empty(0))
+    #: What they show, s, shape (windows,)
+    delays: Array = field(default_factory=lambda: np.empty(0))
     agreement: float = 0.0  #: Share of the windows with a peak that have one on the line
     #: Sum of the correlations of the windows on the line, over the root of all windows' number
     score: float = 0.0
@@ -110,25 +112,13 @@ def _loudness(sound: Signal, rate: float) -> Array:
 def drift_of(
     reference: Signal, other: Signal, rate: float, starts: tuple[float, float], delay: float
 ) -> Drift:
-    """Return the line through the delays of windows.
+    """Return the line through the delays of windows of two sounds (samples of each,).
 
-    Parameters
-    ----------
-    reference, other : ndarray, shape (samples of each,)
-        The sounds.
-    rate : float
-        Their sample rate in Hz.
-    starts : tuple of float
-        Times of their first samples in the recordings, s.
-    delay : float
-        Start of the other after the reference, as found from the whole, s.
-
-    Returns
-    -------
-    Drift
+    Their sample rate is in Hz; `starts` are the times of their first samples in the recordings, and
+    `delay` is the start of the other after the reference, as found from the whole, s.
     """
     if min(len(reference), len(other)) <= 2 * matching.WHITENING_BINS:
-        return _nothing(delay)
+        return Drift(delay)
     taps = matching.design_whitening(reference, rate), matching.design_whitening(other, rate)
     n = round(WINDOW_S * rate)
     most = round((WINDOW_SEARCH_S + MAX_DRIFT * len(other) / rate) * rate)
@@ -150,23 +140,17 @@ def drift_of(
             peaks.append((len(times), own, float(c[top])))
         times.append(starts[1] + (first + matching.WHITENING_DELAY + n / 2) / rate)
     if not peaks:
-        return _nothing(delay)
+        return Drift(delay)
     window = np.array([peak[0] for peak in peaks])
     late, height = np.array([peak[1:] for peak in peaks]).T
-    when = np.array(times)
-    on = _on_line(window, when[window], late - delay, height)
-    found = _line(
-        when[window[on]], late[on], np.abs(height[on]), delay, MIN_PEAK_STD_SAMPLES / rate
-    )
+    when = np.array(times)[window]
+    on = _on_line(window, when, late - delay, height)
+    weights = np.abs(height[on])
     return replace(
-        found,
+        _line(when[on], late[on], weights, delay, MIN_PEAK_STD_SAMPLES / rate),
         agreement=len(on) / len(np.unique(window)),
-        score=float(np.abs(height[on]).sum() / np.sqrt(len(times))),
+        score=float(weights.sum() / np.sqrt(len(times))),
     )
-
-
-def _nothing(delay: float) -> Drift:
-    return Drift(delay, np.nan, np.nan, np.nan, np.array([]), np.array([]))
 
 
 def _tops(c: Array, least: float) -> IntArray:
@@ -220,10 +204,9 @@ def _line(times: Array, delays: Array, weights: Array, delay: float, least: floa
     A peak between samples errs by `least` s at least.
     """
     kept = np.ones(len(times), bool)
-    nothing = Drift(delay, np.nan, np.nan, np.nan, times, delays)
     for _ in range(5):
         if kept.sum() < MIN_WINDOWS or np.ptp(times[kept]) < WINDOW_S:
-            return nothing
+            return Drift(delay, times=times, delays=delays)
         A = np.column_stack([np.ones(kept.sum()), times[kept]])
         w = weights[kept, None]
         normal = A.T @ (w**2 * A)
@@ -259,14 +242,8 @@ def beside_first(
     """Find start and clock of each of the `others` beside the first recording.
 
     Where time stamps state another pace than the sample rate does, the sounds are compared at both,
-    since either may be the true one, and what is found counts by the time stamps.
-
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        The files.
-    others : mapping
-        Delay of the sound of each in s where it is known, else it is sought.
+    since either may be the true one, and what is found counts by the time stamps. `others` maps the
+    index of each to the delay of its sound in s where that is known; else it is sought.
 
     Raises
     ------
@@ -308,10 +285,11 @@ class _Tracks:
     def __init__(self, recordings: Sequence[AudioSource], *, stated: bool) -> None:
         """Take time by the rates that the files state, from the first sample on, or by stamps."""
         self.recordings = recordings
-        self.paces, self.rates, starts = [], [], []
+        #: Seconds of the time stamps for one of the samples at the stated rate
+        self.paces: list[float] = []
+        self.rates, starts = [], []
         for recording in recordings:
             with recording.opened() as audio:
-                #: Seconds of the time stamps for one of the samples at the stated rate
                 self.paces.append(audio.stated_rate / audio.rate)
                 self.rates.append(audio.stated_rate if stated else audio.rate)
                 starts.append(0.0 if stated else audio.start)
@@ -345,16 +323,19 @@ def _find_start(tracks: _Tracks, k: int) -> Drift | None:
         return None
     loud, is_clear = _match_loudness(one, other, rate)
     room = matching.room_match(one[:SPAN_SAMPLES], other[:SPAN_SAMPLES], rate)
-    delays = [room.delay] if room.certain else []
-    delays += [
-        delay for delay in loud if not room.certain or abs(delay - room.delay) > MIN_PEAK_DISTANCE_S
-    ]
+    delays = loud
+    if room.certain:
+        apart = [delay for delay in loud if abs(delay - room.delay) > MIN_PEAK_DISTANCE_S]
+        delays = [room.delay, *apart]
     found = [drift_of(one, other, rate, starts, delay + starts[0] - starts[1]) for delay in delays]
     if not found:
         return None
     best, *rest = sorted(found, key=lambda one: -one.score)
-    apart = [one for one in rest if abs(one.delay - best.delay) > MIN_PEAK_DISTANCE_S]
-    if any(one.score > MAX_SECOND_PEAK_RATIO * best.score for one in apart):
+    if any(
+        abs(rival.delay - best.delay) > MIN_PEAK_DISTANCE_S
+        and rival.score > MAX_SECOND_PEAK_RATIO * best.score
+        for rival in rest
+    ):
         return None
     sound_delay = best.delay + starts[1] - starts[0]
     by_room = room.certain and abs(sound_delay - room.delay) < WINDOW_SEARCH_S
@@ -370,16 +351,15 @@ def _by_stamps(found: Drift | None, stamped: _Tracks, k: int) -> Drift | None:
         return None
     (first, own), cut = (stamped.paces[0], stamped.paces[k]), stamped.low.cut
     begin, its_begin = stamped.starts[0] - cut, stamped.starts[k] - cut
-    kept = first * (1 - found.drift) / own  # seconds of the first clock for one of the other
     times = its_begin + own * found.times
     there = begin + first * (found.times + found.delays)
-    drifts = np.isfinite(found.drift)
-    kept = kept if drifts else first / own
+    kept = first * (1 - found.drift) / own  # seconds of the first clock for one of the other
+    pace = kept if np.isfinite(kept) else first / own
     return replace(
         found,
-        delay=begin + first * found.delay - kept * its_begin,
+        delay=begin + first * found.delay - pace * its_begin,
         delay_deviation=first * found.delay_deviation,
-        drift=1 - kept if drifts else np.nan,
+        drift=1 - kept,
         drift_deviation=first / own * found.drift_deviation,
         times=times,
         delays=there - times,

@@ -73,14 +73,8 @@ def load_audio(
 ) -> LoadedAudio:
     """Read and check all tracks, and hold a tone of theirs.
 
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        The files.
-    frequency : float or None
-        Frequency of the tone in Hz; None if there is none to hold, as in a room.
-    skip : float
-        From when on the tone is held if it cannot be held from the start, s.
+    Its frequency is in Hz, or None if there is none to hold, as in a room. It is held from `skip` s
+    on if it cannot be held from the start.
 
     Raises
     ------
@@ -128,23 +122,6 @@ def _note_lengths(blocks: Iterable[Array], lengths: list[int]) -> Iterator[Array
         yield block
 
 
-def _hold_track(
-    recording: audio.AudioSource, least: float, skip: float
-) -> tuple[audio.Track, float, float]:
-    """Return a checked track for looking for a tone, its rate in Hz, and when it begins, s.
-
-    It keeps a rate of at least `least` in Hz, and is held from `skip` s on if it cannot be held
-    from the start.
-    """
-    with recording.opened() as file:
-        step = audio.step_to(file.rate, max(matching.CORRELATION_RATE, least))
-        rate = file.rate / step
-        blocks = audio.check_blocks(file.blocks, file.rate, MIN_AUDIO_S, recording.name)
-        blocks = audio.decimate_blocks(blocks, step)
-        track, before = audio.hold_signal(blocks, round(skip * rate))
-        return track, rate, file.start + audio.cut_off(file.rate, rate) + before / rate
-
-
 def match_recordings(
     recordings: Sequence[audio.AudioSource], frequency: float | None
 ) -> dict[int, matching.Match]:
@@ -153,14 +130,8 @@ def match_recordings(
     Correlation sees :data:`SPAN_SAMPLES` at a time, the same of all recordings: the first span in
     which a recording matches without doubt counts, or else the one in which it matches best. Spans
     overlap by half, so that what all heard is within one if they started less than that apart. In
-    a room only the first `ROOM_SPANS` are tried.
-
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        The files, which :func:`load_audio` has checked.
-    frequency : float or None
-        Frequency of the force's tone in Hz; None of tracks that hold what microphones hear.
+    a room only the first `ROOM_SPANS` are tried. :func:`load_audio` has checked the files; the
+    frequency of the force's tone is in Hz, or None of tracks that hold what microphones hear.
     """
     room = frequency is None
     low = _lowest_rate(recordings, matching.ROOM_RATE if room else matching.CORRELATION_RATE)
@@ -205,23 +176,18 @@ class Synchronisation:
     sources: tuple[str, ...] = ()
 
     @property
-    def frames(self) -> IntArray:
-        """Return the delays in whole frames (eq. 5.2), shape (cameras,)."""
-        return whole_frames(self.delays, self.frame_rate)
-
-    @property
     def ambiguous(self) -> bool:
         """Return whether two delays cannot be told apart; then the shortest are given."""
         return self.match is not None and self.match.ambiguous
 
     def describe(self, names: Sequence[str]) -> list[str]:
         """Describe what was found, its uncertainty, and what sound cannot show."""
-        frequency = self.frequency
+        frequency, frames = self.frequency, whole_frames(self.delays, self.frame_rate)
         return render_lines(
             "measure/synchronisation/templates/starts.txt.j2",
             found=self,
             names=names,
-            starts=[*zip(names, self.delays, self.frames, strict=True)][1:],
+            starts=[*zip(names, self.delays, frames, strict=True)][1:],
             sources=[one for one in zip(names, self.sources, strict=False) if one[1]],
             snr_db=10 * np.log10(self.snr),
             below_hz=matching.CORRELATION_RATE // 2,
@@ -246,21 +212,11 @@ def synchronise_cameras(
     frequency: float | None,
     steady: Interval | None = None,
 ) -> Synchronisation:
-    """Estimate the starts of all cameras from their sound.
+    """Estimate the starts of all cameras from their sound, which :func:`load_audio` read.
 
-    Parameters
-    ----------
-    recordings : sequence of AudioSource
-        Of each camera.
-    heard : LoadedAudio
-        What :func:`~thesis_lib.measure.synchronisation.audio.load_audio` read of them.
-    frame_rate : float
-        Frames per second.
-    frequency : float or None
-        Frequency of the force's tone in Hz; None for what microphones hear in a room.
-    steady : tuple of float, optional
-        From when to when the tone is steady, s after the first sample of the first one that is
-        held; if not given, it is where the tone has settled.
+    The frequency of the force's tone is in Hz, or None for what microphones hear in a room. The
+    tone is steady from `steady[0]` to `steady[1]` s after the first sample of the first one that is
+    held, or else where it has settled.
 
     Raises
     ------
@@ -401,13 +357,18 @@ def _of_the_force(manifest: Manifest, recordings: list[audio.AudioSource]) -> So
 
 def _tone_of_all(manifest: Manifest, recordings: list[audio.AudioSource], skip: float) -> float:
     """Return the frequency in Hz of the tone that all tracks hold."""
-    excitation, slowest = manifest.excitation, min(c.frame_rate_hz for c in manifest.cameras)
+    steady = manifest.excitation.steady_interval_s
+    slowest = min(camera.frame_rate_hz for camera in manifest.cameras)
+    wanted = max(matching.CORRELATION_RATE, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2)
     found = []
     for recording in recordings:
-        track, rate, start = _hold_track(
-            recording, tones.MIN_SAMPLES_PER_PERIOD * slowest / 2, skip
-        )
-        steady = excitation.steady_interval_s
+        with recording.opened() as file:
+            step = audio.step_to(file.rate, wanted)
+            rate = file.rate / step
+            blocks = audio.check_blocks(file.blocks, file.rate, MIN_AUDIO_S, recording.name)
+            blocks = audio.decimate_blocks(blocks, step)
+            track, before = audio.hold_signal(blocks, round(skip * rate))
+            start = file.start + audio.cut_off(file.rate, rate) + before / rate
         part = steady and (steady[0] - start, steady[1] - start)
         found.append(tones.find_tone(track, rate, recording.name, part))
         (first, _), (tone, seconds) = found[0], found[-1]

@@ -41,23 +41,8 @@ def fit_tone(
 ) -> tuple[complex, float]:
     """Return the least-squares fit of a tone plus a constant to a signal that comes in blocks.
 
-    Parameters
-    ----------
-    blocks : iterable of array_like, shape (samples,)
-        The signal.
-    rate : float
-        Its sample rate in Hz.
-    frequency : float
-        Frequency of the tone in Hz.
-    centre : float
-        Time of the amplitude, s after the first sample.
-
-    Returns
-    -------
-    amplitude : complex
-        Time factor e^{+jωt}.
-    share : float
-        Share of the signal's variance that the tone explains.
+    The signal (samples,) has a rate in Hz. Its amplitude, time factor e^{+jωt}, is that at `centre`
+    s after the first sample; the second value is the share of its variance that the tone explains.
     """
     normal, right, squares, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for block in blocks:
@@ -103,20 +88,22 @@ def strongest_frequency(
     return float(near[np.argmax(power[near])] * rate / size) if len(near) else low
 
 
-def tone_frequency(signal: ArrayLike, rate: float, guess: float) -> float:
-    """Estimate, within 10 % of a guess, the frequency in Hz that explains most of a signal."""
-    x, low_rate = decimate_signal(signal, rate, TONE_RATE * guess)
-    resolution, low, high = low_rate / len(x), 0.9 * guess, 1.1 * guess
+def tone_frequency(x: Signal, rate: float, guess: float) -> float:
+    """Estimate, within 10 % of a guess, the frequency in Hz that explains most of a signal.
+
+    The signal has some tens of samples per period.
+    """
+    resolution, low, high = rate / len(x), 0.9 * guess, 1.1 * guess
     coarse = (
-        decimate_signal(x, low_rate, MIN_SAMPLES_PER_PERIOD * guess)
+        decimate_signal(x, rate, MIN_SAMPLES_PER_PERIOD * guess)
         if len(x) > SPECTRUM_SAMPLES
-        else (x, low_rate)
+        else (x, rate)
     )
     best = strongest_frequency(*coarse, low, high)
     bounds = max(-resolution / 2, low - best), min(resolution / 2, high - best)
 
     def missed(off: float) -> float:
-        return -tone_share(x, low_rate, best + off)
+        return -tone_share(x, rate, best + off)
 
     found = minimize_scalar(missed, bounds=bounds, options={"xatol": 1e-6 * resolution})
     return best + float(found.x)
@@ -144,18 +131,19 @@ def frequency_deviation(signal: ArrayLike, rate: float, frequency: float) -> flo
     return float(np.sqrt(6 * noise / (abs(amplitude) ** 2 * len(x))) / (np.pi * seconds))
 
 
-def _longest_steady(x: Signal, rate: float, frequency: float) -> Interval:
-    """Start and end in s of the longest part in which a tone keeps its amplitude within 15 %.
+def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
+    """Return start and end of a tone's steady part in s, without where it grows or fades.
 
-    Amplitudes are those of whole periods, compared with the median of the louder half.
+    That is the longest part in which the tone keeps its amplitude within 15 %, less its first
+    period, and less its last unless the recording ends with it. Amplitudes are those of whole
+    periods, compared with the median of the louder half.
     """
-    check_rate(rate, frequency)
     period = rate / frequency
     n = round(period)
     edges = np.rint(np.arange(0, len(x) / period, 0.25) * period).astype(int)
     edges = edges[edges + n <= len(x)]
     if not len(edges):
-        return 0.0, len(x) / rate
+        return 1 / frequency, len(x) / rate
     w = 2 * np.pi * np.arange(n) / period
     fit = np.linalg.pinv(np.stack([np.cos(w), np.sin(w), np.ones_like(w)], axis=1))[:2]
     amplitudes = np.array([np.hypot(*(fit @ x[e : e + n])) for e in edges])
@@ -164,47 +152,38 @@ def _longest_steady(x: Signal, rate: float, frequency: float) -> Interval:
         np.concatenate([[0], np.abs(amplitudes - loud) < 0.15 * loud, [0]]).astype(int)
     )
     starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
-    if not len(starts):
-        return 0.0, 0.0
-    longest = int(np.argmax(ends - starts))
-    return float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
-
-
-def settle_interval(x: Signal, rate: float, frequency: float) -> Interval:
-    """Return the steady part without residuals of a tone that grows before or fades after it.
-
-    That is its first period, and its last unless the recording ends with it.
-    """
-    start, end = _longest_steady(x, rate, frequency)
+    start = end = 0.0
+    if len(starts):
+        longest = int(np.argmax(ends - starts))
+        start, end = float(edges[starts[longest]] / rate), float((edges[ends[longest]] + n) / rate)
     fades = end < len(x) / rate - 0.5 / frequency
     return start + 1 / frequency, end - fades / frequency
 
 
 def check_tone(
-    signal: ArrayLike, rate: float, frequency: float, name: str, steady: Interval | None = None
+    x: Signal, rate: float, frequency: float, name: str, steady: Interval | None = None
 ) -> None:
     """Refuse a recording that holds no steady tone of that frequency, or too little of it.
 
-    Only what lies below half of `TONE_RATE` samples per period counts. It is sought where it has
-    settled, or from `steady[0]` to `steady[1]` s after the first sample.
+    It has some tens of samples per period. The tone is sought where it has settled, or from
+    `steady[0]` to `steady[1]` s after the first sample.
 
     Raises
     ------
     SynchronisationError
-        Naming it.
+        With the recording's name.
     """
-    x, low_rate = decimate_signal(signal, rate, TONE_RATE * frequency)
-    start, end = settle_interval(x, low_rate, frequency)
+    start, end = settle_interval(x, rate, frequency)
     if steady is not None:
-        start, end = max(steady[0], 0.0), min(steady[1], len(x) / low_rate)
+        start, end = max(steady[0], 0.0), min(steady[1], len(x) / rate)
     if not (end - start) * frequency > MIN_SETTLED_PERIODS - 0.1:
         raise SynchronisationError(
             f"{name}: {max(end - start, 0):.3f} s of steady tone of {frequency:g} Hz, allowed: at "
             f"least {MIN_SETTLED_PERIODS / frequency:.3f} s, {MIN_SETTLED_PERIODS} periods"
         )
-    part = x[round(start * low_rate) : round(end * low_rate)]
-    found = tone_frequency(part, low_rate, frequency)
-    share = tone_share(part, low_rate, found)
+    part = x[round(start * rate) : round(end * rate)]
+    found = tone_frequency(part, rate, frequency)
+    share = tone_share(part, rate, found)
     if share < MIN_EXPLAINED_SHARE:
         raise SynchronisationError(
             f"{name}: a tone near {frequency:g} Hz is {100 * share:.0f} % of the sound, allowed: "
@@ -213,7 +192,7 @@ def check_tone(
     off = abs(found / frequency - 1) > max(
         MAX_FREQUENCY_ERROR, MAX_SLIP_TURNS / ((end - start) * frequency)
     )
-    if off or tone_share(part, low_rate, frequency) < MIN_EXPLAINED_SHARE:
+    if off or tone_share(part, rate, frequency) < MIN_EXPLAINED_SHARE:
         digits = 1 + max(0, int(np.ceil(np.log10(end - start))))
         raise SynchronisationError(
             f"excitation.frequency_hz: given {frequency:g}, but the sound of {name} has "
@@ -222,37 +201,19 @@ def check_tone(
 
 
 def find_tone(
-    signal: ArrayLike, rate: float, name: str, steady: Interval | None = None
+    x: Signal, rate: float, name: str, steady: Interval | None = None
 ) -> tuple[float, float]:
-    """Estimate the steady tone of a recording.
+    """Estimate the steady tone of a recording: its frequency in Hz, and its length in s.
 
     That of the highest line of the spectrum, up to an eighth of the rate; its frequency is that
-    which explains most of the part in which the tone has settled.
-
-    Parameters
-    ----------
-    signal : array_like, shape (samples,)
-        The recording.
-    rate : float
-        Its sample rate in Hz.
-    name : str
-        Its name, for errors.
-    steady : tuple of float, optional
-        Used instead of the settled part, s after the first sample.
-
-    Returns
-    -------
-    frequency : float
-        In Hz.
-    seconds : float
-        Length of the part in s.
+    which explains most of the part in which the tone has settled, or of that from `steady[0]` to
+    `steady[1]` s after the first sample.
 
     Raises
     ------
     SynchronisationError
         If there is no such tone, or it explains too little of the sound.
     """
-    x = np.asarray(signal)
     if steady is not None:
         x = x[max(round(steady[0] * rate), 0) : max(round(steady[1] * rate), 0)]
     share, guess, seconds = 0.0, 0.0, len(x) / rate
