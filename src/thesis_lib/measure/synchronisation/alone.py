@@ -37,22 +37,6 @@ def synchronise_videos(videos: Sequence[Path]) -> tuple[list[Drift], list[str]]:
     return [*beside_first(recordings, dict.fromkeys(range(1, len(videos)))).values()], names
 
 
-def _start_table(drifts: Sequence[Drift], names: Sequence[str], frame_rate: float) -> pd.DataFrame:
-    """Return a row a video: start after the first, in s and frames, and drift in 10⁻⁶."""
-    rows = [Drift(0.0, 0.0, 0.0, 0.0, agreement=1.0), *drifts]
-    return pd.DataFrame(
-        {
-            "video": list(names),
-            "starts_after_s": [one.delay for one in rows],
-            "standard_error_s": [one.delay_deviation for one in rows],
-            "in_frames": [one.delay * frame_rate for one in rows],
-            "clock_fast_by_ppm": [1e6 * one.fast for one in rows],
-            "ppm_standard_error": [1e6 * one.drift_deviation for one in rows],
-            "agreeing_share": [one.agreement for one in rows],
-        }
-    )
-
-
 def _describe_starts(
     drifts: Sequence[Drift], names: Sequence[str], frame_rate: float
 ) -> Iterator[str]:
@@ -104,9 +88,20 @@ def write_synchronisation(videos: Sequence[Path], out: Path) -> list[str]:
     rates = (probe_media(video).frame_rate for video in videos if start_of_film(video) is not None)
     frame_rate = next(rates, np.nan)
     picture = save_figure(_picture(videos, drifts, names), "png", dpi=140)
+    rows = [Drift(0.0, 0.0, 0.0, 0.0, agreement=1.0), *drifts]
+    table = pd.DataFrame(
+        {
+            "video": names,
+            "starts_after_s": [one.delay for one in rows],
+            "standard_error_s": [one.delay_deviation for one in rows],
+            "in_frames": [one.delay * frame_rate for one in rows],
+            "clock_fast_by_ppm": [1e6 * one.fast for one in rows],
+            "ppm_standard_error": [1e6 * one.drift_deviation for one in rows],
+            "agreeing_share": [one.agreement for one in rows],
+        }
+    )
     with staging(out) as part:
-        rows = _start_table(drifts, names, frame_rate)
-        write_csv(rows, part / "sync.csv", "%.9g")
+        write_csv(table, part / "sync.csv", "%.9g")
         (part / "sync.png").write_bytes(picture)
         put_files(part, out)
     found = [*_describe_starts(drifts, names, frame_rate)]

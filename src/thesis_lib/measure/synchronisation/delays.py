@@ -48,19 +48,8 @@ def correlation_coefficient(a: ArrayLike, b: ArrayLike, most: int) -> tuple[IntA
     """Return the correlation coefficient of a[j + lag] and b[j] over the j that both have.
 
     Each lag is normalised by the means and energies of its own overlap: without, the shrinking
-    overlap would pull the peak to lag zero.
-
-    Parameters
-    ----------
-    a, b : array_like, shape (samples of each,)
-        Two signals at the same rate.
-    most : int
-        Largest lag in samples.
-
-    Returns
-    -------
-    lags, coefficients : ndarray, shape (lags,)
-        Lags in samples, and −1…1.
+    overlap would pull the peak to lag zero. Lags (lags,) are in samples, up to `most`, and the
+    coefficients of the signals (samples of each,) in −1…1.
     """
     n_x, n_y = len(np.asarray(a)), len(np.asarray(b))
     first, last = max(-most, 1 - n_y), min(most, n_x - 1)
@@ -221,16 +210,9 @@ def phase_delays(
     reference's settled part, as far as all recordings hold it, in whole periods. So what is not a
     tone disturbs all phases alike, and a frequency that is slightly off does no harm.
 
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (samples,)
-        The recordings, at some tens of samples per period.
-    rate, frequency : float
-        Their sample rate and the tone's frequency in Hz.
-    guess : ndarray, shape (recordings,)
-        Delays to within half a period, s.
-    steady : tuple of float, optional
-        Used instead of the reference's settled part, s after its first sample.
+    The signals (samples,) have some tens of samples per period, rate and frequency are in Hz, and
+    the guess (recordings,) in s is right to within half a period. `steady`, in s after the
+    reference's first sample, is used instead of its settled part.
 
     Raises
     ------
@@ -326,13 +308,7 @@ def _match_transients(
     if not n_a or not n_b:
         return None
     found = _compare_signals(
-        loud_a,
-        loud_b,
-        rate,
-        same=same,
-        telling=min(n_a, n_b),
-        least=least,
-        either_sign=either_sign,
+        loud_a, loud_b, rate, same=same, telling=min(n_a, n_b), least=least, either_sign=either_sign
     )
     found = replace(found, least=MIN_ONSET_CORRELATION)
     return found if found.certain else None
