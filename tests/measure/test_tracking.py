@@ -451,21 +451,20 @@ def test_matches_are_the_centres_to_whole_pixels_of_the_plane(conforms):
 def test_the_assignment_has_the_least_sum_of_squares(conforms, seed):
     rng = np.random.default_rng(seed)
     predicted, found = rng.uniform(0, 1, (2, 5)), rng.uniform(0, 1, (2, 5))
-    places, spare = assign_places(predicted, found, gate=10.0)
+    places = assign_places(predicted, found, gate=10.0)
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     best = min(sum(squared[i, p[i]] for i in range(5)) for p in permutations(range(5)))
     conforms.independent(np.sum((places - predicted) ** 2), best, rtol=1e-12)
-    assert spare == 0
+    assert np.isfinite(places).all()
 
 
 def test_a_lost_marker_does_not_shift_its_column(conforms):
     # Nearest in the sum without a gate would give every place to the next one's match.
     predicted = np.stack([np.arange(10.0), np.zeros(10)])
     found = np.delete(predicted, 4, axis=1) + 0.2
-    places, spare = assign_places(predicted, found, gate=0.45)
+    places = assign_places(predicted, found, gate=0.45)
     conforms.invariance(np.delete(places, 4, axis=1), found, rtol=1e-7)
     assert np.isnan(places[:, 4]).all()
-    assert spare == 0
 
 
 def test_a_homography_is_found_from_points_some_of_them_missing(conforms):

@@ -215,7 +215,7 @@ def draw_plane(data: xr.Dataset) -> Figure:
     grid, matches = (
         tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (markers.positions, found)
     )
-    places, _ = tracker.assign_places(markers.positions, found, tracker.gate_of(markers))
+    places = tracker.assign_places(markers.positions, found, tracker.gate_of(markers))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))

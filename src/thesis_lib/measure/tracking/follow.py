@@ -56,14 +56,7 @@ PRIOR_WEIGHTS = (
 
 
 class Table:
-    """Linear models of the grey levels around markers and hole.
-
-    Parameters
-    ----------
-    view : View
-        How the camera sees the structure's plane.
-    image : ndarray of uint8, shape (height, width)
-        A frame of it at rest.
+    """Linear models of the grey levels around markers and hole, by a frame of these at rest.
 
     Raises
     ------
@@ -182,38 +175,27 @@ class Follower:
 
         Frames are to be given in their order: what moved before tells where to look.
         """
+        tracker, view, count = self.tracker, self.view, self.view.markers.count
         lost = np.isnan(self.moved[0])
-        moved = fill_missing(self.moved, self.tracker.grid, self.before)
-        ahead = 2 * np.cos(self.tracker.turn) * moved - self.before
-        found = None
+        moved = fill_missing(self.moved, tracker.grid, self.before)
+        ahead = 2 * np.cos(tracker.turn) * moved - self.before
+        uv: Array | None = None
         far = np.maximum(np.hypot(*moved), np.hypot(*self.before))
-        if self.tracker.turn or np.all(far < self.safe):
-            found = self._fit_by_table(image, self.rest + ahead, lost)
-        uv = self._search_frame(image, moved) if found is None else found
+        if self.table is not None and (tracker.turn or np.all(far < self.safe)):
+            fitted, holds, inside, _ = self.table.fit(image, self.rest + ahead)
+            if not np.any((inside & ~holds & ~lost)[:count]) and np.mean(~holds) <= MOST_LOST:
+                uv = np.where(holds, fitted, np.nan)
+        if uv is None:  # a marker no longer fits, or most do not: all are looked for far around
+            tracker.moved, tracker.before = (
+                view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)
+            )
+            centres = tracker.centres(image)
+            hole = view.to_image(tracker.grid + tracker.moved)[:, count:]
+            uv = np.concatenate([centres, hole], axis=1)
         self.before, self.moved = moved, uv - self.rest
         if np.isnan(uv[0]).mean() > MOST_LOST:  # no light: it goes on as it did, if that is known
-            self.moved = ahead if self.tracker.turn else moved
-        return uv[:, : self.view.markers.count]
-
-    def _fit_by_table(self, image: Image, start: Array, lost: Mask) -> Array | None:
-        """Fit centres by the table; None if one that was not lost, or half of all, do not hold."""
-        if self.table is None:
-            return None
-        uv, holds, inside, _ = self.table.fit(image, start)
-        count = self.view.markers.count
-        if np.any((inside & ~holds & ~lost)[:count]) or np.mean(~holds) > MOST_LOST:
-            return None
-        return np.where(holds, uv, np.nan)
-
-    def _search_frame(self, image: Image, moved: Array) -> Array:
-        """Return centres (2, markers and hole) by the tracker that looks for them far around."""
-        tracker, view = self.tracker, self.view
-        tracker.moved, tracker.before = (
-            view.to_plane(self.rest + part) - tracker.grid for part in (moved, self.before)
-        )
-        uv = tracker.centres(image)
-        hole = view.to_image(tracker.grid + tracker.moved)[:, uv.shape[1] :]
-        return np.concatenate([uv, hole], axis=1)
+            self.moved = ahead if tracker.turn else moved
+        return uv[:, :count]
 
 
 class Detector(Protocol):
@@ -246,26 +228,13 @@ def trackers_of(
 ) -> tuple[list[Detector], list[str]]:
     """Return the trackers of a video's markers, from its first frame, in which markers are dark.
 
-    Parameters
-    ----------
-    image, camera, markers
-        The frame (height, width), the camera's intrinsics and distortion at full size, and what is
-        printed on the structure.
-    corners_px : sequence of tuple, optional
-        The structure's corners in the image, lens distortion included, in the order of
-        :func:`~thesis_lib.measure.tracking.homography.view_of`.
-    turn : float
-        Angle of the vibration from frame to frame in rad; 0 if it is not known.
-    shares : sequence of float
-        Of the frames' width, to which they are reduced. At each the markers are looked for again,
-        but the corners are those of the full frames. Without any the full frames serve.
+    The structure's corners in the image include the lens distortion, and are in the order of
+    :func:`~.homography.view_of`. `turn` is the angle of the vibration from frame to frame in rad; 0
+    if it is not known. There is a tracker for each of the `shares` of their width to which frames
+    are reduced: at each the markers are looked for again, but the corners are those of the full
+    frames. Without any the detector of the markers follows them in the full frames.
 
-    Returns
-    -------
-    trackers : list of Detector
-        A tracker for each share; without any the detector of the markers, in the full frames.
-    notes : list of str
-        At which width the markers are not found as they should be, and why.
+    Notes tell at which width the markers are not found as they should be, and why.
 
     Raises
     ------
@@ -277,11 +246,17 @@ def trackers_of(
         return [DETECTORS[markers.detector](view, turn, image)], []
     trackers: list[Detector] = []
     for picture in pictures_of(image, shares):
-        own = _resize_view(view, picture.shape[1], picture.shape[0])
+        height, width = picture.shape
+        scale = np.diag([width / camera.size[0], height / camera.size[1], 1.0])
+        own = replace(
+            view,
+            camera=resize_camera(camera, (width, height)),
+            H_image_plane=scale @ view.H_image_plane,
+        )
         try:
             own = sharpen_view(picture, own)
         except TrackingError as error:
-            notes.append(f"{picture.shape[1]} px: {error}")
+            notes.append(f"{width} px: {error}")
         trackers.append(Tracker(own, turn))
     return trackers, notes
 
@@ -333,10 +308,3 @@ def first_view(
         if markers.hole is None:  # nothing tells the ends apart in any light
             break
     raise failures[0]
-
-
-def _resize_view(view: View, width: int, height: int) -> View:
-    scale = width / view.camera.size[0]
-    H = np.diag([scale, height / view.camera.size[1], 1.0]) @ view.H_image_plane
-    camera = resize_camera(view.camera, (width, height))
-    return replace(view, camera=camera, H_image_plane=H)

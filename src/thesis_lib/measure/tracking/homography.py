@@ -55,8 +55,7 @@ class View:
 
     def finest(self, plane: ArrayLike) -> Array:
         """Return pixels per metre where the plane is most foreshortened, (n,), at points (2, n)."""
-        smallest: Array = np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
-        return smallest
+        return np.linalg.svd(np.moveaxis(self.stretch(plane), 2, 0))[1][:, 1]
 
 
 def apply_homography(H: ArrayLike, points: ArrayLike) -> Array:
@@ -83,9 +82,6 @@ def fit_homography(source: ArrayLike, target: ArrayLike) -> Array:
     if H is None or not np.isfinite(H).all() or np.linalg.cond(H) > 1e15:
         raise TrackingError(f"the {count} points known are on a line")
     return np.asarray(H, float)
-
-
-# Finding the beam.
 
 
 def find_view(image: Image, camera: Camera, markers: Markers) -> View:
@@ -154,9 +150,10 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
         )
     box = cv2.approxPolyN(hull, 4)[0].astype(float)
     for last in (False, False, True):  # points go to the nearest side, sides to their points
-        nearest = np.argmin([_segment_distances(points, a, b) for a, b in _list_sides(box)], axis=0)
+        sides = [*zip(box, np.roll(box, -1, axis=0), strict=True)]
+        nearest = np.argmin([_segment_distances(points, a, b) for a, b in sides], axis=0)
         lines = []
-        for side, (a, b) in enumerate(_list_sides(box)):
+        for side, (a, b) in enumerate(sides):
             own = points[nearest == side]
             along = (own - a) @ (b - a) / np.sum((b - a) ** 2)
             own = own[(along > 0.03) & (along < 0.97)]  # corners are round
@@ -170,17 +167,13 @@ def _find_quadrilateral(image: Image, camera: Camera) -> Array:
             lines.append(np.array([*normal, -normal @ np.ravel([x0, y0]) - gap]))
         cross = [np.cross(lines[k - 1], lines[k]) for k in range(4)]
         box = np.array([c[:2] / c[2] for c in cross])
-    sides = np.linalg.norm(np.roll(box, -1, axis=0) - box, axis=1)
-    if sides[0] + sides[2] < sides[1] + sides[3]:
+    lengths = np.linalg.norm(np.roll(box, -1, axis=0) - box, axis=1)
+    if lengths[0] + lengths[2] < lengths[1] + lengths[3]:
         box = np.roll(box, -1, axis=0)
     (x, y), (x_next, y_next) = box.T, np.roll(box, -1, axis=0).T
     if np.sum(x * y_next - y * x_next) > 0:  # seen from above it runs this way
         box = box[[1, 0, 3, 2]]
     return np.asarray(box.T)
-
-
-def _list_sides(box: Array) -> list[tuple[Array, Array]]:
-    return [(box[k], box[(k + 1) % 4]) for k in range(4)]
 
 
 def _segment_distances(points: Array, a: Array, b: Array) -> Array:
@@ -207,16 +200,13 @@ def _hole_darkness(image: Image, view: View) -> float:
     ring = markers.diameter * np.stack([np.cos(turn), np.sin(turn)])
     disc = np.column_stack([0.15 * ring, 0.35 * ring])
     beam = [disc + place[:, None] for place in places.T] or [marker + 1.5 * ring]
-    dark, print_, white = (
-        float(np.mean(_sample_grey(image, view.to_image(part))))
-        for part in (hole + disc, marker + disc, np.hstack(beam))
-    )
+    greys = []
+    for part in (hole + disc, marker + disc, np.hstack(beam)):
+        u, v = (view.to_image(part) - HALF_PIXEL).astype(np.float32)
+        grey = cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0]
+        greys.append(float(np.mean(grey.astype(float))))
+    dark, print_, white = greys
     return (white - dark) / max(white - print_, 10.0)
-
-
-def _sample_grey(image: Image, uv: Array) -> Array:
-    u, v = (uv - HALF_PIXEL).astype(np.float32)
-    return np.asarray(cv2.remap(image, u[None], v[None], cv2.INTER_LINEAR)[0], np.float64)
 
 
 GROUND_QUANTILE = 0.2  # of a row or column that the structure leaves free, at least

@@ -51,7 +51,7 @@ def sharpen_view(image: Image, view: View) -> View:
     """
     grid, name, first = view.markers.positions, view.camera.name, view
     for _ in range(2):
-        found, _ = assign_places(grid, Tracker(view).matches(image), gate_of(view.markers))
+        found = assign_places(grid, Tracker(view).matches(image), gate_of(view.markers))
         view = replace(view, blur=_fit_blur(image, view, found))
         centres, _ = refine_centres(image, view, found)
         count = np.count_nonzero(np.isfinite(centres[0]))
@@ -179,7 +179,7 @@ class Tracker:
         found: list[Array] = []
         for one in ahead:
             predicted = self.grid + np.clip(one, -self.reach, self.reach)
-            found.append(assign_places(predicted, matches, self.gate)[0])
+            found.append(assign_places(predicted, matches, self.gate))
             if np.isfinite(found[-1]).all():
                 break
         return min(found, key=lambda places: np.count_nonzero(np.isnan(places)))
@@ -226,7 +226,7 @@ def _draw_disc(diameter: float) -> Image:
     return np.asarray(np.rint(200 - 170 * covered), np.uint8)
 
 
-def assign_places(predicted: Array, found: Array, gate: float) -> tuple[Array, int]:
+def assign_places(predicted: Array, found: Array, gate: float) -> Array:
     """Give each predicted place (2, n) at most one of the found ones, nearest in the sum.
 
     The Hungarian method on squared distances; pairs farther apart than `gate` are not made, so a
@@ -234,23 +234,16 @@ def assign_places(predicted: Array, found: Array, gate: float) -> tuple[Array, i
 
     Returns
     -------
-    places : ndarray, shape (2, n)
+    ndarray, shape (2, n)
         NaN where nothing was found.
-    spare : int
-        Found places that are no marker's.
     """
     places = np.full_like(predicted, np.nan)
-    if found.shape[1] == 0:
-        return places, 0
     squared = np.sum((predicted[:, :, None] - found[:, None]) ** 2, axis=0)
     squared = np.minimum(squared, gate**2)  # all that is too far costs the same
     rows, columns = linear_sum_assignment(squared)
     near = squared[rows, columns] < gate**2
     places[:, rows[near]] = found[:, columns[near]]
-    return places, found.shape[1] - int(np.count_nonzero(near))
-
-
-# Sub-pixel centres: blurred discs on a white beam, fitted to the grey levels of a frame.
+    return places
 
 
 def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float]:
@@ -261,22 +254,10 @@ def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float
     c and, where the beam's edge is near, its place to within what a moving beam's nearness does to
     it; the background's g is measured.
 
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (height, width)
-        The frame.
-    view : View
-        How the camera sees the beam's plane.
-    plane : ndarray, shape (2, n)
-        First guess on the plane in m, of all markers in their order; NaN is left out.
-
-    Returns
-    -------
-    centres : ndarray, shape (2, n)
-        In px; NaN where the guess was NaN, a marker is cut off by the frame's border, or the fit
-        is poor.
-    misfit : float
-        Median over the markers of the rms residual over the contrast; NaN without markers.
+    `plane` (2, n) is a first guess on the plane in m, of all markers in their order. Centres (2, n)
+    are NaN where the guess is, where a marker is cut off by the frame's border, and where the fit
+    is poor. The second value is the misfit: the median over the markers of the rms residual over
+    the contrast; NaN without markers.
     """
     uv = np.full_like(plane, np.nan)
     known = np.flatnonzero(np.isfinite(plane[0]))
@@ -298,15 +279,16 @@ def refine_centres(image: Image, view: View, plane: Array) -> tuple[Array, float
     u, v = u + HALF_PIXEL, v + HALF_PIXEL
 
     patch = Patch(view, known, plane[:, known], ellipses)
-    usable = patch.usable(u - start[0, :, None], v - start[1, :, None])
-    background = patch.background(grey, u - start[0, :, None], v - start[1, :, None])
+    from_start = u - start[0, :, None], v - start[1, :, None]
+    usable = patch.usable(*from_start)
+    background = patch.background(grey, *from_start)
     centre, outer = start.copy(), np.zeros(len(known))
     bright = np.quantile(np.where(usable, grey, 0), 0.9, axis=(1, 2))
     contrast = bright - np.min(np.where(usable, grey, 255), axis=(1, 2))
     for _ in range(GAUSS_NEWTON_STEPS):
         du, dv = u - centre[0, :, None], v - centre[1, :, None]
         dark, *dark_by = blur_ellipses(du, dv, ellipses, blur)
-        white, outward = patch.beam(u - start[0, :, None], v - start[1, :, None], outer)
+        white, outward = patch.beam(*from_start, outer)
         b, c = bright[:, None, None], contrast[:, None, None]
         residual = (grey - background - (b - background) * white + c * dark) * usable
         columns = [-c * part for part in dark_by] + [white, -dark, (b - background) * outward]

@@ -53,8 +53,7 @@ class Recording:
     def times(self) -> Array:
         """Return the times of all frames on the reference's clock, s."""
         own = self.stamps if self.stamps is not None else np.arange(len(self.centres)) / self.rate
-        times: Array = own * self.pace + self.delay
-        return times
+        return own * self.pace + self.delay
 
     def paced(self, pace: float, at: float) -> Recording:
         """Return the recording with a clock that runs this much slower, and is right at a time."""
@@ -63,8 +62,7 @@ class Recording:
     @property
     def centres(self) -> Array:
         """The centres, mapped from the file."""
-        centres: Array = np.load(self.path, mmap_mode="r")
-        return centres
+        return np.load(self.path, mmap_mode="r")
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
         """Return the first frame from a time on and the last before another, reference clock."""
@@ -96,30 +94,14 @@ def record_track(
 ) -> list[str]:
     """Follow the markers through a camera's video into a file, from where an earlier run stopped.
 
-    Parameters
-    ----------
-    files, folder
-        The camera with its video, and the manifest's folder.
-    clock : ndarray, shape (frames,)
-        Times of the video's frames after the first, s.
-    camera, markers
-        The calibrated camera, and what is on the structure.
-    turn : float
-        Angle of the vibration from frame to frame in rad; 0 if it is not known.
-    path, key
-        Where the centres go (``.npy``), and the key of all that they depend on; what a run with
-        another key has left is not used.
-    tick : callable
-        Called with the number of frames done since the last call.
-    shares : sequence of float
-        Shares of their width to which frames are reduced. The file then holds
-        (frames, 2 shares, 2, markers): the centres at each width, then those by the template match
-        alone, where Appendix F stops.
+    The video is in the manifest's folder; `clock` (frames,) are the times of its frames after the
+    first, s. Centres go to `path` (``.npy``), and `key` is that of all that they depend on: what a
+    run with another key has left is not used. `tick` is called with the number of frames done since
+    the last call.
 
-    Returns
-    -------
-    list of str
-        At which widths markers are not found as they should be, and why.
+    `turn` and `shares`, and the notes returned, are those of :func:`~.follow.trackers_of`. With
+    shares the file holds (frames, 2 shares, 2, markers): the centres at each width, then those by
+    the template match alone, where Appendix F stops.
 
     Raises
     ------
