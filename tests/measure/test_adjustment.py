@@ -282,7 +282,7 @@ def test_a_shot_that_nothing_can_do_without_widens_all(conforms):
     """A camera that a single shot ties to the others: without it there is no answer."""
     uv = observations(0.02)
     uv[3, 1:] = np.nan
-    full = adjust_bundle(uv, POINTS, rig(), intrinsics=False, distortion=False)
+    full = adjust_bundle(uv, POINTS, rig(), lenses=False)
     stated = jackknife_cameras(uv, POINTS, full)
     factor = np.diag(stated.covariance)[:24] / np.diag(full.covariance)[:24]
     conforms.invariance(factor, factor[0], rtol=1e-9)

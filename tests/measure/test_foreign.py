@@ -63,7 +63,7 @@ def pair() -> Pair:
     ]  # fmt: skip
     shots = [[find_corners(picture, TILES) for picture in row] for row in pictures]
     single = [
-        calibrate_camera(row, TILES, SIZE, True, side)
+        calibrate_camera(row, TILES, SIZE, side)
         for row, side in zip(shots, ("left", "right"), strict=True)
     ]
     corners, _ = unify_corners(single, shots, TILES)

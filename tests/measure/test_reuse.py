@@ -227,7 +227,7 @@ def test_places_by_reused_lenses_are_as_exact_as_stated(conforms):
             )
             for one, d in zip(CAMERAS, off, strict=True)
         ]
-        full = adjust_bundle(uv, points, lenses, intrinsics=False, distortion=False)
+        full = adjust_bundle(uv, points, lenses, lenses=False)
         own = jackknife_cameras(uv, points, full)
         whole = with_lenses(uv, points, full, held, own.covariance)
         errors.append(differences(full.cameras, CAMERAS)[8 * n :])

@@ -51,10 +51,10 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
     used = corners[..., rig.central_corners(board)]
     small = Board(7, 9, board.tile, board.margin)
     cameras = [
-        rig.calibrate_camera(list(own), small, camera.size, True, camera.name).camera()
+        rig.calibrate_camera(list(own), small, camera.size, camera.name).camera()
         for own, camera in zip(used, manifest.cameras, strict=True)
     ]
-    return adjust_bundle(used, small.corners, cameras, intrinsics=False, distortion=False)
+    return adjust_bundle(used, small.corners, cameras, lenses=False)
 
 
 def measure_recordings(

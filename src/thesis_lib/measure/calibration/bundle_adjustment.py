@@ -89,11 +89,9 @@ def start_network(observations: Array, points: Array, cameras: Sequence[Camera])
             raise CalibrationError(
                 f"{camera.name}: shares no board images, directly or not, with image 0"
             )
-    shots = [boards[s] for s in range(seen.shape[1])]
+    rotations, translations = zip(*(boards[s] for s in range(seen.shape[1])), strict=True)
     return Network(
-        tuple(placed[c] for c in range(len(cameras))),
-        np.array([R for R, _ in shots]),
-        np.array([t for _, t in shots]),
+        tuple(placed[c] for c in range(len(cameras))), np.array(rotations), np.array(translations)
     )
 
 
@@ -118,23 +116,11 @@ def planar_pose(camera: Camera, points: Array, uv: Array) -> tuple[Array, Array]
 
 
 def board_images(network: Network, camera: Camera, points: Array) -> tuple[Array, Array]:
-    """Return the images of the boards' points in a camera and their derivatives.
+    """Return the images of the boards' points in a camera, and their derivatives.
 
-    Parameters
-    ----------
-    network : Network
-        Where the boards are.
-    camera : Camera
-        The camera.
-    points : ndarray, shape (3, points) or (shots, 3, points)
-        In the boards' frame, m.
-
-    Returns
-    -------
-    uv : ndarray, shape (2, shots, points)
-        Images in px; NaN behind the camera.
-    J : ndarray, shape (20, 2, shots, points)
-        Derivatives in the camera's pose (6), the board's pose (6) and the lens (8).
+    Points (3, points) or (shots, 3, points) are in the boards' frame, m, and images
+    (2, shots, points) in px; NaN behind the camera. Derivatives (20, 2, shots, points) are in the
+    camera's pose (6), the board's pose (6) and the lens (8).
     """
     which = "sij,jn->isn" if points.ndim == 2 else "sij,sjn->isn"
     on_board = np.einsum(which, network.rotations, points)
@@ -177,16 +163,9 @@ def normal_equations(
 ) -> tuple[Array, Array, Array]:
     """Return JᵀJ and Jᵀr of all unknowns, and the residuals r, as seen minus computed.
 
-    Points that an image does not show are NaN in the observations and count for nothing. Each
-    image touches the twenty unknowns of its camera and its board only; the matrix is gathered
-    from such blocks.
-
-    Returns
-    -------
-    normal : ndarray, shape (unknowns, unknowns)
-    right : ndarray, shape (unknowns,)
-    residuals : ndarray, shape (cameras, shots, 2, points)
-        In px; NaN where absent.
+    Points that an image does not show are NaN in the observations and in the residuals
+    (cameras, shots, 2, points) in px, and count for nothing. Each image touches the twenty unknowns
+    of its camera and its board only; the matrix is gathered from such blocks.
     """
     seen: Mask = np.any(np.isfinite(observations), axis=(2, 3))
     n, m = seen.shape
@@ -219,9 +198,8 @@ def camera_unknowns(which: IntArray, cameras: int, boards: int = 0) -> IntArray:
 
 def gauge_directions(network: Network) -> Array:
     """Return the change of the unknowns when the world turns and shifts, shape (unknowns, 6)."""
-    boards = range(len(network.rotations))
     poses = [(-c.R_camera_world, c.centre) for c in network.cameras]  # a camera turns the other way
-    poses += [(np.eye(3), network.translations[s]) for s in boards]
+    poses += [(np.eye(3), place) for place in network.translations]
     G = np.zeros((network.unknowns, POSE_UNKNOWNS))
     for k, (turn, place) in enumerate(poses):
         rows = G[k * POSE_UNKNOWNS : (k + 1) * POSE_UNKNOWNS]
@@ -237,20 +215,17 @@ def step_network(network: Network, step: Array) -> Network:
     poses = step[: (n + m) * POSE_UNKNOWNS].reshape(-1, 2, 3)
     turns = Rotation.from_rotvec(poses[:, 0]).as_matrix()
     lenses = step[(n + m) * POSE_UNKNOWNS :].reshape(n, LENS_UNKNOWNS)
-    cameras = []
-    for camera, turn, shift, d in zip(network.cameras, turns, poses[:, 1], lenses, strict=False):
-        cameras.append(
-            replace(
-                camera,
-                K=camera.K + np.array([[d[0], 0, d[2]], [0, d[1], d[3]], [0, 0, 0]]),
-                distortion=camera.distortion + np.array([*d[4:], 0]),
-                R_camera_world=turn @ camera.R_camera_world,
-                centre=camera.centre + shift,
-            )
+    cameras = tuple(
+        replace(
+            camera,
+            K=camera.K + np.array([[d[0], 0, d[2]], [0, d[1], d[3]], [0, 0, 0]]),
+            distortion=camera.distortion + np.array([*d[4:], 0]),
+            R_camera_world=turn @ camera.R_camera_world,
+            centre=camera.centre + shift,
         )
-    return Network(
-        tuple(cameras), turns[n:] @ network.rotations, network.translations + poses[n:, 1]
+        for camera, turn, shift, d in zip(network.cameras, turns, poses[:, 1], lenses, strict=False)
     )
+    return Network(cameras, turns[n:] @ network.rotations, network.translations + poses[n:, 1])
 
 
 def transform_network(network: Network, rotation: Array, translation: Array) -> Network:
@@ -267,6 +242,7 @@ def transform_network(network: Network, rotation: Array, translation: Array) -> 
     return Network(cameras, rotation @ network.rotations, places)
 
 
+MAX_STEPS = 100  # Levenberg–Marquardt steps of an adjustment
 MIN_EIGENVALUE = 1e-11  # least eigenvalue of the normal equations, scaled to a unit diagonal
 
 
@@ -293,9 +269,7 @@ def adjust_bundle(
     observations: Array,
     points: Array,
     cameras: Sequence[Camera],
-    intrinsics: bool = True,
-    distortion: bool = True,
-    steps: int = 100,
+    lenses: bool = True,
 ) -> Adjustment:
     """Return the cameras and board poses of least squared reprojection error (eq. 5.1).
 
@@ -308,12 +282,8 @@ def adjust_bundle(
     cameras : sequence of Camera
         Names, sizes, and intrinsics and distortion to start from or to keep. Where the cameras
         stand is found from the observations.
-    intrinsics : bool
-        Whether f_x, f_y, c_x, c_y of each camera are adjusted.
-    distortion : bool
-        Whether k₁, k₂, p₁, p₂ of each camera are adjusted.
-    steps : int
-        Most Levenberg–Marquardt steps.
+    lenses : bool
+        Whether f_x, f_y, c_x, c_y, k₁, k₂, p₁, p₂ of each camera are adjusted.
 
     Returns
     -------
@@ -337,10 +307,9 @@ def adjust_bundle(
             f"needs ({expected[0]}, board images, 2, {expected[2]})"
         )
     network = start_network(observations, points, cameras)
-    poses = POSE_UNKNOWNS * (len(cameras) + len(network.rotations))
-    lenses = [intrinsics] * 4 + [distortion] * 4
-    free = np.array([True] * poses + lenses * len(cameras))
-    network = _minimise_cost(observations, points, network, free, steps)
+    free = np.full(network.unknowns, lenses)
+    free[: POSE_UNKNOWNS * (len(cameras) + len(network.rotations))] = True
+    network = _minimise_cost(observations, points, network, free)
     R, t = network.rotations[0], network.translations[0]
     network = transform_network(network, R.T, -R.T @ t)
     normal, _, residuals = normal_equations(observations, points, network)
@@ -364,14 +333,12 @@ def adjust_bundle(
     )
 
 
-def _minimise_cost(
-    observations: Array, points: Array, network: Network, free: Mask, steps: int
-) -> Network:
+def _minimise_cost(observations: Array, points: Array, network: Network, free: Mask) -> Network:
     """Return the network of least squares, by Levenberg–Marquardt."""
     normal, right, residuals = normal_equations(observations, points, network)
     observed = np.isfinite(observations)
     cost, damping = np.nansum(residuals**2), 0.0
-    for _ in range(steps):
+    for _ in range(MAX_STEPS):
         change = _invert_normal(normal, network, free, damping)[0] @ right
         hoped = float(change @ right)  # twice what the cost would fall, were it a parabola
         if hoped <= 1e-12 * cost or hoped < 1e-18:
@@ -384,7 +351,7 @@ def _minimise_cost(
             damping = damping / 2 if damping > 1e-8 else 0.0  # boards of few corners turn slowly
         else:
             damping = max(10 * damping, 1e-6)
-    raise CalibrationError(f"adjustment: not converged after {steps} steps")
+    raise CalibrationError(f"adjustment: not converged after {MAX_STEPS} steps")
 
 
 def _invert_normal(

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from scipy.special import erf
 
-from thesis_lib.arrays import Array, Image, IntArray, Mask
+from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Board
 from thesis_lib.vision.pinhole import HALF_PIXEL
 
@@ -279,8 +279,13 @@ def _fit_grid(image: Image, found: Array, board: Board) -> Array:
         grid = reduction * _refine_grid(small, grid / reduction, seen, board)[0]
         reduction //= 2
     grid, start, state, misfit, asymmetry = _refine_grid(image, grid, seen, board)
+    moved, spacing = np.linalg.norm(state[:2] - start[:, seen], axis=0), _corner_spacing(grid)[seen]
+    worst = int(np.argmax(moved / spacing))
+    if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
+        raise BoardNotFound(f"a corner's fit ends {moved[worst]:.1f} px from where it starts")
     parity = np.indices(seen.shape).sum(0)[seen] % 2
-    _check_fit(start[:, seen], _corner_spacing(grid)[seen], state, parity)
+    if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
+        raise BoardNotFound("false grid: light and dark tiles do not alternate")
     _check_residuals(misfit / np.abs(state[5]), asymmetry / np.abs(state[5]), state[6])
     smooth = _smooth_grid(grid, seen, board)
     _check_grid(np.where(seen, grid, smooth), smooth, _MAX_FITTED_OFFSET)
@@ -465,16 +470,6 @@ def _model_edges(pixels: Array, state: Array, bend: Array) -> tuple[Array, Array
     angles = [fg * f_angle, gf * g_angle]
     J = np.stack([*centre, *angles, np.ones_like(f), f * g, -(fg * x + gf * y) / s])
     return mean + half * f * g, J
-
-
-def _check_fit(start: Array, spacing: Array, state: Array, parity: IntArray) -> None:
-    """Refuse fits (7, corners) that did not settle, or whose tiles do not alternate."""
-    moved = np.linalg.norm(state[:2] - start, axis=0)
-    worst = int(np.argmax(moved / spacing))
-    if not moved[worst] <= _MAX_FITTED_OFFSET * spacing[worst]:
-        raise BoardNotFound(f"a corner's fit ends {moved[worst]:.1f} px from where it starts")
-    if len(np.unique(np.sign(state[5]) * (1 - 2 * parity))) != 1:
-        raise BoardNotFound("false grid: light and dark tiles do not alternate")
 
 
 def _check_residuals(misfit: Array, asymmetry: Array, blur: Array) -> None:

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from thesis_lib.arrays import Array, IntArray
+from thesis_lib.arrays import Array, IntArray, Mask
 from thesis_lib.measure.calibration.bundle_adjustment import (
     Adjustment,
     CalibrationError,
@@ -60,17 +60,17 @@ class Calibration:
     size: tuple[int, int]  #: Width and height of the sensor in px
     K: Array  #: Intrinsic matrix in px, shape (3, 3)
     distortion: Array  #: Coefficients k₁, k₂, p₁, p₂, k₃, the last always 0, shape (5,)
-    #: The board's pose in the camera in each shot: rotation (3, 3) from board to camera and the
-    #: board's centre (3,) in m; None where the board was not found
-    rotations: tuple[Array | None, ...]
-    translations: tuple[Array | None, ...]
+    #: From the board to the camera in each calibration image, shape (shots, 3, 3); NaN where the
+    #: board was not found
+    rotations: Array
+    translations: Array  #: The board's centre in the camera, m, shape (shots, 3); NaN likewise
     rms: float  #: Root mean square residual per coordinate, px
     deviations: Array  #: Standard deviations of f_x, f_y, c_x and c_y in px, shape (4,)
 
-    def camera(self, shot: int = 0) -> Camera:
-        """Return the camera in the board's frame of one image; at the origin without it."""
-        R, t = self.rotations[shot], self.translations[shot]
-        if R is None or t is None:
+    def camera(self) -> Camera:
+        """Return the camera in the board's frame of the first image; at the origin without it."""
+        R, t = self.rotations[0], self.translations[0]
+        if np.isnan(t).any():
             R, t = np.eye(3), np.zeros(3)
         return Camera(self.name, self.K, self.distortion, R, -R.T @ t, self.size)
 
@@ -79,7 +79,6 @@ def calibrate_camera(
     shots: Sequence[Array | None],
     board: Board,
     size: tuple[int, int],
-    distortion: bool = True,
     name: str = "camera",
 ) -> Calibration:
     """Calibrate one camera and its board poses by Zhang's method (Appendix D, step 4).
@@ -92,8 +91,6 @@ def calibrate_camera(
         The board.
     size : tuple of int
         Width and height of the sensor in px.
-    distortion : bool
-        Whether k₁, k₂, p₁, p₂ are estimated, else they are 0.
     name : str
         The camera's name, for messages too.
 
@@ -108,9 +105,9 @@ def calibrate_camera(
         raise CalibrationError(
             f"{name}: {len(used)} of {len(shots)} board images show the board, needs {_LEAST_SHOTS}"
         )
-    images = [np.asarray(shots[i], float) for i in used]
-    parts = [np.isfinite(uv).all(axis=0) for uv in images]
-    images = [uv[:, part] for uv, part in zip(images, parts, strict=True)]
+    every = [np.asarray(shots[i], float) for i in used]
+    parts = [np.isfinite(uv).all(axis=0) for uv in every]
+    images = [uv[:, part] for uv, part in zip(every, parts, strict=True)]
     seen = [board.corners[:, part] for part in parts]
     spread = _largest_tilt(seen, images, size)
     if spread < _LEAST_TILT:
@@ -118,13 +115,10 @@ def calibrate_camera(
             f"{name}: the boards are parallel to within {np.degrees(spread):.1f}°, "
             f"needs {np.degrees(_LEAST_TILT):.0f}° to determine a focal length"
         )
-    flags = cv2.CALIB_FIX_K3
-    if not distortion:
-        flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
     objects = [X.T.astype(np.float32) for X in seen]
     pixels = [(uv - HALF_PIXEL).T.astype(np.float32) for uv in images]
     rms, K, k, turns, moves, deviations, _, _ = cv2.calibrateCameraExtended(
-        objects, pixels, size, np.eye(3), np.zeros(5), flags=flags
+        objects, pixels, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3
     )
     ours = np.array(K, float)
     ours[:2, 2] += HALF_PIXEL
@@ -135,13 +129,17 @@ def calibrate_camera(
             f"{name}: the board images leave the focal length uncertain by {relative:.0%}, "
             f"allowed {_LEAST_PRECISION:.0%}"
         )
-    poses: list[tuple[Array | None, Array | None]] = [(None, None)] * len(shots)
+    rotations, translations = _unseen_poses(len(shots))
     for shot, turn, move in zip(used, turns, moves, strict=True):
-        poses[shot] = np.asarray(cv2.Rodrigues(turn)[0], float), np.ravel(move)
-    rotations, translations = zip(*poses, strict=True)
+        rotations[shot], translations[shot] = cv2.Rodrigues(turn)[0], np.ravel(move)
     # OpenCV's rms is per point: of the distance, not of its two coordinates.
     lens, error = np.ravel(np.asarray(k, float))[:5], float(rms / np.sqrt(2))
     return Calibration(name, size, ours, lens, rotations, translations, error, sigma)
+
+
+def _unseen_poses(count: int) -> tuple[Array, Array]:
+    """Return rotations and translations of boards that are not found: NaN."""
+    return np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
 
 
 def central_corners(board: Board) -> IntArray:
@@ -215,24 +213,24 @@ def unify_corners(
         If two cameras share too few images to distinguish the symmetries, or more than a third
         of the poses that several cameras see fit no rig.
     """
-    symmetries = _list_symmetries(board, two_sided)
-    points = [_place_boards(c, board, symmetries) for c in calibrations]
-    rig = _chain_cameras(calibrations, points)
-    result = np.full((len(shots), len(shots[0]), 2, board.corners.shape[1]), np.nan)
-    orders = [_reorder_corners(board, S) for S in symmetries]
+    symmetries, X = _list_symmetries(board, two_sided), board.corners
+    points = np.array([_place_boards(c, board, symmetries) for c in calibrations])
+    seen = np.isfinite(points[:, :, 0, 0, 0])
+    rig = _chain_cameras([c.name for c in calibrations], points, seen)
+    result = np.full((*seen.shape, *X[:2].shape), np.nan)
+    # To which corner each of them goes under a symmetry.
+    apart = np.linalg.norm((symmetries @ X)[..., None] - X[:, None], axis=1)
+    orders = np.argmin(apart, axis=2)
     left_out: dict[int, float] = {}
-    for shot in range(result.shape[1]):
-        seen = [c for c in range(len(shots)) if points[c][shot] is not None]
-        for camera in seen:
-            first = _move_points(rig[seen[0]], points[seen[0]][shot])[0]
-            off = _rms_distance(_move_points(rig[camera], points[camera][shot]) - first)
-            choice = int(np.argmin(off))
-            if off[choice] > _MAX_FIT_TILES * board.tile:
-                left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
-            uv = shots[camera][shot]
-            assert uv is not None
-            result[camera, shot] = uv[:, orders[choice]]
-    shared = sum(sum(row[shot] is not None for row in points) > 1 for shot in range(len(shots[0])))
+    for shot, camera in np.argwhere(seen.T).tolist():
+        one = int(np.argmax(seen[:, shot]))  # the first camera
+        first = _move_points(rig[one], points[one, shot])[0]
+        off = _rms_distance(_move_points(rig[camera], points[camera, shot]) - first)
+        choice = int(np.argmin(off))
+        if off[choice] > _MAX_FIT_TILES * board.tile:
+            left_out[shot] = max(left_out.get(shot, 0.0), float(off[choice]))
+        result[camera, shot] = np.asarray(shots[camera][shot])[:, orders[choice]]
+    shared = np.count_nonzero(seen.sum(axis=0) > 1)
     if len(left_out) > _MOST_OFF * shared:
         raise CalibrationError(
             f"{len(left_out)} of {shared} poses are up to {1e3 * max(left_out.values()):.1f} mm "
@@ -255,25 +253,16 @@ def _list_symmetries(board: Board, two_sided: bool) -> Array:
     return np.concatenate([turns, turns @ flip]) if two_sided else turns
 
 
-def _reorder_corners(board: Board, symmetry: Array) -> IntArray:
-    """Return the index to which each of the board's corners goes under a symmetry."""
-    X = board.corners
-    apart = np.linalg.norm((symmetry @ X)[:, :, None] - X[:, None], axis=0)
-    return np.argmin(apart, axis=1)
-
-
-def _place_boards(calibration: Calibration, board: Board, symmetries: Array) -> list[Array | None]:
-    """Return the board's corners in the camera, (symmetries, 3, corners) in m, per shot.
+def _place_boards(calibration: Calibration, board: Board, symmetries: Array) -> Array:
+    """Return the board's corners in the camera, (shots, symmetries, 3, corners) in m.
 
     The side that the camera sees is half a thickness before the middle, about which a board that
     is turned over turns.
     """
     middle = np.array([[0.0], [0.0], [board.thickness / 2]])
     X = symmetries @ (board.corners + middle) - middle
-    return [
-        None if R is None or t is None else R @ X + t[:, None]
-        for R, t in zip(calibration.rotations, calibration.translations, strict=True)
-    ]
+    poses = zip(calibration.rotations, calibration.translations, strict=True)
+    return np.array([_move_points(pose, X) for pose in poses])
 
 
 def _rms_distance(differences: Array) -> Array:
@@ -281,39 +270,36 @@ def _rms_distance(differences: Array) -> Array:
     return np.sqrt(np.mean(np.sum(differences**2, axis=-2), axis=-1))
 
 
-def _move_points(pose: Pose, points: Array | None) -> Array:
-    """Return the points (..., 3, n) of a camera in the rig's frame."""
+def _move_points(pose: Pose, points: Array) -> Array:
+    """Apply the rotation and translation of a pose to points (..., 3, n)."""
     R, t = pose
-    assert points is not None
     return R @ points + t[:, None]
 
 
-def _chain_cameras(
-    calibrations: Sequence[Calibration], points: Sequence[list[Array | None]]
-) -> list[Pose]:
-    """Return every camera's pose in the first one's frame, from pairs sharing most images."""
-    n = len(calibrations)
-    seen = [{s for s, p in enumerate(images) if p is not None} for images in points]
+def _chain_cameras(names: Sequence[str], points: Array, seen: Mask) -> dict[int, Pose]:
+    """Return every camera's pose in the first one's frame, from pairs sharing most images.
+
+    `points` are those of :func:`_place_boards`, `seen` (cameras, shots) tells which ones there are.
+    """
     rig: dict[int, Pose] = {0: (np.eye(3), np.zeros(3))}
-    while len(rig) < n:
-        pairs = [(i, j) for i in rig for j in range(n) if j not in rig]
-        i, j = max(pairs, key=lambda pair: len(seen[pair[0]] & seen[pair[1]]))
-        shared = sorted(seen[i] & seen[j])
-        if len(shared) < 2:
+    while len(rig) < len(names):
+        pairs = [(i, j) for i in rig for j in range(len(names)) if j not in rig]
+        i, j = max(pairs, key=lambda pair: np.count_nonzero(seen[pair[0]] & seen[pair[1]]))
+        shared = seen[i] & seen[j]
+        if np.count_nonzero(shared) < 2:
             raise CalibrationError(
-                f"{calibrations[j].name}: shares {len(shared)} board images with "
-                f"{calibrations[i].name}, needs 2 to distinguish the board's symmetries"
+                f"{names[j]}: shares {np.count_nonzero(shared)} board images with {names[i]}, "
+                "needs 2 to distinguish the board's symmetries"
             )
-        source, target = (np.array([points[k][s] for s in shared]) for k in (j, i))
-        pose, distinct = _fit_relative_pose(source, target[:, 0])
+        pose, distinct = _fit_relative_pose(points[j, shared], points[i, shared, 0])
         if not distinct:
             raise CalibrationError(
-                f"{calibrations[j].name}: its board images with {calibrations[i].name} do not "
+                f"{names[j]}: its board images with {names[i]} do not "
                 "distinguish the board's symmetries"
             )
         R, t = rig[i]
         rig[j] = R @ pose[0], R @ pose[1] + t
-    return [rig[i] for i in range(n)]
+    return rig
 
 
 def _fit_relative_pose(source: Array, target: Array) -> tuple[Pose, bool]:
@@ -400,25 +386,20 @@ def adjust_cameras(
 
     paths = [shot_paths(camera, folder) for camera in manifest.cameras]
     corners_in = iter(map_in_pairs(read_board, [path for row in paths for path in row]))
-    found = [[(path, next(corners_in)) for path in row] for row in paths]
-    shots = [[None if isinstance(uv, BoardNotFound) else uv for _, uv in row] for row in found]
-    refused = [
-        {path.name: str(uv) for path, uv in row if path and isinstance(uv, BoardNotFound)}
-        for row in found
-    ]
-    lost = [
-        f"{camera.name}, {file}: {why}"
-        for camera, reasons in zip(manifest.cameras, refused, strict=True)
-        for file, why in reasons.items()
-    ]
-    single = [pose_camera(row, board, lens) for row, lens in zip(shots, lenses, strict=False)]
-    for camera, seen_by, reasons in zip(manifest.cameras, shots, refused, strict=True):
+    lost, shots, single = [], [], []
+    for k, (camera, row) in enumerate(zip(manifest.cameras, paths, strict=True)):
+        found = [(path, next(corners_in)) for path in row]
+        refused = {path.name: str(uv) for path, uv in found if path and isinstance(uv, Exception)}
+        lost += [f"{camera.name}, {file}: {why}" for file, why in refused.items()]
+        images = [None if isinstance(uv, BoardNotFound) else uv for _, uv in found]
+        shots.append(images)
         if lenses:
-            break
+            single.append(pose_camera(images, board, lenses[k]))
+            continue
         try:
-            single.append(calibrate_camera(seen_by, board, camera.size, True, camera.name))
+            single.append(calibrate_camera(images, board, camera.size, camera.name))
         except CalibrationError as error:
-            raise CalibrationError(f"{error}{_describe_refusals(reasons, manifest)}") from None
+            raise CalibrationError(f"{error}{_describe_refusals(refused, manifest)}") from None
     corners, moved = unify_corners(single, shots, board, manifest.board.two_sided)
     seen = np.isfinite(corners).any(axis=(0, 2, 3))
     for pose in np.flatnonzero(~seen):
@@ -429,10 +410,10 @@ def adjust_cameras(
     cameras = [one.camera() for one in single]
     used = corners[:, seen]
     points = board.corners_in_images(used)
-    full = adjust_bundle(used, points, cameras, not lenses, not lenses)
+    full = adjust_bundle(used, points, cameras, lenses=not lenses)
     apart = contradiction_ratio(full.rms, [one.rms for one in single]) > MAX_CONTRADICTION
     if not lenses and apart:
-        full = adjust_bundle(used, points, cameras, intrinsics=False, distortion=False)
+        full = adjust_bundle(used, points, cameras, lenses=False)
     residuals = np.full(corners.shape, np.nan)
     residuals[:, seen] = full.residuals
     return corners, lost, single, replace(full, residuals=residuals)
@@ -459,8 +440,10 @@ def _describe_refusals(refused: Mapping[str, str], manifest: Manifest) -> str:
 
 def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Calibration:
     """Return a camera with a known lens, and the board's pose in each of its calibration images."""
-    poses = [(None, None) if uv is None else planar_pose(lens, board.corners, uv) for uv in shots]
-    rotations, translations = zip(*poses, strict=True)
+    rotations, translations = _unseen_poses(len(shots))
+    for shot, uv in enumerate(shots):
+        if uv is not None:
+            rotations[shot], translations[shot] = planar_pose(lens, board.corners, uv)
     size, unknown = lens.size, np.full(4, np.nan)
     return Calibration(
         lens.name, size, lens.K, lens.distortion, rotations, translations, np.nan, unknown
@@ -469,14 +452,10 @@ def pose_camera(shots: Sequence[Array | None], board: Board, lens: Camera) -> Ca
 
 def cameras_in(calibration: xr.Dataset) -> list[Camera]:
     """Return the cameras of one calibration."""
+    fields = ("camera", "K", "distortion", "R_camera_world", "centre", "size")
     return [
-        Camera(
-            str(name),
-            calibration["K"].values[i],
-            calibration["distortion"].values[i],
-            calibration["R_camera_world"].values[i],
-            calibration["centre"].values[i],
-            (int(calibration["size"].values[i, 0]), int(calibration["size"].values[i, 1])),
+        Camera(str(name), K, distortion, R, centre, (int(width), int(height)))
+        for name, K, distortion, R, centre, (width, height) in zip(
+            *(calibration[field].values for field in fields), strict=True
         )
-        for i, name in enumerate(calibration["camera"].values)
     ]

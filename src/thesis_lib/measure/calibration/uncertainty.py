@@ -92,9 +92,7 @@ def jackknife_cameras(observations: Array, points: Array, adjustment: Adjustment
     right = sides[:, free] * units
     gauge, _ = np.linalg.qr(gauge_directions(alone)[free] / units[:, None])
     widths = np.ones(LENS_UNKNOWNS * n)
-    changes = (
-        _changes_without_each(parts, right, gauge) if len(parts) >= MIN_JACKKNIFE_IMAGES else None
-    )
+    changes = _changes_without_each(parts, right, gauge)
     if changes is None:
         covariance = own * _variance_factor(parts, right, gauge, adjustment.sigma)
     else:
@@ -166,8 +164,11 @@ def _image_contributions(
 def _changes_without_each(parts: Array, right: Array, gauge: Array) -> Array | None:
     """Return the cameras' change without each image, (shots, unknowns); None if one is needed.
 
-    The gauge's directions, orthonormal here, are kept still.
+    None also with fewer than :data:`MIN_JACKKNIFE_IMAGES`. The gauge's directions, orthonormal
+    here, are kept still.
     """
+    if len(parts) < MIN_JACKKNIFE_IMAGES:
+        return None
     rest = parts.sum(axis=0) + gauge @ gauge.T - parts
     if np.linalg.eigvalsh(rest)[:, 0].min() < MIN_EIGENVALUE:
         return None
@@ -213,16 +214,10 @@ VARIABLES = read_variables(__file__, "uncertainty")
 def jackknife_calibration(
     calibration: xr.Dataset, board: Board, steps: Path, held: Array | None = None
 ) -> xr.Dataset:
-    """Return the calibration, its deviations by a jackknife over shots, and its ``covariance``.
+    """Return a calibration with :data:`VARIABLES` by :func:`jackknife_cameras`, cached in a folder.
 
-    Parameters
-    ----------
-    calibration, board
-        What :func:`thesis_lib.measure.steps.calibrate_rig` returns, and its board.
-    steps : Path
-        Folder in which the result, with :data:`VARIABLES` by :func:`jackknife_cameras`, is kept.
-    held : ndarray, shape (8 n, 8 n), optional
-        Covariance of lenses that the calibration held fixed; NaN where it is unknown.
+    It is that of :func:`thesis_lib.measure.steps.calibrate_rig`; `held` (8 n, 8 n) is the
+    covariance of lenses that it held fixed, NaN where that is unknown.
     """
 
     def compute() -> xr.Dataset:
@@ -233,8 +228,7 @@ def jackknife_calibration(
         apart = contradiction_ratio(float(together), single) > MAX_CONTRADICTION
         if lenses is None and apart:  # lenses are then of each camera alone
             lenses = _single_lens_covariance(corners, points, cameras_in(calibration))
-        free = lenses is None
-        full = adjust_bundle(corners, points, cameras_in(calibration), free, free)
+        full = adjust_bundle(corners, points, cameras_in(calibration), lenses=lenses is None)
         cameras = jackknife_cameras(corners, points, full)
         if lenses is not None and np.isfinite(lenses).all():
             covariance = with_lenses(corners, points, full, lenses, cameras.covariance)
