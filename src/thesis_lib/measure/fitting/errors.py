@@ -50,25 +50,14 @@ def restore_scatter(own: Harmonics, places: Array) -> tuple[Harmonics, float]:
     beside markers that stand still. At an amplitude a the loss is at most about θ min(1, θ²/a²), as
     in films by x264. No marker scatters by less than half of what the camera's markers do.
 
-    Parameters
-    ----------
-    own : Harmonics
-        Of the tracks (2, markers).
-    places : ndarray, shape (2, markers)
-        On the structure, m.
-
-    Returns
-    -------
-    Harmonics
-        The same with larger `sigma`.
-    float
-        θ in px; 0 if no marker stands still.
+    Of tracks (2, markers), of markers at `places` (2, markers) on the structure in m. Returned are
+    the harmonics with larger `sigma`, and θ in px: 0 if no marker stands still.
     """
     each = np.sqrt(np.mean(own.sigma**2, axis=0))
-    middle = np.nanmedian(each) if np.isfinite(each).any() else np.nan
-    sigma = own.sigma
-    if middle >= 0:
-        sigma = np.maximum(sigma, MIN_AWAKE_RATIO * np.nanmedian(sigma))
+    if not np.isfinite(each).any():
+        return own, 0.0
+    middle = np.nanmedian(each)
+    sigma = np.maximum(own.sigma, MIN_AWAKE_RATIO * np.nanmedian(own.sigma))
     size = np.sqrt(np.sum(own.coefficients[1:3] ** 2, axis=(0, 1)))
     still, awake = find_frozen(each), each >= MIN_AWAKE_RATIO * middle
     if not still.any() or not awake.any():
@@ -90,14 +79,8 @@ def in_plane(
 
     Markers are on the surface, half a thickness above the middle of a structure whose normal turns
     with the slope of its deflection: they move in the plane by that slope times a length, which is
-    fitted, and at most the thickness.
-
-    Returns
-    -------
-    moved : ndarray of complex, shape (2, markers)
-        Along the structure's x and y, m.
-    deviations : ndarray, shape (2, markers)
-        Of each of its two parts, in phase and in quadrature, m.
+    fitted, and at most the thickness. The motion is along the structure's x and y; the deviations
+    are of each of its two parts, in phase and in quadrature. Both (2, markers), in m.
     """
     u, v, w = harmonics.motion_amplitude(fit, omega, exposures)
     moved = np.array([u, v])
@@ -126,8 +109,8 @@ def _surface_slope(places: Array, w: ComplexArray) -> ComplexArray:
     slope = np.full((2, len(w)), np.nan + 0j)
     if np.count_nonzero(known) < 4:
         return slope
-    tree = KDTree(places[:, known].T)
-    _, near = tree.query(places.T, k=min(SLOPE_NEIGHBOURS, np.count_nonzero(known)))
+    count = min(SLOPE_NEIGHBOURS, np.count_nonzero(known))
+    _, near = KDTree(places[:, known].T).query(places.T, k=count)
     offset = places[:, known][:, near] - places[:, :, None]
     A = np.stack([*offset, np.ones_like(offset[0])], axis=-1)  # markers, neighbours, 3
     slope[:] = (np.linalg.pinv(A, rcond=1e-6) @ w[known][near][..., None])[:, :2, 0].T
@@ -228,9 +211,9 @@ def find_jump(
         seen = np.isfinite(rest).any(axis=(1, 2))
         times.append(t[seen])
         common.append(np.nanmedian(rest[seen], axis=2))
-    moved = np.concatenate(common) if common else np.zeros((0, 2))
+    moved = np.concatenate(common)
     known = np.isfinite(moved).all(axis=1)
-    when, moved = np.concatenate(times)[known] if times else np.zeros(0), moved[known]
+    when, moved = np.concatenate(times)[known], moved[known]
     n = len(moved)
     if n < 4 * MIN_EDGE_FRAMES:
         return 0.0, np.nan
@@ -249,13 +232,7 @@ def find_jump(
 
 
 def check_explained(tone: Share, given: float) -> None:
-    """Refuse a frequency in Hz that is given and explains nothing of a motion that has another.
-
-    Raises
-    ------
-    FrequencyError
-        If it does, with the other frequency.
-    """
+    """Refuse a frequency in Hz that is given and explains nothing of a motion that has another."""
     if tone.explained < MIN_MOTION_SHARE and tone.ratio > 1:
         raise FrequencyError(
             f"excitation.frequency_hz: given {given:.6g}, which explains "
@@ -277,21 +254,11 @@ def common_errors(
 ) -> ComplexArray:
     """Return the calibration's errors of amplitudes in m, independent rows of one std each.
 
-    Parameters
-    ----------
-    fits, omegas
-        One vibration or several by the cameras as calibrated, and their angular frequencies, rad/s.
-    markers : Markers
-        What is on the structure.
-    exposures : ndarray
-        Exposure times in s.
-    covariance : ndarray, shape (14 n, 14 n)
-        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
-
-    Returns
-    -------
-    ndarray, shape (rows, fits, markers)
-        As many rows as the covariance has directions that matter, at most :data:`MAX_DIRECTIONS`.
+    Of one vibration or several by the cameras as calibrated, at angular frequencies in rad/s. The
+    covariance (14 n, 14 n) is of the cameras, see
+    :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`. The shape is (rows, fits,
+    markers), with as many rows as it has directions that matter, at most :data:`MAX_DIRECTIONS`.
+    Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
@@ -302,16 +269,19 @@ def common_errors(
     ]
 
     def perturb_amplitudes(step: Array) -> ComplexArray:
-        every = zip(fits, omegas, strict=True)
         moved = [
             harmonics.deflection_amplitude(_refit_images(fit, markers, step), omega, exposures)
-            for fit, omega in every
+            for fit, omega in zip(fits, omegas, strict=True)
         ]
         return np.concatenate(moved)
 
-    rows = [perturb_amplitudes(step / 2) - perturb_amplitudes(-step / 2) for step in steps]
-    fewer = _keep_largest(np.nan_to_num(np.array(rows)))
-    return fewer.reshape(len(fewer), len(fits), -1)
+    changes = [perturb_amplitudes(step / 2) - perturb_amplitudes(-step / 2) for step in steps]
+    rows = np.nan_to_num(np.array(changes))
+    parts = np.concatenate([rows.real, rows.imag], axis=1)
+    _, size, mixed = np.linalg.svd(parts, full_matrices=False)
+    kept = size[:MAX_DIRECTIONS, None] * mixed[:MAX_DIRECTIONS]
+    real, imag = np.split(kept, 2, axis=1)
+    return np.reshape(real + 1j * imag, (len(kept), len(fits), -1))
 
 
 def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray) -> xr.Dataset:
@@ -327,44 +297,25 @@ def with_common_errors(data: xr.Dataset, rows: ComplexArray, turns: ComplexArray
     return data.assign(label_values(values, SHARED_VARIABLES, ("row", *map(str, own.dims[:-1]))))
 
 
-def _keep_largest(rows: ComplexArray) -> ComplexArray:
-    """Return at most :data:`MAX_DIRECTIONS` rows with the covariance of the largest directions.
-
-    Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
-    """
-    parts = np.concatenate([rows.real, rows.imag], axis=1)
-    _, size, mixed = np.linalg.svd(parts, full_matrices=False)
-    kept = size[:MAX_DIRECTIONS, None] * mixed[:MAX_DIRECTIONS]
-    real, imag = np.split(kept, 2, axis=1)
-    return np.asarray(real + 1j * imag)
-
-
 def _refit_images(fit: Fitted, markers: Markers, step: Array) -> Fitted:
     """Fit the same images with cameras that are off by a step."""
     network = Network(tuple(fit.cameras), np.zeros((0, 3, 3)), np.zeros((0, 3)))
     cameras = step_network(network, step).cameras
-    pairs = list(zip(fit.cameras, cameras, strict=True))
-    seen = [
-        _undistort_again(old, new, own)
-        for (old, new), own in zip(pairs, fit.harmonics, strict=True)
-    ]
-    rest = [_undistort_anew(old, new, uv) for (old, new), uv in zip(pairs, fit.rest, strict=True)]
+    seen, rest, reach = [], [], 0.5  # px
+    for old, new, own, still in zip(fit.cameras, cameras, fit.harmonics, fit.rest, strict=True):
+        mean = own.coefficients[0]
+        slopes = [  # harmonics are undistorted to first order about their mean
+            (_undistort_again(old, new, mean + by) - _undistort_again(old, new, mean - by))
+            / (2 * reach)
+            for by in reach * np.eye(2)[:, :, None]
+        ]
+        moved = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
+        constant = _undistort_again(old, new, mean)
+        seen.append(replace(own, coefficients=np.concatenate([constant[None], moved])))
+        rest.append(_undistort_again(old, new, still))
     return harmonics.combine_fit(list(cameras), seen, np.array(rest), markers)
 
 
-def _undistort_anew(old: pinhole.Camera, new: pinhole.Camera, uv: Array) -> Array:
+def _undistort_again(old: pinhole.Camera, new: pinhole.Camera, uv: Array) -> Array:
     """Return places without distortion by one camera, as another one has them, (2, ...)."""
     return pinhole.undistort_pixels(new, pinhole.distort_pixels(old, uv))
-
-
-def _undistort_again(old: pinhole.Camera, new: pinhole.Camera, own: Harmonics) -> Harmonics:
-    """Undistort harmonics by another camera, to first order about their mean."""
-    mean = own.coefficients[0]
-    moved = _undistort_anew(old, new, mean)
-    reach = 0.5  # px
-    slopes = [
-        (_undistort_anew(old, new, mean + by) - _undistort_anew(old, new, mean - by)) / (2 * reach)
-        for by in reach * np.eye(2)[:, :, None]
-    ]
-    rest = np.einsum("inm,kim->knm", np.array(slopes), own.coefficients[1:])
-    return replace(own, coefficients=np.concatenate([moved[None], rest]))

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, Mask
 from thesis_lib.measure.fitting.harmonics import Fitted, correct_exposure, fit_harmonics
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision.triangulation import image_jacobian
@@ -44,13 +44,7 @@ class Advance:
 
 
 def look_for(recordings: Sequence[Recording], begin: float, end: float) -> float:
-    """Estimate the frequency in Hz, below half of every frame rate, that explains most motion.
-
-    Raises
-    ------
-    FrequencyError
-        If the recording is too short, or no one frequency explains half of the motion.
-    """
+    """Estimate the frequency in Hz, below half of every frame rate, that explains most motion."""
     series = [liveliest_series(own, begin, end) for own in recordings]
     length = min(float(times[-1] - times[0]) for times, _ in series)
     lowest, highest = 2 / length, 0.48 * min(own.rate for own in recordings)
@@ -122,16 +116,14 @@ def phase_advance(
     Every camera's image coordinates are fitted part by part. Against their mean over the parts the
     fitted amplitudes have turned by 2π (f − f₀) t: the slope of that turn is the error of f₀.
     """
-    estimates = []
     for _ in range(2):  # the mean is larger once the parts no longer turn against each other
         middles, turns, sizes, weights = _fit_parts(recordings, begin, end, frequency, order)
         if len(middles) < 3:
             return Advance(frequency, np.nan, 0.0)
         slope, deviation = _fit_slope(middles, turns, weights)
         frequency += slope / (2 * np.pi)
-        estimates.append(deviation / (2 * np.pi))
     growth, _ = _fit_slope(middles, sizes, weights)
-    return Advance(frequency, estimates[-1], growth * (end - begin))
+    return Advance(frequency, deviation / (2 * np.pi), growth * (end - begin))
 
 
 def _fit_parts(
@@ -143,14 +135,12 @@ def _fit_parts(
     for own in recordings:
         first, last = own.between(begin, end)
         count = int(np.clip((last - first) // MIN_PART_FRAMES, 1, PHASE_PARTS))
-        edges = np.linspace(begin, end, count + 1)
         amplitudes, times = [], []
-        for low, high in pairwise(edges):
-            pieces = list(own.parts(low, high))
-            if not pieces:
+        for low, high in pairwise(np.linspace(begin, end, count + 1)):
+            t, uv = own.read_tracks(low, high)
+            if not len(t):
                 continue
-            t = np.concatenate([times for times, _ in pieces])
-            fit = fit_harmonics(omega, t, np.concatenate([uv for _, uv in pieces]), order)
+            fit = fit_harmonics(omega, t, uv, order)
             amplitudes.append((fit.coefficients[1] - 1j * fit.coefficients[2]).ravel())
             times.append(0.5 * (low + high))
         if len(amplitudes) < 3:
@@ -199,39 +189,21 @@ MIN_CLOCK_SIGMAS = 5.0  # standard errors from which on a clock is corrected
 LEAST_TURN = 0.01  # rad over the recording, or of the phase, below which it is not worth it
 
 
-@dataclass(frozen=True)
-class Pace:
-    """How much faster than the first camera's a clock runs."""
-
-    rate: float  #: Relative, 0 for the same; NaN if it cannot be told
-    deviation: float  #: Its standard error
-    corrected: bool  #: Whether the camera's times were divided by that
-
-
 def estimate_paces(
     recordings: Sequence[Recording], begin: float, end: float, frequency: float, order: int
-) -> list[Pace]:
-    """Estimate the cameras' clock rates from the frequency that each sees."""
+) -> tuple[Array, Array, Mask]:
+    """Estimate the cameras' clock rates from the frequency that each sees, (cameras,).
+
+    By how much faster than the first camera's each clock runs, relative, NaN if that cannot be
+    told; its standard error; and whether it is certain, and worth a correction.
+    """
     seen = [phase_advance([own], begin, end, frequency, order) for own in recordings]
-    first, found = seen[0], [Pace(0.0, 0.0, False)]
-    for own in seen[1:]:
-        rate = first.frequency / own.frequency - 1
-        error = float(np.hypot(first.deviation, own.deviation)) / frequency
-        turn = 2 * np.pi * frequency * abs(rate) * (end - begin)
-        found.append(
-            Pace(rate, error, bool(abs(rate) > MIN_CLOCK_SIGMAS * error and turn > LEAST_TURN))
-        )
-    return found
-
-
-def apply_paces(
-    recordings: Sequence[Recording], found: Sequence[Pace], at: float
-) -> list[Recording]:
-    """Return the recordings with the first camera's pace, unchanged near the time `at`."""
-    return [
-        own.paced(1 / (1 + pace.rate), at) if pace.corrected else own
-        for own, pace in zip(recordings, found, strict=True)
-    ]
+    by_each, error = np.array([(own.frequency, own.deviation) for own in seen]).T
+    rate = by_each[0] / by_each - 1
+    error = np.hypot(error[0], error) / frequency
+    rate[0] = error[0] = 0.0
+    turn = 2 * np.pi * frequency * np.abs(rate) * (end - begin)
+    return rate, error, (np.abs(rate) > MIN_CLOCK_SIGMAS * error) & (turn > LEAST_TURN)
 
 
 def in_step(data: xr.Dataset, recordings: Sequence[Recording]) -> list[Recording]:
@@ -267,14 +239,14 @@ def phase_lags(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Arra
     return np.angle(turned), np.where(np.arange(len(images)) == 0, 0.0, errors)
 
 
-def lags_of(fit: Fitted, omega: float, exposures: Array) -> tuple[Array, Array]:
-    """Estimate how much later cameras start than was assumed, where certain, and errors, s."""
+def correct_starts(fit: Fitted, omega: float, exposures: Array) -> tuple[Fitted, Array, Array]:
+    """Return the fit with corrected starts of the cameras.
+
+    With it, how much later each starts than was assumed, 0 where not certain, and the standard
+    errors of that, (cameras,), s.
+    """
     turn, errors = phase_lags(fit, omega, exposures)
     certain = np.abs(turn) > np.maximum(MIN_CLOCK_SIGMAS * errors, LEAST_TURN)
-    return np.where(certain, turn, 0.0) / omega, errors / omega
-
-
-def shift_starts(fit: Fitted, omega: float, seconds: Array) -> Fitted:
-    """Return the fit with cameras that started this much later than assumed."""
-    moved = [own.earlier(omega, float(s)) for own, s in zip(fit.harmonics, seconds, strict=True)]
-    return replace(fit, harmonics=moved)
+    late = np.where(certain, turn, 0.0) / omega
+    moved = [own.earlier(omega, float(s)) for own, s in zip(fit.harmonics, late, strict=True)]
+    return replace(fit, harmonics=moved), late, errors / omega

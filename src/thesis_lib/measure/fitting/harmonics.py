@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +19,8 @@ from thesis_lib.measure.fitting.reconstruction import Frame
 from thesis_lib.measure.recordings.board import Markers
 from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.vision import pinhole
+
+INSTANTS = 16  # of a period, at which harmonics are triangulated
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,8 @@ class Sums:
     shape: tuple[int, ...]  #: Shape of the series
 
     def __add__(self, other: Sums) -> Sums:
-        return Sums(
-            self.matrix + other.matrix,
-            self.right + other.right,
-            self.squares + other.squares,
-            self.count + other.count,
-            self.shape,
-        )
+        names = ("matrix", "right", "squares", "count")
+        return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
 
     def solve(self) -> Harmonics:
         """Solve for the harmonics; NaN for a series with fewer values than coefficients plus two.
@@ -149,22 +144,6 @@ def fit_harmonics(omega: float, times: ArrayLike, values: ArrayLike, order: int 
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = np.sqrt(left / (sums.count.reshape(sums.shape) - len(found.coefficients)))
     return replace(found, sigma=np.where(np.isnan(found.sigma), np.nan, sigma))
-
-
-def harmonic_motion(
-    P: ArrayLike, frame: Frame, omega: float, cameras: list[Harmonics], instants: int = 16
-) -> ComplexArray:
-    """Return complex amplitudes along the beam's axes at ω, time factor e^{+jωt}, (3, markers), m.
-
-    The harmonics of the tracks (2, markers) of each camera, fitted at that camera's own times, are
-    evaluated at common instants of one period, triangulated there by projections P (cameras, 3, 4)
-    without any linearisation, and summed to the first harmonic of the motion.
-    """
-    times = np.arange(instants) * 2 * np.pi / (omega * instants)
-    uv = np.stack([camera.at(omega, times).swapaxes(0, 1) for camera in cameras])
-    points, _ = reconstruction.triangulate_seen(P, uv)
-    turns = 2 / instants * np.exp(-1j * omega * times)
-    return np.asarray([turns @ along for along in frame.to_beam(points)], complex)
 
 
 def mean_of(values: Array) -> Array:
@@ -222,8 +201,18 @@ def deflection_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> Com
 
 
 def motion_amplitude(fit: Fitted, omega: float, exposures: ArrayLike) -> ComplexArray:
-    """Return the complex amplitudes along the structure's axes at ω, shape (3, markers), in m."""
-    return harmonic_motion(fit.P, fit.frame, omega, correct_exposure(fit, omega, exposures))
+    """Return complex amplitudes along the structure's axes at ω, (3, markers), m, for e^{+jωt}.
+
+    The harmonics of each camera, fitted at that camera's own times, are evaluated at common
+    instants of one period, triangulated there without any linearisation, and summed to the first
+    harmonic of the motion.
+    """
+    times = np.arange(INSTANTS) * 2 * np.pi / (omega * INSTANTS)
+    seen = correct_exposure(fit, omega, exposures)
+    uv = np.stack([own.at(omega, times).swapaxes(0, 1) for own in seen])
+    points, _ = reconstruction.triangulate_seen(fit.P, uv)
+    turns = 2 / INSTANTS * np.exp(-1j * omega * times)
+    return np.asarray([turns @ along for along in fit.frame.to_beam(points)], complex)
 
 
 def amplitude_std(fit: Fitted, omega: float, exposures: ArrayLike, axis: int = 2) -> Array:
@@ -269,12 +258,18 @@ def fit_tracks(
     """Return all cameras' harmonics as they are, with the markers' places at rest.
 
     Of so many harmonics of ω in rad/s from `begin` to `end` in s. `rest` (cameras, 2, markers) is
-    that of :func:`at_rest`, NaN of markers that were hidden then; `frame` is the structure's.
+    that of :func:`at_rest`, NaN of markers that were hidden then; `frame` is the structure's. A
+    rolling shutter sees every marker at the time of its row; the harmonics are those at the frames'
+    times.
     """
-    fits = [
-        _fit_camera_track(own, still, omega, begin, end, order)
-        for own, still in zip(recordings, rest, strict=True)
-    ]
+    fits = []
+    for own, middle in zip(recordings, rest, strict=True):
+        sums: list[Sums] = []  # part by part, about the markers' places at rest
+        for times, uv in own.parts(begin, end):
+            middle = np.where(np.isfinite(middle), middle, mean_of(uv))
+            part = sums_of(omega, times, uv - middle, order)
+            sums = [sums[0] + part if sums else part]
+        fits.append(sums[0].solve().raised(middle).earlier(omega, row_delays(own, middle)))
     middle = np.array([own.coefficients[0] for own in fits])
     places = np.where(np.isfinite(rest), rest, middle)  # of markers that were hidden at first
     return Fitted([own.camera for own in recordings], fits, places, frame)
@@ -282,25 +277,7 @@ def fit_tracks(
 
 def at_rest(own: Recording, seconds: float) -> Array:
     """Return the mean centres before the motion, without distortion, (2, markers), px."""
-    last = own.delay + seconds - 1 / own.rate
-    parts = [uv for _, uv in own.parts(own.delay, last)]
-    return mean_of(np.concatenate(parts))
-
-
-def _fit_camera_track(
-    own: Recording, still: Array, omega: float, begin: float, end: float, order: int
-) -> Harmonics:
-    """Return harmonics of the tracks of one camera, part by part about the markers' places at rest.
-
-    A rolling shutter sees every marker at the time of its row; the harmonics are those at the
-    frames' times.
-    """
-    middle, sums = still, []
-    for times, uv in own.parts(begin, end):
-        middle = np.where(np.isfinite(middle), middle, mean_of(uv))
-        sums.append(sums_of(omega, times, uv - middle, order))
-        sums = [reduce(add, sums)]
-    return sums[0].solve().raised(middle).earlier(omega, row_delays(own, middle))
+    return mean_of(own.read_tracks(own.delay, own.delay + seconds - 1 / own.rate)[1])
 
 
 def row_delays(own: Recording, uv: Array) -> Array:

@@ -23,6 +23,7 @@ from thesis_lib.measure.tracking.tracks import Recording, share_lost
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vibration.motion import Component, fold_frequency, list_aliases
 from thesis_lib.vibration.structure import Beam, Plate, resonance_frequency
+from thesis_lib.vision.pinhole import Camera
 from thesis_lib.vision.simulation import assurance_criterion
 
 BENDING_MODES, TORSION_MODES, PLATE_MODES = 6, 3, 12  # modes of each kind that are tried
@@ -72,28 +73,23 @@ def model_of(structure: StructureSpec) -> Beam | Plate | None:
 
 def candidate_modes(structure: StructureSpec) -> list[Candidate]:
     """Return the modes to compare a measured shape with; none without a model."""
-    points, model = structure.marker_points, model_of(structure)
-    found = []
+    model = model_of(structure)
+    if model is None:
+        return []
     if isinstance(model, Beam):
-        kinds = [("bending", n) for n in range(1, BENDING_MODES + 1)]
-        kinds += [("torsion", n) for n in range(1, TORSION_MODES + 1)]
-        found = [
-            Candidate(
-                f"{kind} {n}",
-                resonance_frequency(model, n) / (2 * np.pi) if kind == "bending" else np.nan,
-                Component(kind, n).shape(model, points),
-            )
-            for kind, n in kinds
-        ]
-    elif model is not None:
-        found = [
-            Candidate(
-                f"mode ({pair[0]}, {pair[1]})",
-                resonance_frequency(model, n) / (2 * np.pi),
-                Component("bending", n).shape(model, points),
-            )
-            for n, pair in enumerate(model.mode_indices(PLATE_MODES), 1)
-        ]
+        kinds = [(f"bending {n}", "bending", n) for n in range(1, BENDING_MODES + 1)]
+        kinds += [(f"torsion {n}", "torsion", n) for n in range(1, TORSION_MODES + 1)]
+    else:
+        pairs = model.mode_indices(PLATE_MODES)
+        kinds = [(f"mode ({i}, {j})", "bending", n) for n, (i, j) in enumerate(pairs, 1)]
+    found = [
+        Candidate(
+            name,
+            resonance_frequency(model, n) / (2 * np.pi) if kind == "bending" else np.nan,
+            Component(kind, n).shape(model, structure.marker_points),
+        )
+        for name, kind, n in kinds
+    ]
     # Markers on a line of no motion, as those of one row in torsion, see nothing of a mode.
     return [one for one in found if np.abs(one.shape).max() > 1e-9]
 
@@ -108,12 +104,7 @@ def scale_model(measured: Array, shape: Array) -> Array:
 def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any], str]:
     """Compare a measured shape (markers,) in m with the model's modes.
 
-    Returns
-    -------
-    dict
-        What of the result tells of it, by the names of variables.
-    str
-        Name of the most similar mode; empty without a model.
+    Returned are variables of the result, and the most similar mode; empty without a model.
     """
     mac = np.array([assurance_criterion(shape, mode.shape) for mode in modes])
     best = modes[int(np.nanargmax(mac))] if np.isfinite(mac).any() else None
@@ -128,6 +119,15 @@ def compare_modes(shape: Array, modes: list[Candidate]) -> tuple[dict[str, Any],
         "mean_error": known_rms(error),
     }
     return values, best.name if best else ""
+
+
+def result_coordinates(cameras: Sequence[Camera], modes: Sequence[Candidate]) -> dict[str, Any]:
+    """Return the coordinates of a result: names of cameras, axes, and modes of the model."""
+    return {
+        "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
+        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
+        "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
+    }
 
 
 def known_rms(values: Array) -> float:
@@ -146,14 +146,10 @@ def shape_result(
 
     Parameters
     ----------
-    manifest : Manifest
-        What was recorded.
     sound : xarray.Dataset
         What the sound tells: ``frequency`` in Hz, given or found, or NaN; ``of_sound`` and
         ``of_sound_deviation``, what the force's signal has, or NaN; ``force``, 0 if unknown;
         ``steady``.
-    recordings : sequence of Recording
-        Cameras, clocks and tracks.
     covariance : ndarray, optional
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
         then the result has ``SHARED_VARIABLES`` of
@@ -181,35 +177,35 @@ def shape_result(
     given = float(sound["frequency"])
     start = given if np.isfinite(given) else clocks.look_for(recordings, begin, end)
     order = HARMONIC_ORDER if start < MIN_FOLDED_RATIO * min(own.rate for own in recordings) else 1
-    pace = clocks.estimate_paces(recordings, begin, end, start, order)
-    recordings = clocks.apply_paces(recordings, pace, 0.5 * (begin + end))
+    paces, pace_errors, corrected = clocks.estimate_paces(recordings, begin, end, start, order)
+    recordings = [  # unchanged in the middle
+        own.paced(1 / (1 + float(pace)), 0.5 * (begin + end)) if is_off else own
+        for own, pace, is_off in zip(recordings, paces, corrected, strict=True)
+    ]
     phases = clocks.phase_advance(recordings, begin, end, start, order)
     frequency = clocks.refine_frequency(start, phases, sound)
     omega = 2 * np.pi * frequency
     exposures = np.array([own.exposure for own in recordings])
     raw = harmonics.fit_tracks(recordings, rest, frame, omega, begin, end, order)
     scatter = np.sqrt(np.mean(raw.sigma**2, axis=1))
-    near = [
-        harmonics.noise_near(own, seen, omega, begin, end)
-        for own, seen in zip(recordings, raw.harmonics, strict=True)
-    ]
-    softened = [
-        errors.restore_scatter(replace(own, covariance=power * own.covariance), markers.centres)
-        for own, power in zip(raw.harmonics, near, strict=True)
-    ]
+    softened = []
+    for own, seen in zip(recordings, raw.harmonics, strict=True):
+        power = harmonics.noise_near(own, seen, omega, begin, end)
+        noisy = replace(seen, covariance=power * seen.covariance)
+        softened.append(errors.restore_scatter(noisy, markers.centres))
     fit = replace(raw, harmonics=[own for own, _ in softened])
-    lags, lag_errors = clocks.lags_of(fit, omega, exposures)
-    fit = clocks.shift_starts(fit, omega, lags)
+    fit, lags, lag_errors = clocks.correct_starts(fit, omega, exposures)
     complex_shape = harmonics.deflection_amplitude(fit, omega, exposures)
     force = complex(*sound["force"].values)
     phase = harmonics.common_phase(complex_shape, force, manifest.structure.damping)
     turned = complex_shape * np.exp(-1j * phase)
     shape, error = turned.real, harmonics.amplitude_std(fit, omega, exposures)
     still = errors.find_frozen(scatter)
+    moving = ~still.any(axis=0)
     moved, allowed = errors.in_plane(
         fit, omega, exposures, markers.centres, manifest.structure.thickness_mm / 1000
     )
-    more = errors.in_plane_excess(moved[:, ~still.any(axis=0)], allowed[:, ~still.any(axis=0)])
+    more = errors.in_plane_excess(moved[:, moving], allowed[:, moving])
     tone = errors.explained_share(recordings, begin, end, frequency, order)
     errors.check_explained(tone, given)
     jumps = [
@@ -254,9 +250,9 @@ def shape_result(
         "other_amplitude": tone.ratio,
         "alias": alike,
         "alias_lag": apart,
-        "pace": [own.rate for own in pace],
-        "pace_deviation": [own.deviation for own in pace],
-        "corrected": [int(own.corrected) for own in pace],
+        "pace": paces,
+        "pace_deviation": pace_errors,
+        "corrected": corrected.astype(int),
         "frame_rate": [own.rate for own in recordings],
         "frame_rate_given": [said.get(own.camera.name, np.nan) for own in recordings],
         "uneven": [_frame_jitter(own) for own in recordings],
@@ -275,12 +271,8 @@ def shape_result(
     }
     modes = candidate_modes(manifest.structure)
     beside, best = compare_modes(shape, modes)
-    coords = {
-        "camera": ("camera", [c.name for c in cameras], {"long_name": "camera"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-        "candidate": ("candidate", [m.name for m in modes], {"long_name": "mode of the model"}),
-    }
     attrs = {"most_similar": best, "sound": excitation.sound}
+    coords = result_coordinates(cameras, modes)
     data = xr.Dataset(label_values(values | beside, VARIABLES), coords, attrs)
     if covariance is None:
         return data
@@ -296,17 +288,10 @@ def _compare_aliases(
     A camera's frames cannot tell one from the other. But cameras start at different times, so with
     a wrong frequency they seem to be out of step. The frequency itself comes first.
     """
-    rates = np.array([own.rate for own in recordings])
-    shown, near = fold_frequency(frequency, rates[0]), 1 / (end - begin)
+    rates, near = np.array([own.rate for own in recordings]), 1 / (end - begin)
     end = min(end, begin + ALIAS_FRAMES / float(rates.min()))
-    every = list_aliases(float(shown), float(rates[0]), MAX_ALIAS_RATIO * float(rates.max()))
-    alike = [
-        other
-        for other in every
-        if other > near
-        and np.all(np.abs(fold_frequency(other, rates) - fold_frequency(frequency, rates)) < near)
-    ]
-    alike = [frequency, *(other for other in alike if abs(other - frequency) > near)]
+    highest = MAX_ALIAS_RATIO * float(rates.max())
+    alike = [frequency, *list_rivals(frequency, rates, near, near, highest)]
     exposures = np.array([own.exposure for own in recordings])
     apart = []
     for other in alike:
@@ -314,6 +299,23 @@ def _compare_aliases(
         own = harmonics.fit_tracks(recordings, fit.rest, fit.frame, omega, begin, end, 1)
         apart.append(np.degrees(np.abs(clocks.phase_lags(own, omega, exposures)[0]).max()))
     return np.array(alike), np.array(apart)
+
+
+def list_rivals(
+    frequency: float, rates: Array, near: float, lowest: float, highest: float
+) -> list[float]:
+    """List other frequencies in Hz that frames at some rates show as they show this one.
+
+    Frequencies that are less than `near` apart are the same.
+    """
+    shown = fold_frequency(frequency, rates)
+    return [
+        float(other)
+        for other in list_aliases(float(shown[0]), float(rates[0]), highest)
+        if other >= lowest
+        and abs(other - frequency) > near
+        and np.all(np.abs(fold_frequency(other, rates) - shown) < near)
+    ]
 
 
 def _frame_jitter(own: Recording) -> float:

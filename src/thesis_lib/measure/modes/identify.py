@@ -13,7 +13,13 @@ from thesis_lib.arrays import Array, ComplexArray
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import candidate_modes, compare_modes, size_off
+from thesis_lib.measure.fitting.result import (
+    candidate_modes,
+    compare_modes,
+    list_rivals,
+    result_coordinates,
+    size_off,
+)
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.modes import shapes as motions
 from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock
@@ -22,7 +28,6 @@ from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking import tracks
 from thesis_lib.studies.schema import label_values, read_variables
-from thesis_lib.vibration.motion import fold_frequency, list_aliases
 from thesis_lib.vision.pinhole import projection_matrices
 
 MAX_MODES = 8  # modes that are sought if their number is not given
@@ -88,17 +93,10 @@ class Modes:
 
 
 def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
-    """Return the frequencies, damping and shapes of the modes in some tracks.
+    """Return the frequencies, damping and shapes of the modes in the tracks of every camera.
 
-    Parameters
-    ----------
-    tracks : sequence of Track
-        Of every camera, from the begin to the end of what is to be fitted: of steady tones, or of a
-        free decay.
-    rest : Rest
-        The markers at rest.
-    asked : Asked
-        Which modes.
+    The tracks last from the begin to the end of what is fitted: of steady tones, or of a free
+    decay.
 
     Raises
     ------
@@ -108,15 +106,18 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
     """
     most = len(asked.given) or asked.count or MAX_MODES
     seen = np.array([np.count_nonzero(np.isfinite(track.uv)) for track in tracks])
-    tracks = [motions.without_strays(track, rest.places) for track in tracks]
-    _check(tracks, asked, most)
+    whole = [motions.without_strays(track, rest.places) for track in tracks]
+    _check(whole, asked, most)
     zero = min(float(track.times[0]) for track in tracks)
     noise = [np.ones(2 * track.uv.shape[2]) for track in tracks]
-    own, given = list(tracks), asked.given
+    own, given = list(whole), asked.given
     late, pace = np.zeros(len(own)), np.ones(len(own))
     rivals: list[list[tuple[float, float]]] = []
     for turn in range(OUTLIER_ROUNDS + 1):
-        blocks = [_block(track, zero, sigma) for track, sigma in zip(own, noise, strict=True)]
+        blocks = [
+            fits.block_of(track.times - zero, track.uv.reshape(len(track.times), -1), sigma)
+            for track, sigma in zip(own, noise, strict=True)
+        ]
         further = FURTHER_MODES if turn == OUTLIER_ROUNDS else 0
         orders = fits.search_modes(blocks, asked.band, most + further, asked.damped, given)
         _check_found(blocks, orders, asked)
@@ -125,32 +126,30 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
             poles, rivals = _nearest_in_step(own, blocks, poles, rest, asked)
             given = tuple(poles.rates[:, 1] / (2 * np.pi))
         found = motions.estimate_shapes(own, blocks, poles, rest)
-        if turn < OUTLIER_ROUNDS:
-            more, errors = motions.camera_lags(found, poles)
-            if turn:  # the first fit may rest on outliers
-                late = late + more
-                if not asked.damped:  # a decay is too short to tell how fast clocks run
-                    pace = pace / (1 + motions.clock_rates(poles, fits.span_of(blocks)))
-            kept = [
-                motions.without_outliers(track, block, poles.rates, rest.places)
-                for track, block in zip(own, blocks, strict=True)
-            ]
-            tracks = [
-                replace(track, uv=np.where(np.isfinite(one.uv), track.uv, np.nan))
-                for track, one in zip(tracks, kept, strict=True)
-            ]
-            moved = [
-                track.shifted(float(by), float(rate), zero + fits.span_of(blocks) / 2)
-                for track, by, rate in zip(tracks, late, pace, strict=True)
-            ]
-            own = [motions.remove_nonlinearity(track, found, poles, rest, zero) for track in moved]
-            noise = [_scatter(block, poles) for block in blocks]
-    noise = [_scatter(block, poles) for block in blocks]
+        noise = []
+        for block in blocks:
+            B = fits.pole_columns(block.times, poles.rates)
+            noise.append(fits.residual_scatter(block, B, fits.fit_known(B, block)[0]))
+        if turn == OUTLIER_ROUNDS:
+            break
+        more, errors = motions.camera_lags(found, poles)
+        span = fits.span_of(blocks)
+        if turn:  # the first fit may rest on outliers
+            late = late + more
+            if not asked.damped:  # a decay is too short to tell how fast clocks run
+                pace = pace / (1 + motions.clock_rates(poles, span))
+        for k, block in enumerate(blocks):
+            kept = motions.without_outliers(own[k], block, poles.rates, rest.places)
+            whole[k] = replace(whole[k], uv=np.where(np.isfinite(kept.uv), whole[k].uv, np.nan))
+            moved = whole[k].shifted(float(late[k]), float(pace[k]), zero + span / 2)
+            own[k] = motions.remove_nonlinearity(moved, found, poles, rest, zero)
     after = fits.residual_spectrum(blocks, poles.rates, asked.band)
     most_left, mean_left = fits.residual_power(after, poles, fits.span_of(blocks))
     wider = np.sqrt(np.maximum(mean_left, 1))  # by the noise that is near, not anywhere
     surely = _disagreeing(poles, wider, orders[len(poles.rates) :])
     order = np.argsort(poles.frequency)
+    taken = np.array([own[0][0] for own in rivals])
+    nearest = [int(np.argmin(np.abs(taken - f))) for f in poles.frequency[order]]
     deviations = surely.deviations
     left = {name: np.array([getattr(one, name) for one in found])[order] for name in DROPPED_FIELDS}
     return Modes(
@@ -168,8 +167,8 @@ def identify_modes(tracks: Sequence[Track], rest: Rest, asked: Asked) -> Modes:
         lag_deviation=errors,
         pace=1 / pace - 1,
         turn=left["turn"],
-        left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in tracks]) / seen,
-        aliases=tuple(_alike(rivals, f) for f in poles.frequency[order]),
+        left_out=1 - np.array([np.count_nonzero(np.isfinite(one.uv)) for one in whole]) / seen,
+        aliases=tuple(tuple(rivals[k]) for k in nearest),
         orders=tuple(orders),
         before=fits.residual_spectrum(blocks, np.empty((0, 2)), asked.band),
         after=after,
@@ -188,23 +187,6 @@ def modal_assurance(shapes_: ArrayLike) -> Array:
     cross = np.abs(a.conj() @ a.T) ** 2
     with np.errstate(invalid="ignore"):
         return np.asarray(cross / np.outer(np.diag(cross), np.diag(cross)) ** 0.5, float)
-
-
-def _alike(told: list[list[tuple[float, float]]], hertz: float) -> tuple[tuple[float, float], ...]:
-    """Return the values of the mode nearest to a frequency."""
-    taken = [own[0][0] for own in told]
-    return tuple(told[int(np.argmin(np.abs(np.array(taken) - hertz)))])
-
-
-def _block(track: Track, zero: float, noise: Array) -> TrackBlock:
-    values = track.uv.reshape(len(track.times), -1)
-    return fits.block_of(track.times - zero, values, noise)
-
-
-def _scatter(block: TrackBlock, poles: Poles) -> Array:
-    """Return the scatter of each series about the modes, px."""
-    B = fits.pole_columns(block.times, poles.rates)
-    return fits.residual_scatter(block, B, fits.fit_known(B, block)[0])
 
 
 def _disagreeing(poles: Poles, wider: Array, further: Sequence[Poles]) -> Poles:
@@ -252,22 +234,13 @@ def _nearest_in_step(
     near, told = 1 / fits.span_of(blocks), []
     for k, (alpha, omega) in enumerate(poles.rates):
         own = omega / (2 * np.pi)
-        every = list_aliases(float(fold_frequency(own, frames[0])), float(frames[0]), asked.band[1])
-        alike = [own] + [
-            float(other)
-            for other in every
-            if other >= max(asked.band[0], near)
-            and abs(other - own) > near
-            and np.all(np.abs(fold_frequency(other, frames) - fold_frequency(own, frames)) < near)
-        ]
+        others = list_rivals(own, frames, near, max(asked.band[0], near), asked.band[1])
         apart: list[tuple[float, float]] = []
-        for other in alike if len(alike) > 1 else []:
+        for other in [own, *others] if others else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
-            alone = np.vstack([trial, np.delete(poles.rates, k, axis=0)])
-            turned = motions.estimate_shapes(tracks, blocks, replace(poles, rates=alone), rest)[
-                0
-            ].turn
-            apart.append((other, float(np.nanmax(np.abs(turned)))))
+            alone = replace(poles, rates=np.vstack([trial, np.delete(poles.rates, k, axis=0)]))
+            shape = motions.estimate_shapes(tracks, blocks, alone, rest)[0]
+            apart.append((other, float(np.nanmax(np.abs(shape.turn)))))
         apart.sort(key=lambda one: one[1])
         told.append(apart or [(own, 0.0)])
         rates[k, 1] = 2 * np.pi * told[k][0][0]
@@ -329,29 +302,20 @@ def modes_result(
     recordings: Sequence[tracks.Recording],
     covariance: Array | None = None,
 ) -> xr.Dataset:
-    """Return the modes in some recordings.
+    """Return the modes in some recordings, along ``mode``, ``marker`` and ``camera``.
 
-    Parameters are those of :func:`thesis_lib.measure.fitting.result.shape_result`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions ``mode``, ``marker``, ``camera``; of one mode it has what exports take. With a
-        covariance it has ``SHARED_VARIABLES`` of
-        :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes
-        hold it.
-
-    Raises
-    ------
-    ChainError
-        If the markers at rest do not fit their places.
-    ModalError
-        If the tracks do not tell what was asked.
+    Parameters and errors are those of :func:`thesis_lib.measure.fitting.result.shape_result`; a
+    ``ModalError`` says that the tracks do not tell what was asked. Of one mode the result has what
+    exports take. With a covariance it has ``SHARED_VARIABLES`` of
+    :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors of shapes hold it.
     """
     rest, frame_off = rest_of(manifest, recordings)
     begin, end = fit_window(manifest, sound, recordings)
     seen = motions.tracks_of(recordings, begin, end)
-    found = identify_modes(seen, rest, requested_modes(manifest, recordings))
+    sought = manifest.excitation.modes
+    band = sought.from_hz, sought.to_hz or 0.5 * min(own.rate for own in recordings)
+    decays = manifest.excitation.behaviour.decays
+    found = identify_modes(seen, rest, Asked(band, sought.count, decays, sought.near_hz or ()))
     turns = np.exp([[-1j * common_phase(own)] for own in found.shape])
     shape = found.shape * turns
     aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
@@ -393,11 +357,7 @@ def modes_result(
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [one["reference_deflection"] for one in compared],
     }
-    coords = {
-        "camera": ("camera", [o.camera.name for o in recordings], {"long_name": "camera"}),
-        "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
-        "candidate": ("candidate", [m.name for m in models], {"long_name": "mode of the model"}),
-    }
+    coords = result_coordinates([own.camera for own in recordings], models)
     data = xr.Dataset(label_values(values, VARIABLES), coords)
     if covariance is None:
         return data
@@ -429,27 +389,15 @@ def fit_window(
 ) -> tuple[float, float]:
     """Return from when to when the modes are fitted: of a decay, from the largest motion on, s."""
     begin, end = (float(value) for value in sound["steady"].values)
-    if (
-        not manifest.excitation.behaviour.decays
-        or manifest.excitation.steady_interval_s is not None
-    ):
+    excitation = manifest.excitation
+    if not excitation.behaviour.decays or excitation.steady_interval_s is not None:
         return begin, end
     largest = []
     for own in recordings:
-        parts = [*own.parts(begin, end)]
-        times = np.concatenate([t for t, _ in parts])
-        uv = np.concatenate([part for _, part in parts])
+        times, uv = own.read_tracks(begin, end)
         moved = np.nanmedian(np.abs(uv - np.nanmedian(uv, axis=0)), axis=(1, 2))
         largest.append(times[int(np.nanargmax(moved))] + abs(own.readout) + own.exposure)
     return float(np.median(largest)), end
-
-
-def requested_modes(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> Asked:
-    """Return the manifest's request for modes."""
-    sought = manifest.excitation.modes
-    highest = sought.to_hz or 0.5 * min(own.rate for own in recordings)
-    decays = manifest.excitation.behaviour.decays
-    return Asked((sought.from_hz, highest), sought.count, decays, sought.near_hz or ())
 
 
 def _pad(values: Array, by: Array, length: int) -> Array:

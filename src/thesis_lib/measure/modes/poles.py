@@ -251,7 +251,7 @@ def residual_spectrum(
     blocks: Sequence[TrackBlock], rates: Array, band: tuple[float, float]
 ) -> Spectrum:
     """Return the spectrum, in a band in Hz, of the tracks' residual after the poles."""
-    span = max(float(np.ptp(block.times)) for block in blocks)
+    span = span_of(blocks)
     even = np.arange(band[0], band[1], 1 / (POINTS_PER_LINE * span))
     logs = np.zeros_like(even)
     for block in blocks:
@@ -286,30 +286,22 @@ def search_modes(
 ) -> list[Poles]:
     """Return fits with one mode, two modes, … in a band in Hz, each started from the one before.
 
-    Parameters
-    ----------
-    blocks : sequence of TrackBlock
-        The tracks.
-    band : tuple of float
-        Where modes are sought, Hz.
-    most : int
-        Modes at most.
-    damped : bool
-        Whether they decay.
-    given : sequence of float
-        Frequencies in Hz near which modes are sought first; one that is not there is passed over.
-
-    Returns
-    -------
-    list of Poles
-        Empty if no line stands out of the noise.
+    Near `given` frequencies in Hz modes are sought first; one that is not there is passed over. If
+    `damped`, modes decay; of some trial decays the one with the least residual is the start. The
+    list is empty if no line stands out of the noise.
     """
     found: list[Poles] = []
-    rates = np.empty((0, 2))
+    rates, span = np.empty((0, 2)), span_of(blocks)
+    decays = [decay / span for decay in TRIAL_DECAYS] if damped else [0.0]
     for near in (*given[:most], *[None] * most):
         line = strongest_line(blocks, rates, band, near)
         if len(found) < most and line is not None:
-            rates = np.vstack([rates, _start(blocks, rates, 2 * np.pi * line, damped)])
+            trials = [np.vstack([rates, [decay, 2 * np.pi * line]]) for decay in decays]
+            left = [
+                sum(float(np.sum(left_of(block, trial) ** 2)) for block in blocks)
+                for trial in trials
+            ]
+            rates = trials[int(np.argmin(left))]
             found.append(fit_poles(blocks, rates, damped))
             rates = found[-1].rates
         elif near is None:
@@ -356,15 +348,3 @@ def residual_power(after: Spectrum, poles: Poles, seconds: float) -> tuple[Array
 def span_of(blocks: Sequence[TrackBlock]) -> float:
     """Return the length of the part that is fitted, s."""
     return max(float(np.ptp(block.times)) for block in blocks)
-
-
-def _start(blocks: Sequence[TrackBlock], rates: Array, omega: float, damped: bool) -> Array:
-    """Return the pole to start from: of some decays the one with the least residual."""
-    if not damped:
-        return np.array([0.0, omega])
-    trials = [np.array([decay / span_of(blocks), omega]) for decay in TRIAL_DECAYS]
-    left = [
-        sum(float(np.sum(left_of(block, np.vstack([rates, trial])) ** 2)) for block in blocks)
-        for trial in trials
-    ]
-    return trials[int(np.argmin(left))]

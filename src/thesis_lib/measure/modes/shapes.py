@@ -73,11 +73,9 @@ def tracks_of(recordings: Sequence[Recording], begin: float, end: float) -> list
     found = []
     for own in recordings:
         first, last = own.between(begin, end)
-        centres = np.array(own.centres[first:last], float)
-        uv = pinhole.undistort_tracks(own.camera, centres)
-        found.append(
-            Track(own.camera, own.times[first:last], uv, own.exposure, own.readout, centres[:, 1])
-        )
+        rows = np.array(own.centres[first:last, 1], float)
+        times, uv = own.read_tracks(begin, end)
+        found.append(Track(own.camera, times, uv, own.exposure, own.readout, rows))
     return found
 
 

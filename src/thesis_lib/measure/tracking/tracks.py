@@ -79,6 +79,11 @@ class Recording:
             uv = undistort_tracks(self.camera, self.centres[start:stop])
             yield self.times[start:stop], uv
 
+    def read_tracks(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Return times (n,) in s and undistorted centres (n, 2, markers), all frames at once."""
+        first, last = self.between(begin, end)
+        return self.times[first:last], undistort_tracks(self.camera, self.centres[first:last])
+
 
 def record_track(
     files: CameraFiles,
