@@ -27,22 +27,12 @@ PLANE_SHAPE = (61, 41)  # points of a plane
 
 
 def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
-    """Compute the sound that the measured structure radiates.
+    """Compute the sound that the measured structure radiates, as the manifest asks for it.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        What :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
-        :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
-        that is known.
-    manifest : Manifest
-        With ``radiation``.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of :func:`.radiated`, in a rigid wall, and of :func:`.estimate_change` without one; its
-        attributes tell what was assumed.
+    From what :func:`thesis_lib.measure.fitting.result.shape_result` returns, or
+    :func:`thesis_lib.measure.modes.identify.modes_result`, with the calibration's covariance if
+    that is known. The result is that of :func:`.radiate_sound`, in a rigid wall, and of
+    :func:`.estimate_change` without one; its attributes tell what was assumed.
 
     Raises
     ------
@@ -109,11 +99,8 @@ def _one_mode(data: xr.Dataset) -> xr.Dataset:
 def tones_of(data: xr.Dataset) -> list[radiated.Tone]:
     """Return the frequencies in rad/s, and of modes that decay how fast, in 1/s.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        With ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
-        ``thesis_lib.measure.modes.identify.VARIABLES`` tells how it errs, too.
+    The data have ``frequency`` in Hz along ``mode``; of modes that decay ``damping`` and what of
+    ``thesis_lib.measure.modes.identify.VARIABLES`` tells how it errs, too.
     """
     omega = 2 * np.pi * data["frequency"].values
     if not data.get("damping", np.zeros(1)).any():  # tones are steady
@@ -143,19 +130,9 @@ def shapes_of(data: xr.Dataset, known: Mask) -> estimates.Amplitudes:
     """Return all shapes, the covariance of each marker's errors, and what markers share.
 
     By the calibration they err all together, and by an error of size, where the grid does not fit.
-    A decay that is not well known makes a whole shape too large, or turns it.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As of :func:`thesis_lib.measure.modes.identify.modes_result`.
-    known : ndarray, shape (markers,)
-        Which markers count.
-
-    Returns
-    -------
-    Amplitudes
-        In m, mode after mode.
+    A decay that is not well known makes a whole shape too large, or turns it. The data are those of
+    :func:`thesis_lib.measure.modes.identify.modes_result`, of which the `known` markers count; the
+    amplitudes are in m, mode after mode.
     """
     amplitude = radiated.complex_of(data, "amplitude")[:, known]
     rows = [size_off(float(data["grid_scale"].values.flat[0])) * amplitude[None]]

@@ -21,8 +21,9 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import RBFInterpolator
+from scipy.linalg import block_diag
 
 from thesis_lib.acoustics import estimates, radiation, surfaces
 from thesis_lib.acoustics.planes import Plane
@@ -196,38 +197,63 @@ def radiate_sound(
 ) -> xr.Dataset:
     """Compute the sound that a surface radiates at some frequencies.
 
-    Parameters
-    ----------
-    surface : Surface
-        What moves, as nodes.
-    between : Between
-        How its nodes move by the markers.
-    tones : sequence of Tone
-        Frequencies and decays.
-    shapes : Amplitudes
-        Of the markers in m, one tone after the other, with what errors they have in common.
-    points : ndarray, shape (3, n)
-        Where the pressure is wanted, in m from the surface's centre.
-    planes : sequence of Plane
-        Where the field is wanted; all of one size.
-    medium : Medium
-        The air.
-
-    Returns
-    -------
-    xarray.Dataset
-        :data:`VARIABLES`; those of a decay if there is one.
+    Shapes are of the markers in m, one tone after the other, with what errors they have in common;
+    `between` tells how the surface's nodes move by them. The pressure is wanted at points (3, n) in
+    m from the surface's centre, the field in planes that are all of one size. The result has
+    :data:`VARIABLES`, those of a decay if there is one.
     """
-    n = len(shapes.value) // len(tones)
+    n, B = len(shapes.value) // len(tones), between.moving
     places = np.arange(len(tones) * n).reshape(-1, n)
+    shown = (len(planes), *planes[0].shape)
     ways, rows, told = [], [], []
     for tone, place in zip(tones, places, strict=True):
-        shape = shapes.part(place)
-        form = surface.power_form(between.moving, tone.omega, medium)
-        ways.append(_ways(form))
-        rows.append(surface.pressure_matrix(between.moving, points, tone.omega, medium))
+        shape, omega = shapes.part(place), tone.omega
+        form = surface.power_form(B, omega, medium)
+        plain = surface.plane_wave_form(B, omega, medium)
+        power, efficiency = (
+            estimates.widen_error(one, surface.sum_std)
+            for one in (
+                estimates.estimate_quadratic_form(form, shape),
+                estimates.estimate_ratio(form, plain, shape),
+            )
+        )
+        # Radiation modes: rows whose |r·w|² add up to the power, the loudest first.
+        squares, directions = np.linalg.eigh(form)
+        loud = np.sqrt(np.maximum(squares, 0))[:, None] * directions.T
+        ways.append(radiation.radiation_modes(loud))
+        each = estimates.estimate_squares(ways[-1][:LISTED_RADIATION_MODES], shape)
+        rows.append(surface.pressure_matrix(B, points, omega, medium))
+        here, size = rows[-1] @ shape.value, estimates.estimate_magnitude(rows[-1], shape)
+        above = [
+            surface.pressure_matrix(B, plane.points.reshape(3, -1), omega, medium)
+            for plane in planes
+        ]
+        field = np.array([matrix @ shape.value for matrix in above]).reshape(shown)
+        spread = np.array([estimates.estimate_magnitude(matrix, shape).error for matrix in above])
+        whole = np.linalg.norm(shape.value)
+        left, noise = between.left(shape)
         told.append(
-            _of_tone(surface, between, tone, shape, form, ways[-1], rows[-1], planes, medium)
+            {
+                "frequency": np.array(omega / (2 * np.pi)),
+                **_with_error("power", power),
+                **_levels("power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
+                **_with_error("efficiency", efficiency),
+                **_with_error("mode_power", each),
+                "pressure_real": here.real,
+                "pressure_imag": here.imag,
+                "pressure_error": size.error,
+                **_levels(
+                    "level",
+                    2 * DECIBELS_PER_NEPER,
+                    np.sqrt(2) * radiation.REFERENCE_PRESSURE,
+                    size,
+                ),
+                "field_real": field.real,
+                "field_imag": field.imag,
+                "field_error": spread.reshape(shown),
+                "left": np.array(left / whole),
+                "left_by_noise": np.array(noise / whole),
+            }
         )
     values = {name: np.array([one[name] for one in told]) for name in told[0]}
     if any(tone.decay for tone in tones):
@@ -246,60 +272,6 @@ def radiate_sound(
     return xr.Dataset(label_values(values, own), coords).set_coords(
         ["frequency", "place", "u", "z"]
     )
-
-
-def _ways(form: Array) -> Array:
-    """Return rows whose |r·w|² add up to the power, the loudest first: radiation modes."""
-    values, ways = np.linalg.eigh(form)
-    return radiation.radiation_modes(np.sqrt(np.maximum(values, 0))[:, None] * ways.T)
-
-
-def _of_tone(
-    surface: surfaces.Surface,
-    between: Between,
-    tone: Tone,
-    shape: estimates.Amplitudes,
-    form: Array,
-    ways: Array,
-    at: ComplexArray,
-    planes: Sequence[Plane],
-    medium: radiation.Medium,
-) -> dict[str, Array]:
-    B, omega = between.moving, tone.omega
-    plain = surface.plane_wave_form(B, omega, medium)
-    power, efficiency = (
-        estimates.widen_error(one, surface.sum_std)
-        for one in (
-            estimates.estimate_quadratic_form(form, shape),
-            estimates.estimate_ratio(form, plain, shape),
-        )
-    )
-    each = estimates.estimate_squares(ways[:LISTED_RADIATION_MODES], shape)
-    here, size = at @ shape.value, estimates.estimate_magnitude(at, shape)
-    above = [
-        surface.pressure_matrix(B, plane.points.reshape(3, -1), omega, medium) for plane in planes
-    ]
-    shown = (len(planes), *planes[0].shape)
-    field = np.array([matrix @ shape.value for matrix in above]).reshape(shown)
-    spread = np.array([estimates.estimate_magnitude(matrix, shape).error for matrix in above])
-    whole = np.linalg.norm(shape.value)
-    left, noise = between.left(shape)
-    return {
-        "frequency": np.array(omega / (2 * np.pi)),
-        **_with_error("power", power),
-        **_levels("power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
-        **_with_error("efficiency", efficiency),
-        **_with_error("mode_power", each),
-        "pressure_real": here.real,
-        "pressure_imag": here.imag,
-        "pressure_error": size.error,
-        **_levels("level", 2 * DECIBELS_PER_NEPER, np.sqrt(2) * radiation.REFERENCE_PRESSURE, size),
-        "field_real": field.real,
-        "field_imag": field.imag,
-        "field_error": spread.reshape(shown),
-        "left": np.array(left / whole),
-        "left_by_noise": np.array(noise / whole),
-    }
 
 
 def _of_decays(tones: Sequence[Tone], power: Array, error: Array) -> dict[str, Array]:
@@ -326,10 +298,11 @@ def _of_bands(
 ) -> dict[str, Array]:
     """Sum the sines' powers and mean squares in each band, whose errors are in common."""
     heard = np.swapaxes(at, 0, 1)[:, :, None] / np.sqrt(2)  # (points, tones, 1, markers)
-    found = [
-        [estimates.estimate_sum(_beside([rows[k] for k in band]), shape) for rows in (ways, *heard)]
-        for band, shape in zip(bands, shapes, strict=True)
-    ]
+    found = []
+    for band, shape in zip(bands, shapes, strict=True):
+        # The rows (k, markers) of each tone as rows of the amplitudes of all tones in the band.
+        each = [block_diag(*(rows[k] for k in band)) for rows in (ways, *heard)]
+        found.append([estimates.estimate_sum(one, shape) for one in each])
     value, error = (
         np.array([[getattr(one, part) for one in row] for row in found])
         for part in ("value", "error")
@@ -342,12 +315,6 @@ def _of_bands(
         **_levels("band_power_level", DECIBELS_PER_NEPER, radiation.REFERENCE_POWER, power),
         **_levels("band_level", DECIBELS_PER_NEPER, radiation.REFERENCE_PRESSURE**2, square),
     }
-
-
-def _beside(rows: Sequence[NDArray[np.inexact]]) -> NDArray[np.inexact]:
-    """Return the rows (k, markers) of each tone as rows of the amplitudes of all tones."""
-    places = np.eye(len(rows))[:, None]
-    return np.concatenate([np.kron(place, own) for place, own in zip(places, rows, strict=True)])
 
 
 def _with_error(name: str, known: estimates.Estimate) -> dict[str, Array]:
@@ -390,27 +357,12 @@ def estimate_change(
 ) -> xr.Dataset:
     """Compare the power of one side without a wall with that in one, tone by tone.
 
-    Parameters
-    ----------
-    surface, moving
-        The structure in a wall, and how its nodes move by the markers, (nodes, markers).
-    screens : sequence of (Screen, ndarray)
-        The structure without a wall by finer and by coarser cells, and how these move by the
-        markers, (cells, markers).
-    omegas : sequence of float
-        Frequencies in rad/s.
-    shapes : Amplitudes
-        Of the markers in m, one tone after the other.
-    medium : Medium
-        The air.
-    narrow, thickness : float
-        Of the structure in m. An ellipse of their ratio moves more air than a thin strip, by that
-        ratio, all of which counts as uncertain.
-
-    Returns
-    -------
-    xarray.Dataset
-        :data:`NO_WALL_VARIABLES`; NaN where cells are too coarse, or where errors are all there is.
+    `moving` is how the nodes of the structure in a wall move by the markers, (nodes, markers);
+    `screens` are the structure without a wall by finer and by coarser cells, and how these move,
+    (cells, markers). Shapes are of the markers in m, one tone after the other. The structure is
+    `narrow` and of a thickness, in m: an ellipse of their ratio moves more air than a thin strip,
+    by that ratio, all of which counts as uncertain. Returned are :data:`NO_WALL_VARIABLES`; NaN
+    where cells are too coarse, or where errors are all there is.
     """
     thick = 2 * DECIBELS_PER_NEPER * np.log1p(thickness / narrow)
     rows = []

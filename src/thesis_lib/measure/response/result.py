@@ -108,16 +108,9 @@ def receptance_of_segments(
 ) -> Response:
     """Return the receptance from spectra of segments.
 
-    Parameters
-    ----------
-    force : ndarray, shape (lines, segments)
-        Of the force, N/√Hz.
-    moved : ndarray, shape (lines, segments, markers)
-        Of the motion, m/√Hz; NaN in segments in which a marker is lost.
-    cut : Cut
-        How they were made.
-    noise : ndarray, shape (markers,) or (lines, markers)
-        Power of the noise in the motion, m²/Hz, from which one segment has its error.
+    Those of the force are (lines, segments) in N/√Hz; of the motion (lines, segments, markers) in
+    m/√Hz, NaN in segments in which a marker is lost. `noise`, (markers,) or (lines, markers), is
+    the power of the noise in the motion in m²/Hz, from which one segment has its error.
     """
     known = np.isfinite(moved).all(axis=0)  # (segments, markers)
     X = np.where(known, moved, 0.0)
@@ -181,17 +174,6 @@ def estimate_response(
 ) -> xr.Dataset:
     """Return the motion of every marker over the force.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        With a force.
-    sound : xarray.Dataset
-        What :func:`~thesis_lib.measure.steps.read_sound` returns.
-    recordings : sequence of Recording
-        The cameras and their tracks.
-    folder : Path
-        The manifest's.
-
     Raises
     ------
     ForceError
@@ -203,7 +185,7 @@ def estimate_response(
     assert given is not None
     rest, _ = rest_of(manifest, recordings)
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
-    sought = manifest.excitation.modes
+    sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)
     recordings, steps = signals.in_step(
         recordings, rest, signals.span_of(recordings), (sought.from_hz, most)
@@ -230,13 +212,18 @@ def estimate_response(
         signals.estimate_deflections(recordings, rest, still), rate, (low, high)
     )
     noise = still_noise
-    cut = cut_of(len(times), rate, _segment(manifest, len(times) / rate))
+    length = None if given.segment_s == "whole" else given.segment_s
+    if given.segment_s is None and excitation.behaviour.is_noise:
+        length = len(times) / rate / RECORDING_PARTS
+    cut = cut_of(len(times), rate, length)
     spectra = segment_spectra(pushed[:, None], cut, finer)[:, :, 0]
     checked = moved
     if cut.count == 1 and any(np.isnan(own.centres).any() for own in recordings):
         again = signals.estimate_deflections(recordings, rest, times, REPEATED_AFTER)
         checked = np.where(np.isnan(again), np.nan, moved)
-        noise = noise + _gap_noise(again - moved, cut)
+        # The error by gaps: the change where the same gaps are made again some frames later.
+        power = np.abs(segment_spectra(again - moved, cut)[:, 0]) ** 2
+        noise = noise + uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest")
     unknown = np.isnan(checked).mean(axis=0)
     found = receptance_of_segments(spectra, segment_spectra(checked, cut), cut, noise)
     if not found.averages.any():
@@ -248,6 +235,7 @@ def estimate_response(
     place = given.place(manifest.structure.force_place)
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
+    f, power = welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
     values: dict[str, Any] = _curves(found, (low, high), force.clock.delay_deviation) | {
         "averages": found.averages,
         "displacement": moved,
@@ -265,7 +253,7 @@ def estimate_response(
         "unknown": unknown,
         "camera_lag": steps.lag,
         "camera_pace": steps.pace,
-        "beyond": _beyond(pushed, finer * rate, slowest),
+        "beyond": float(power[f > slowest / 2].sum() / power.sum()),  # where frames show aliases
         "ringing": parts[-1] / max(parts),
         "noise": np.sqrt(still_noise * rate / 2),
         "filmed": filmed,
@@ -287,30 +275,20 @@ def estimate_response(
     return data.assign_attrs(force_source=force.source)
 
 
-def _gap_noise(off: Array, cut: Cut) -> Array:
-    """Estimate the power of the error by gaps, m²/Hz, (lines, markers).
-
-    `off` is by how much deflections change where the same gaps are made again some frames later,
-    m, (times, markers).
-    """
-    power = np.abs(segment_spectra(off, cut)[:, 0]) ** 2
-    return np.asarray(uniform_filter1d(power, GAP_LINES, axis=0, mode="nearest"), float)
-
-
 def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> tuple[float, float]:
     """Return the reported frequencies, Hz; refuse those that frames or force do not resolve."""
     excitation, path = manifest.excitation, manifest.force and manifest.force.file
     sought, sweep = excitation.modes, excitation.sweep
     most = signals.MAX_REPORTED_RATIO * slowest
+    given = None
     if excitation.behaviour.sweeps and min(sweep.from_hz or 0, sweep.to_hz or 0) >= most:
+        given = f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz"
+    elif sought.from_hz >= most:
+        given = f"excitation.modes.from_hz: given {sought.from_hz:g}"
+    if given:
         raise ForceError(
-            f"excitation.sweep: given {sweep.from_hz:g} to {sweep.to_hz:g} Hz, allowed: below "
-            f"{most:.4g} Hz, {signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
-        )
-    if sought.from_hz >= most:
-        raise ForceError(
-            f"excitation.modes.from_hz: given {sought.from_hz:g}, allowed: below {most:.4g} Hz, "
-            f"{signals.MAX_REPORTED_RATIO} of the lowest frame rate; film faster"
+            f"{given}, allowed: below {most:.4g} Hz, {signals.MAX_REPORTED_RATIO} of the lowest "
+            "frame rate; film faster"
         )
     high = min(sought.to_hz or most, most)
     if signals.MAX_REPORTED_RATIO * force.rate < high * (1 - 1e-6):
@@ -339,15 +317,6 @@ def _common(
     return begin, end
 
 
-def _segment(manifest: Manifest, seconds: float) -> float | None:
-    """Return the length of the segments in s; None is the whole."""
-    assert manifest.force is not None
-    asked = manifest.force.segment_s
-    if asked is None:
-        return seconds / RECORDING_PARTS if manifest.excitation.behaviour.is_noise else None
-    return None if asked == "whole" else asked
-
-
 def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str, Array]:
     """Return the reported curves, line by line."""
     inside = (found.frequency >= band[0]) & (found.frequency <= band[1])
@@ -365,9 +334,3 @@ def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str
         "force_power": found.force[inside],
         "phase_deviation": omega * late,
     }
-
-
-def _beyond(newtons: Array, rate: float, frames: float) -> float:
-    """Return the share of a force's power above half of a frame rate, where frames show aliases."""
-    f, power = welch(newtons, rate, nperseg=min(len(newtons), 4096))
-    return float(power[f > frames / 2].sum() / power.sum())

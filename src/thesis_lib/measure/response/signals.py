@@ -105,18 +105,10 @@ class RecordedForce:
 def read_force(
     manifest: Manifest, folder: Path, delays: Array, paces: Sequence[float] = ()
 ) -> RecordedForce:
-    """Return the force of a manifest.
+    """Return the force of a manifest that has one.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        With a force.
-    folder : Path
-        The manifest's.
-    delays : ndarray, shape (cameras,)
-        When each camera started, on the first one's clock, s.
-    paces : sequence of float
-        Seconds of the first camera's clock for one of each camera's; one if there are none.
+    `delays` are when each camera started, on the first one's clock, s; `paces` are seconds of the
+    first camera's clock for one of each camera's, one if there are none.
 
     Raises
     ------
@@ -216,27 +208,12 @@ def at_times(
     late: Array | float = 0.0,
     exposure: float = 0.0,
 ) -> Array:
-    """Return the values of series of a limited band at wanted times.
+    """Return the values (times, series) of series of a limited band at wanted times in s.
 
-    Parameters
-    ----------
-    times : ndarray, shape (samples,)
-        When the samples were taken, s, in order.
-    values : ndarray, shape (samples, series)
-        The samples, about a mean of zero; NaN where one is missing.
-    rate : float
-        Samples per second, the mean.
-    wanted : ndarray, shape (times,)
-        When they are wanted, s.
-    late : ndarray, shape (series,), or float
-        By how much later than `times` each series was sampled, s.
-    exposure : float
-        Time over which a sample is the mean, s.
-
-    Returns
-    -------
-    ndarray, shape (times, series)
-        NaN where less than half of the samples around are there, or none on one side.
+    The samples (samples, series), at times in order, s, are about a mean of zero, NaN where one is
+    missing; there are `rate` in a second, in the mean. Each series was sampled by `late`, in s,
+    later than `times`; a sample is the mean over an exposure in s. A value is NaN where less than
+    half of the samples around are there, or none on one side.
     """
     few, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     f, w = MAX_SIGNAL_RATIO * rate * (few + 1) / 2, weights / 2
@@ -388,16 +365,7 @@ def in_step(
 ) -> tuple[list[Recording], Steps]:
     """Return the recordings with the first camera's clock, and what was corrected.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        The cameras and their tracks.
-    rest : Rest
-        The markers at rest.
-    span : tuple of float
-        From when to when all of them recorded, s.
-    band : tuple of float
-        The frequencies that are looked at, Hz.
+    All of them recorded over the span in s; only frequencies of the band in Hz are looked at.
     """
     rate, seconds = max(own.rate for own in recordings), span[1] - span[0]
     count = int(np.clip(seconds / MIN_WINDOW_S, 1, MAX_WINDOWS))
@@ -424,11 +392,14 @@ def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Arr
     """Return the deflections along the normal by each camera alone, m, (times, markers)."""
     P = pinhole.projection_matrices([own.camera for own in recordings])
     slopes = np.einsum("cikn,k->cin", triangulation.image_jacobian(P, rest.points), rest.frame.R[2])
-    found = []
-    for own, still, slope in zip(recordings, rest.images, slopes, strict=True):
-        moved = undistorted_images(own, still, at) - still[:, None]
-        found.append(np.einsum("itn,in->tn", moved, slope / np.sum(slope**2, axis=0)))
-    return found
+    return [
+        np.einsum(
+            "itn,in->tn",
+            undistorted_images(own, still, at) - still[:, None],
+            slope / np.sum(slope**2, axis=0),
+        )
+        for own, still, slope in zip(recordings, rest.images, slopes, strict=True)
+    ]
 
 
 def _late(
