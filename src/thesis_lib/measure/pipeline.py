@@ -84,15 +84,8 @@ def record_tracks(
 def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dataset]:
     """Fit the shape of one frequency, with all that it rests on, and every marker's motion.
 
-    Returns
-    -------
-    tuple of xarray.Dataset
-        What ``measured.nc`` and ``motion.nc`` hold.
-
-    Raises
-    ------
-    ChainError, FrequencyError
-        If the markers at rest, or the motion, do not suffice.
+    Returned is what ``measured.nc`` and ``motion.nc`` hold. A ChainError or FrequencyError says
+    that the markers at rest, or the motion, do not suffice.
     """
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
@@ -125,11 +118,9 @@ def _calibration(
 ) -> xr.Dataset:
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
-    if given is None:
-        return uncertainty.jackknife_calibration(
-            measuring.calibrate_rig(manifest, folder, steps, say), board, steps
-        )
-    assert manifest.calibration is not None
+    if given is None or manifest.calibration is None:
+        placed = measuring.calibrate_rig(manifest, folder, steps, say)
+        return uncertainty.jackknife_calibration(placed, board, steps)
     if manifest.calibration.poses == "kept":
         return uncertainty.read_deviations(as_calibrated(given), given.covariance)
     n = LENS_UNKNOWNS * len(given.cameras)
@@ -167,22 +158,11 @@ def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
 def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
-    Parameters
-    ----------
-    path : Path
-        The manifest.
-    out : Path
-        Folder for the results: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv`` and
-        the files of :mod:`~thesis_lib.measure.exchange.files` and
-        :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
-        repeat.
-    say : callable
-        Called, line by line, with the progress of the measurement.
-
-    Returns
-    -------
-    Report
-        The page ``report.html``, what was found, and notes on it.
+    Results go to the folder `out`: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv``
+    and the files of :mod:`~thesis_lib.measure.exchange.files` and
+    :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
+    repeat. `say` is called, line by line, with the progress of the measurement. Returned are the
+    page ``report.html``, what was found, and notes on it.
 
     Raises
     ------

@@ -97,17 +97,8 @@ class Assessment:
 def assess_manifest(manifest: Manifest, noise_px: float = CENTRE_NOISE_PX) -> Assessment:
     """Return what the manifest's recordings can reach, what they cannot, and what is unknown.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        The manifest; no file is read.
-    noise_px : float
-        Scatter of the centres that the standard errors assume, px.
-
-    Raises
-    ------
-    ManifestError
-        If there is no such detector of markers.
+    No file is read. The standard errors assume a scatter of the centres of `noise_px` px. A
+    ManifestError says that there is no such detector of markers.
     """
     if (detector := manifest.structure.markers.detector) not in DETECTORS:
         raise ManifestError(
@@ -281,13 +272,8 @@ def _check_rig(
         yield _warn("weak-markers", "cameras", weak=weak, count=len(errors), ratio=ratio)
     amplitude = manifest.excitation.amplitude_mm or np.nan
     if amplitude < rig.smallest_mm < np.inf:
-        yield _warn(
-            "below-noise",
-            "excitation.amplitude_mm",
-            amplitude=amplitude,
-            least=rig.smallest_mm,
-            steady=rig.steady_interval_s,
-        )
+        known = {"least": rig.smallest_mm, "steady": rig.steady_interval_s}
+        yield _warn("below-noise", "excitation.amplitude_mm", amplitude=amplitude, **known)
 
 
 def list_unknowns(manifest: Manifest) -> Iterator[str]:
@@ -302,16 +288,13 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     for camera in manifest.cameras:
         lacks: dict[str, list[str]] = {}
         for what, fields in needs.items():
-            missing = [name for name in fields if getattr(camera, name) is None]
-            lacks.setdefault(_join(missing), []).append(what)
+            if missing := [name for name in fields if getattr(camera, name) is None]:
+                lacks.setdefault(_join(missing), []).append(what)
         for fields_text, whats in lacks.items():
             groups.setdefault((fields_text, _join(whats)), []).append(camera.name)
     for (fields_text, what), names in groups.items():
-        if fields_text:
-            of = f"{'s' * (len(names) > 1)} {_join(names)}"
-            yield format_message(
-                UNCHECKED_MESSAGES["cameras"], what=what, names=of, fields=fields_text
-            )
+        known = {"names": f"{'s' * (len(names) > 1)} {_join(names)}", "fields": fields_text}
+        yield format_message(UNCHECKED_MESSAGES["cameras"], what=what, **known)
     excitation = manifest.excitation
     open_fields = {
         "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
@@ -345,10 +328,9 @@ def describe_assessment(assessment: Assessment) -> list[str]:
         (f"harmonic fit of {rig.steady_interval_s:g} s, {rig.frames} frames", rig.fit),
         ("whole-pixel centres, one frame near a maximum", rig.rounding),
     ):
-        lines.append(f"  {what:<50}{_number(values[0]):>10}{_number(values[1]):>10}")
-    lines.append(
-        f"{'smallest deflection, noise of centres alone, mm':<62}{_number(rig.smallest_mm):>10}"
-    )
+        lines.append(f"  {what:<50}{_format_known(values[0]):>10}{_format_known(values[1]):>10}")
+    smallest = _format_known(rig.smallest_mm)
+    lines.append(f"{'smallest deflection, noise of centres alone, mm':<62}{smallest:>10}")
     same: dict[tuple[str, ...], list[str]] = {}
     for one in assessment.warnings:
         same.setdefault((one.code, one.text, one.where.split("]")[-1]), []).append(one.where)
@@ -386,27 +368,22 @@ def _cut(text: str, width: int) -> str:
 def _format_row(one: CameraPrediction) -> tuple[str, ...]:
     return (
         one.name,
-        _number(one.ground_sample_mm),
-        _pair(one.along_px, one.across_px, "x", 1),
-        _number(one.gap_px),
-        _number(one.motion_px),
-        _number(one.blur_px),
-        _share(one.lost, 1),
-        _pair(one.near_mm, one.far_mm),
-        _pair(one.nearest_mm, one.farthest_mm),
-        _share(one.in_view),
-        _number(one.move_spacings),
+        _format_known(one.ground_sample_mm),
+        _format_pair(one.along_px, one.across_px, "x", ".1f"),
+        _format_known(one.gap_px),
+        _format_known(one.motion_px),
+        _format_known(one.blur_px),
+        _format_known(one.lost, ".1%"),
+        _format_pair(one.near_mm, one.far_mm),
+        _format_pair(one.nearest_mm, one.farthest_mm),
+        _format_known(one.in_view, ".0%"),
+        _format_known(one.move_spacings),
     )
 
 
-def _number(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.3g}"
+def _format_known(value: float, form: str = ".3g") -> str:
+    return "-" if np.isnan(value) else format(value, form)
 
 
-def _pair(low: float, high: float, between: str = "-", digits: int = 0) -> str:
-    known = [f"{v:.{digits}f}" for v in (low, high) if not np.isnan(v)]
-    return between.join(known) or "-"
-
-
-def _share(value: float, digits: int = 0) -> str:
-    return "-" if np.isnan(value) else f"{value:.{digits}%}"
+def _format_pair(low: float, high: float, between: str = "-", form: str = ".0f") -> str:
+    return between.join(format(v, form) for v in (low, high) if not np.isnan(v)) or "-"

@@ -192,8 +192,8 @@ def predict_camera(
 
 def steady_seconds(manifest: Manifest) -> float:
     """Return the length of the steady recording in s."""
-    given = manifest.excitation.steady_interval_s
-    return DEFAULT_STEADY_S if given is None else given[1] - given[0]
+    begin, end = manifest.excitation.steady_interval_s or (0.0, DEFAULT_STEADY_S)
+    return end - begin
 
 
 def predict_errors(
@@ -229,18 +229,10 @@ def noise_errors(
 ) -> Array:
     """Return the standard errors √Σ (∂Z/∂m σ)² of heights for centre noise, shape (n,), m.
 
-    For the amplitude of a harmonic fit to N frames, σ is √(2/N) times that of one.
-
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    points : array_like, shape (3, n)
-        World points, m.
-    sigma : array_like, shape (cameras,)
-        Noise of each camera's coordinates, px.
-    seen : ndarray of bool, shape (cameras, n), optional
-        Which camera sees which point; NaN where fewer than two do.
+    For the amplitude of a harmonic fit to N frames, σ is √(2/N) times that of one. By projection
+    matrices (cameras, 3, 4), of world points (3, n) in m, with the noise of each camera's
+    coordinates in px, (cameras,). `seen` is which camera sees which point, (cameras, n); NaN where
+    fewer than two do.
     """
 
     def errors(P: Array, X: Array, which: Mask) -> Array:
@@ -250,21 +242,11 @@ def noise_errors(
     return _by_view(P, points, seen, errors)
 
 
-def rounding_errors(
-    P: ArrayLike, points: ArrayLike, amplitude: float, turn: float = 0.0, seen: Mask | None = None
-) -> Array:
+def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen: Mask) -> Array:
     """Return the rms errors of whole-pixel centres by the law of rounding, shape (n,), m.
 
-    The frame nearest to a maximum shows A cos ψ, with ψ uniform in ±turn/2.
-
-    Parameters
-    ----------
-    P, points, seen
-        As in :func:`noise_errors`.
-    amplitude : float
-        A, m.
-    turn : float
-        Angle of the vibration from frame to frame, rad.
+    The frame nearest to a maximum shows A cos ψ, with ψ uniform in ±turn/2, for an amplitude A in m
+    and a turn from frame to frame in rad. The others are as in :func:`noise_errors`.
     """
     up = np.zeros((3, 16, 1))
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
@@ -318,21 +300,10 @@ REPORTED_FIELDS = (
 
 
 def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]]:
-    """Write ``planned.yaml`` into a folder, which is made if there is none.
+    """Write ``planned.yaml`` into a folder, which is made if there is none; nothing in it is read.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the recordings will be; nothing in it is read.
-    given : mapping
-        Fields by path; ``cameras`` is how many there are.
-
-    Returns
-    -------
-    Path
-        The manifest.
-    list of str
-        Where the cameras stand, and what was not given and so assumed.
+    Given are fields by path; ``cameras`` is how many there are. Returned are the path of the
+    manifest, and where the cameras stand and what was not given and so assumed, line by line.
 
     Raises
     ------
@@ -403,22 +374,15 @@ def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:
     own = any(name.startswith("structure.markers") for name in given)
     if own or not known or given.get("structure.kind", "beam") == "beam":
         return {}
-    along, across = (
-        one / (n + 0.5) for one, n in zip(size, (MARKER_COLUMNS, MARKER_ROWS), strict=True)
-    )
+    along, across = size[0] / (MARKER_COLUMNS + 0.5), size[1] / (MARKER_ROWS + 0.5)
+    third = min(along, across) / 3
     return {
         "structure.markers.columns": MARKER_COLUMNS,
         "structure.markers.rows": MARKER_ROWS,
-        "structure.markers.spacing_mm": _round_digits(along),
-        "structure.markers.row_spacing_mm": _round_digits(across),
-        "structure.markers.diameter_mm": min(
-            MAX_DIAMETER_MM, _round_digits(min(along, across) / 3)
-        ),
+        "structure.markers.spacing_mm": float(f"{along:.2g}"),
+        "structure.markers.row_spacing_mm": float(f"{across:.2g}"),
+        "structure.markers.diameter_mm": min(MAX_DIAMETER_MM, float(f"{third:.2g}")),
     }
-
-
-def _round_digits(value: float) -> float:
-    return float(f"{value:.2g}")
 
 
 def _nearest_distance(manifest: Manifest) -> float:

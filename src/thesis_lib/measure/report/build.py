@@ -35,13 +35,7 @@ _NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
 def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
     """Return the markers with a result as a moving surface: a self-contained HTML fragment.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns. The image begins at
-        the maximum of the deflection.
-    extent : tuple of float
-        Length and width of the structure in m.
+    It begins at the maximum of the deflection. The extent is length and width of the structure, m.
     """
     turned = data["deflection"].values + 1j * data["quadrature"].values
     known = np.isfinite(turned)
@@ -168,22 +162,11 @@ def build_shape(
     firsts: Sequence[Image],
     sound: Report | None = None,
 ) -> Report:
-    """Return the report on the shape of one frequency.
+    """Return the report on the shape of one frequency, with a part on sound where there is any.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        The result.
-    seen : xarray.Dataset
-        What :func:`~thesis_lib.measure.report.figures.collect_diagnostics` returns.
-    manifest : Manifest
-        The manifest.
-    assessment : Assessment
-        What the manifest alone let expect.
-    firsts : sequence of ndarray, shape (height, width)
-        The first frame of each camera.
-    sound : Report, optional
-        The part on radiated sound.
+    `seen` is what :func:`~thesis_lib.measure.report.figures.collect_diagnostics` returns;
+    `assessment` what the manifest alone let expect; `firsts` the first frame of each camera,
+    (height, width).
     """
     figures = {
         "shape": draw.draw_shape(data, manifest),
@@ -264,17 +247,18 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
-    extent = _extent(manifest)
+    modes, extent = tabulate_modes(data), _extent(manifest)
+    rows = modes.to_dict("records")
     return _assemble(
         "modes.html.j2",
         data,
         manifest,
-        summarise_modes(data),
+        html.render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data),
         list(warnings.check_modes(data, manifest)),
         _save_svgs(figures),
         sound,
         response,
-        modes=tabulate_modes(data),
+        modes=modes,
         shapes=tabulate_mode_shapes(data),
         viewers=[Markup(view_shape(one, extent)) for one in iterate_slices(data, "mode")],
     )
@@ -283,6 +267,7 @@ def build_modes(
 def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
     """Return the modes as a table of texts."""
     size = 1e3 * np.nanmax(np.abs(complex_of(data, "amplitude")), axis=1)
+    error = 1e3 * np.sqrt((data["standard_error"] ** 2).mean("marker").values)
     damped = data["damping"].values != 0
     table = {
         "mode": np.arange(1, len(size) + 1),
@@ -291,9 +276,7 @@ def tabulate_modes(data: xr.Dataset) -> pd.DataFrame:
         "damping in %": _texts(np.where(damped, 100 * data["damping"].values, np.nan), "#.4g"),
         "± %": _texts(np.where(damped, 100 * data["damping_deviation"].values, np.nan), ".1g"),
         "largest amplitude in mm": _texts(size, "#.4g"),
-        "± mm, a marker": _texts(
-            1e3 * np.sqrt((data["standard_error"] ** 2).mean("marker").values), ".2g"
-        ),
+        "± mm, a marker": _texts(error, ".2g"),
     }
     if data.sizes["candidate"]:
         best = np.argmax(np.nan_to_num(data["mac"].values), axis=1)
@@ -317,21 +300,30 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
     return table
 
 
-def summarise_modes(data: xr.Dataset) -> list[str]:
-    """Return what was found, in a few lines."""
-    rows = tabulate_modes(data).to_dict("records")
-    return html.render_lines(_TEMPLATE_FOLDER + "modes.txt.j2", rows=rows, data=data)
-
-
 def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
-    """Return the part of a report on motion over a force."""
-    markers = _select_markers(data)
+    """Return the part of a report on motion over a force.
+
+    It shows the drive point, and the markers that are surest and least sure.
+    """
+    size, drive = np.abs(complex_of(data, "receptance")[0]), int(data["drive"]) - 1
+    error, markers = data["standard_error"].values[0], {"drive": drive}
+    typical = np.nanmedian(error / size, axis=1)
+    if np.isfinite(typical).any():
+        markers |= {"surest": int(np.nanargmin(typical)), "least": int(np.nanargmax(typical))}
+    top = int(np.nanargmax(size[drive]))
+    summary = html.render_lines(
+        _TEMPLATE_FOLDER + "response.txt.j2",
+        data=data,
+        peak=size[drive, top],
+        error=error[drive, top],
+        hertz=data["frequency"].values[top],
+    )
     figures = {f"response-{role}": draw.draw_response(data, k) for role, k in markers.items()}
     return _assemble(
         "response_section.html.j2",
         data,
         manifest,
-        summarise_response(data),
+        summary,
         list(warnings.check_response(data, manifest)),
         _save_svgs(figures, MATH_STYLE),
         markers=markers,
@@ -355,30 +347,6 @@ def build_response_alone(
     )
 
 
-def _select_markers(data: xr.Dataset) -> dict[str, int]:
-    """Return the markers to draw by role: the drive point, the surest, the least sure."""
-    size = np.abs(complex_of(data, "receptance")[0])
-    error = np.nanmedian(data["standard_error"].values[0] / size, axis=1)
-    markers = {"drive": int(data["drive"]) - 1}
-    if np.isfinite(error).any():
-        markers |= {"surest": int(np.nanargmin(error)), "least": int(np.nanargmax(error))}
-    return markers
-
-
-def summarise_response(data: xr.Dataset) -> list[str]:
-    """Return what was found, in a few lines."""
-    drive = int(data["drive"]) - 1
-    size = np.abs(complex_of(data, "receptance")[0, drive])
-    top = int(np.nanargmax(size))
-    return html.render_lines(
-        _TEMPLATE_FOLDER + "response.txt.j2",
-        data=data,
-        peak=size[top],
-        error=data["standard_error"].values[0, drive, top],
-        hertz=data["frequency"].values[top],
-    )
-
-
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     """Return the part of a report on radiated sound: levels, fields, modes, assumptions."""
     tones = list(iterate_slices(data, "tone"))
@@ -386,34 +354,26 @@ def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:
     bands = [data.sel(band=band) for band in data["band"].values]
     way = float(np.linalg.norm(data["place"].values, axis=1).max())
     decay = data.get("decay", xr.zeros_like(data["frequency"]))
+    common: dict[str, Any] = {"tones": tones, "whole": data.sel(band=ALL_TONES)}
+    bare = [_level_without_wall(one) for one in tones]
+    summary = html.render_lines(
+        _TEMPLATE_FOLDER + "sound.txt.j2", data=data, wall=data.attrs["wall"], bare=bare, **common
+    )
     return _assemble(
         "sound.html.j2",
         data,
         manifest,
-        summarise_sound(data),
+        summary,
         list(warnings.check_sound(data)),
         {},
         no_wall_change=warnings.no_wall_change,
-        tones=tones,
-        whole=data.sel(band=ALL_TONES),
         viewers=[Markup(view_sound(one, manifest)) for one in tones],
         place=format_point,
         points=[one.assign(pressure=absolute_pressure(one)) for one in points],
         bands=[{"data": one, "points": list(iterate_slices(one, "point"))} for one in bands],
         way=way,
         lost=float(decay.max()) * way / float(data.attrs["speed_of_sound"]),
-    )
-
-
-def summarise_sound(data: xr.Dataset) -> list[str]:
-    """Return what was found, in a few lines."""
-    return html.render_lines(
-        _TEMPLATE_FOLDER + "sound.txt.j2",
-        data=data,
-        tones=list(iterate_slices(data, "tone")),
-        whole=data.sel(band=ALL_TONES),
-        wall=data.attrs["wall"],
-        bare=[_level_without_wall(one) for one in iterate_slices(data, "tone")],
+        **common,
     )
 
 

@@ -1,6 +1,7 @@
 """Figures of a measurement: shape, cameras, residuals, modes, response; and data they draw."""
 
 from collections.abc import Sequence
+from itertools import compress, zip_longest
 from typing import Any
 
 import numpy as np
@@ -48,10 +49,6 @@ def collect_diagnostics(
         What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
     moved : xarray.Dataset
         What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
-    manifest : Manifest
-        Its structure.
-    recordings : sequence of Recording
-        The cameras and their tracks.
 
     Returns
     -------
@@ -60,40 +57,28 @@ def collect_diagnostics(
         camera has fewer frames than another.
     """
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
-    tracks = [_track(own, marker, *data["steady"].values) for own in recordings]
-    longest = max(len(t) for _, t, _ in tracks)
-
-    def padded(values: Array) -> Array:
-        return np.pad(values, (0, longest - len(values)), constant_values=np.nan)
-
+    begin, end = data["steady"].values
+    sides, times, tracks = [], [], []
+    for own in recordings:
+        t, uv = own.read_tracks(max(begin, end - MAX_FRAMES / own.rate), end)
+        seen = uv[:, :, marker]
+        side = int(np.nanargmax(np.nan_to_num(np.nanstd(seen, axis=0))))  # u or v, the livelier
+        sides.append(side)
+        times.append(t)
+        tracks.append(seen[:, side] - np.nanmean(seen[:, side]))
+    markers = markers_of(manifest)
+    R, origin = data["frame_rotation"].values, data["frame_origin"].values
+    corners = R.T @ on_surface(markers.extent, markers.corners) + origin[:, None]
     values = {
         "found": [own.centres[0] for own in recordings],
-        "outline": [_outline(data, manifest, own) for own in recordings],
-        "track_side": [side for side, _, _ in tracks],
-        "track_time": [padded(t) for _, t, _ in tracks],
-        "track": [padded(moves) for _, _, moves in tracks],
+        "outline": [project_points(own.camera, corners) for own in recordings],
+        "track_side": sides,
+        "track_time": np.array([*zip_longest(*times, fillvalue=np.nan)]).T,
+        "track": np.array([*zip_longest(*tracks, fillvalue=np.nan)]).T,
         "residual": moved["residual"].values,
     }
     places = {"camera": data["camera"], "time": moved["time"]}
     return xr.Dataset(label_values(values, VARIABLES), places)
-
-
-def _track(own: Recording, marker: int, begin: float, end: float) -> tuple[int, Array, Array]:
-    """Return the side along which a marker moves most, u (0) or v (1), times, and its motion."""
-    parts = [
-        (t, uv[:, :, marker]) for t, uv in own.parts(max(begin, end - MAX_FRAMES / own.rate), end)
-    ]
-    t, uv = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    side = int(np.nanargmax(np.nan_to_num(np.nanstd(uv, axis=0))))
-    return side, t, uv[:, side] - np.nanmean(uv[:, side])
-
-
-def _outline(data: xr.Dataset, manifest: Manifest, own: Recording) -> Array:
-    """Return the structure's corners in a camera's image, (2, 4), px."""
-    markers = markers_of(manifest)
-    corners = on_surface(markers.extent, markers.corners)
-    R, origin = data["frame_rotation"].values, data["frame_origin"].values
-    return project_points(own.camera, R.T @ corners + origin[:, None])
 
 
 WIDTH_IN = 7.6
@@ -365,7 +350,7 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
             "camera_centre": (("camera", "axis"), centres),
             "rest_position": (("axis", "marker"), view.points),
         },
-        {"camera": [c.name for c, known in zip(manifest.cameras, there, strict=True) if known]},
+        {"camera": [c.name for c in compress(manifest.cameras, there)]},
     )
     return {"cameras": draw_cameras(placed, manifest), "errors": _draw_errors(manifest, fit)}
 
