@@ -61,10 +61,7 @@ def record_tracks(
 ) -> Recorded:
     """Check, listen, calibrate and track; each step is kept in the folder `steps`.
 
-    Raises
-    ------
-    ManifestError, MediaError, CalibrationError, SynchronisationError, TrackingError
-        If a file cannot be used, or what was recorded does not suffice.
+    Errors are those of :func:`measure_recordings`.
     """
     say(f"checking {len(manifest.cameras)} videos")
     clocks = validation.check_files(manifest, folder)  # what it refuses leaves no trace
@@ -168,7 +165,8 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
     ------
     ManifestError, MediaError
         If the manifest or a file cannot be used.
-    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
+    CalibrationError, SynchronisationError, TrackingError
+    ChainError, ForceError, FrequencyError, ModalError
         If the recordings do not suffice; one line that says what is missing.
     """
     manifest, folder = read_manifest(path), path.parent
@@ -219,13 +217,7 @@ def measure_shape(
 def measure_motion(
     manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
 ) -> build.Report:
-    """Measure modes, motion over a force, or both; return the report.
-
-    Raises
-    ------
-    ForceError, ChainError, MediaError, ModalError
-        If force or tracks do not suffice; one line that says what would do.
-    """
+    """Measure modes, motion over a force, or both; return the report."""
     if manifest.force is None:
         return measure_modes(manifest, inputs, out, say)
     response = _measure_response(manifest, folder, inputs, out, say)

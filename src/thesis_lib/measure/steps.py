@@ -97,17 +97,9 @@ def inspect_videos(
 ) -> tuple[list[str], list[str]]:
     """Decode all videos once, two at a time, before anything is computed from them.
 
-    Returns
-    -------
-    reading : list of str
-        How videos are read, where that is not plain, one sentence each.
-    repeats : list of str
-        Which cameras have frames that repeat the one before, one sentence each.
-
-    Raises
-    ------
-    MediaError
-        If a frame is missing or cannot be decoded.
+    Returned are sentences on how videos are read, where that is not plain, and sentences on cameras
+    with frames that repeat the one before. A MediaError says that a frame is missing or cannot be
+    decoded.
     """
     videos = [folder / camera.video for camera in manifest.cameras]
     names = [camera.name for camera in manifest.cameras]

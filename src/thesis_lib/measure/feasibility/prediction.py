@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.files import whole_text
+from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
@@ -268,13 +269,11 @@ def _by_view(
     P, X = np.asarray(P, float), np.asarray(points, float)
     visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
     result = np.full(X.shape[1], np.nan)
-    for pattern in np.unique(visible, axis=1).T:
-        if np.count_nonzero(pattern) >= 2:
-            where = (visible == pattern[:, None]).all(axis=0)
-            try:
-                result[where] = errors(P[pattern], X[:, where], pattern)
-            except np.linalg.LinAlgError:
-                result[where] = np.inf
+    for pattern, where in group_visible(visible):
+        try:
+            result[where] = errors(P[pattern], X[:, where], pattern)
+        except np.linalg.LinAlgError:
+            result[where] = np.inf
     return result
 
 

@@ -4,7 +4,7 @@ Tracks are marker centres without lens distortion, shape ``(cameras, 2, frames, 
 NaN where a marker is missing; every camera has its own times, shape ``(cameras, frames)`` in s.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,31 +20,25 @@ GRID_SHARE, GRID_SCALE = 0.1, 0.01  # most distance over spacing, and error of s
 
 
 def triangulate_seen(P: ArrayLike, uv: ArrayLike) -> tuple[Array, IntArray]:
-    """Return the points from the cameras that see them.
+    """Return the points (3, ...) in m from the cameras that see them, and how many do (...).
 
-    Parameters
-    ----------
-    P : array_like, shape (cameras, 3, 4)
-        Projection matrices.
-    uv : array_like, shape (cameras, 2, ...)
-        Images in px, NaN where a camera does not see a point.
-
-    Returns
-    -------
-    points : ndarray, shape (3, ...)
-        In m; NaN where fewer than two cameras see a point.
-    seen : ndarray of int, shape (...)
-        Number of cameras that see it.
+    By projection matrices (cameras, 3, 4), of images (cameras, 2, ...) in px, NaN where a camera
+    does not see a point. A point that fewer than two cameras see is NaN.
     """
     P, uv = np.asarray(P, float), np.asarray(uv, float)
     flat = uv.reshape(len(P), 2, -1)
     visible = np.isfinite(flat).all(axis=1)
     points = np.full((3, flat.shape[2]), np.nan)
+    for pattern, where in group_visible(visible):
+        points[:, where] = triangulate(P[pattern], flat[pattern][:, :, where])
+    return points.reshape((3,) + uv.shape[2:]), visible.sum(axis=0).reshape(uv.shape[2:])
+
+
+def group_visible(visible: Mask) -> Iterator[tuple[Mask, Mask]]:
+    """Yield sets of two cameras or more, and the points (cameras, n) that just these see."""
     for pattern in np.unique(visible, axis=1).T:
         if np.count_nonzero(pattern) >= 2:
-            where = (visible == pattern[:, None]).all(axis=0)
-            points[:, where] = triangulate(P[pattern], flat[pattern][:, :, where])
-    return points.reshape((3,) + uv.shape[2:]), visible.sum(axis=0).reshape(uv.shape[2:])
+            yield pattern, (visible == pattern[:, None]).all(axis=0)
 
 
 @dataclass(frozen=True)
@@ -61,8 +55,7 @@ class Frame:
         """Return the points (3, ...) of the calibration's frame in the beam's, m."""
         p = np.asarray(points, float)
         shifted = p - self.origin.reshape((3,) + (1,) * (p.ndim - 1))
-        turned: Array = np.tensordot(self.R, shifted, axes=1)
-        return turned
+        return np.asarray(np.tensordot(self.R, shifted, axes=1), float)
 
 
 def fit_grid(points: ArrayLike, nominal: ArrayLike) -> Frame:
@@ -99,12 +92,10 @@ def real_shape(amplitude: ComplexArray, expected_phase: float) -> Array:
     The common phase is the one that leaves least of the amplitudes imaginary; of its two values,
     half a period apart, the one nearer to `expected_phase` in rad is taken.
     """
-    squares = np.nansum(amplitude**2)
-    phase = 0.5 * np.angle(squares)
+    phase = 0.5 * np.angle(np.nansum(amplitude**2))
     if np.cos(phase - expected_phase) < 0:
         phase += np.pi
-    shape: Array = np.real(amplitude * np.exp(-1j * phase))
-    return shape
+    return np.asarray(np.real(amplitude * np.exp(-1j * phase)), float)
 
 
 # One instant.
@@ -126,8 +117,7 @@ def interpolate_frames(times: ArrayLike, values: ArrayLike, at: float, points: i
     weights = [
         np.prod([(at - other) / (own - other) for other in near if other != own]) for own in near
     ]
-    value: Array = np.tensordot(weights, values[first : first + points], axes=1)
-    return value
+    return np.asarray(np.tensordot(weights, values[first : first + points], axes=1), float)
 
 
 def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) -> Array:
@@ -140,27 +130,18 @@ def deflection_at(P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike) ->
     both = np.isfinite(rest) & np.isfinite(uv)
     pair = np.stack([np.where(both, rest, np.nan), np.where(both, uv, np.nan)], axis=2)
     points, _ = triangulate_seen(P, pair)
-    height = frame.to_beam(points)[2]
-    deflection: Array = height[1] - height[0]
-    return deflection
+    before, after = frame.to_beam(points)[2]
+    return np.asarray(after - before, float)
 
 
 def measure_instant(
     P: ArrayLike, frame: Frame, rest: ArrayLike, uv: ArrayLike, sigma: ArrayLike
 ) -> tuple[Array, Array]:
-    """Measure the deflection at one instant, with its standard uncertainty by noise.
+    """Measure the deflection at one instant, with its standard uncertainty, both (markers,), m.
 
-    Parameters
-    ----------
-    P, frame, rest, uv
-        As in :func:`deflection_at`.
-    sigma : array_like, shape (cameras, 2, markers)
-        Standard deviation by noise of an image of the instant less that of rest, px.
-
-    Returns
-    -------
-    deflection, std : ndarray, shape (markers,)
-        In m. Both rest on the cameras that see a marker in both images; NaN if fewer than two do.
+    From rest and the instant as in :func:`deflection_at`; `sigma`, (cameras, 2, markers), is the
+    standard deviation by noise of an image of the instant less that of rest, px. Both rest on the
+    cameras that see a marker in both images; NaN if fewer than two do.
     """
     rest, uv = np.asarray(rest, float), np.asarray(uv, float)
     common = np.where(np.isfinite(rest) & np.isfinite(uv), sigma, np.nan)
@@ -182,13 +163,10 @@ def normal_gain(
     P, X = np.asarray(P, float), np.asarray(points, float)
     visible = np.ones((len(P), X.shape[1]), bool) if seen is None else seen
     gains = np.zeros((len(P), 2, X.shape[1]))
-    for pattern in np.unique(visible, axis=1).T:
-        where = (visible == pattern[:, None]).all(axis=0)
-        if np.count_nonzero(pattern) < 2:
-            gains[:, :, where] = np.nan
-        else:
-            own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], X[:, where]), axes=1)
-            gains[np.ix_(pattern, [True, True], where)] = own
+    gains[:, :, visible.sum(axis=0) < 2] = np.nan
+    for pattern, where in group_visible(visible):
+        own = np.tensordot(frame.R[axis], triangulation_gain(P[pattern], X[:, where]), axes=1)
+        gains[np.ix_(pattern, np.ones(2, bool), where)] = own
     return gains
 
 
@@ -209,17 +187,13 @@ def misfit_at_rest(cameras: Sequence[Camera], rest: Array) -> Array:
     """Return the rms distance in px of markers at rest (cameras, 2, markers) from the fit."""
     P = projection_matrices(cameras)
     points, _ = triangulate_seen(P, rest)
-    off: Array = np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2)))
-    return off
+    return np.asarray(np.sqrt(np.nanmean((project(P, points) - rest) ** 2, axis=(1, 2))), float)
 
 
 def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Frame:
     """Return the structure's frame from undistorted markers at rest, (cameras, 2, markers).
 
-    Raises
-    ------
-    ChainError
-        If they do not fit their places, with the camera that fits worst.
+    Those that do not fit their places are refused, with the camera that fits worst.
     """
     P = projection_matrices(cameras)
     points, seen = triangulate_seen(P, rest)
@@ -244,13 +218,7 @@ def check_frame(cameras: Sequence[Camera], rest: Array, markers: Markers) -> Fra
 
 
 def check_sides(frame: Frame, cameras: Sequence[Camera]) -> None:
-    """Refuse markers that are seen from behind: given corners that run the wrong way round.
-
-    Raises
-    ------
-    ChainError
-        If every camera is on the other side of the markers.
-    """
+    """Refuse markers that all cameras see from behind: corners_px run the wrong way round."""
     heights = frame.to_beam(np.array([c.centre for c in cameras]).T)[2]
     if np.all(heights < 0):
         raise ChainError(

@@ -144,6 +144,8 @@ def shape_result(
 ) -> xr.Dataset:
     """Return the deflection shape, its standard errors, and what they rest on.
 
+    Dimensions are ``marker``, ``camera``, ``candidate``, ``axis``.
+
     Parameters
     ----------
     sound : xarray.Dataset
@@ -154,11 +156,6 @@ def shape_result(
         Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`;
         then the result has ``SHARED_VARIABLES`` of
         :mod:`~thesis_lib.measure.fitting.errors`, too, and standard errors hold it.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions ``marker``, ``camera``, ``candidate``, ``axis``.
 
     Raises
     ------

@@ -19,7 +19,7 @@ frequency, and there alone: the geometric mean of their powers over noise tells.
 grid so fine that an ordinary Fourier transform serves.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -102,12 +102,8 @@ def pole_columns(times: Array, rates: Array) -> Array:
 def fit_known(B: Array, block: TrackBlock) -> tuple[Array, Array]:
     """Fit columns (frames, n) to each series where it is known.
 
-    Returns
-    -------
-    coefficients : ndarray, shape (n, series)
-        0 where too little is known.
-    covariance : ndarray, shape (series, n, n)
-        Of them, for a noise of one; infinite where too little is known.
+    Returned are coefficients (n, series), 0 where too little is known, and their covariance for a
+    noise of one, (series, n, n), infinite where too little is known.
     """
     seen, of = block.patterns
     matrix = _moments(B, B, seen)
@@ -180,15 +176,22 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
     """Fit poles from a start (modes, 2); without damping only the frequencies."""
     free = np.flatnonzero(np.tile([damped, True], len(start)))
     every = np.ix_(free, free)
-
-    def equations(x: Array) -> list[Equations]:
-        rates = start.copy()
-        rates.flat[free] = x
-        return [equations_of(block, rates) for block in blocks]
-
-    best, parts = _least(equations, start.flat[free], free)
-    rates = start.copy()
-    rates.flat[free] = best
+    rates, damping = start, 1e-3
+    parts = [equations_of(block, rates) for block in blocks]
+    for _ in range(MAX_STEPS):  # Marquardt's
+        right = np.sum([part.right for part in parts], axis=0)[free]
+        matrix = np.sum([part.matrix for part in parts], axis=0)[every]
+        step = np.linalg.lstsq(matrix + damping * np.diag(np.diag(matrix)), right)[0]
+        squares, freedom = np.sum([part.noise for part in parts], axis=0)
+        if not step @ right > MIN_GAIN * squares / max(freedom, 1):
+            break
+        moved = rates.copy()
+        moved.flat[free] += step
+        others = [equations_of(block, moved) for block in blocks]
+        if sum(one.squares for one in others) < sum(one.squares for one in parts):
+            rates, parts, damping = moved, others, damping / 10
+        else:
+            damping *= 10
     squares, freedom = np.sum([part.noise for part in parts], axis=0)
     noise = float(np.sqrt(squares / max(freedom, 1)))
     covariance = np.zeros((start.size, start.size))
@@ -201,26 +204,6 @@ def fit_poles(blocks: Sequence[TrackBlock], start: Array, damped: bool) -> Poles
         each[k, free] = alone @ part.right[free]
         deviation[k, free] = noise * np.sqrt(np.maximum(np.diag(alone), 0))
     return Poles(rates, covariance, each, deviation, noise)
-
-
-def _least(
-    equations: Callable[[Array], list[Equations]], x: Array, free: IntArray
-) -> tuple[Array, list[Equations]]:
-    """Minimise the sum of squares from x on by Marquardt's steps."""
-    parts, damping = equations(x), 1e-3
-    for _ in range(MAX_STEPS):
-        right = np.sum([part.right for part in parts], axis=0)[free]
-        matrix = np.sum([part.matrix for part in parts], axis=0)[np.ix_(free, free)]
-        step = np.linalg.lstsq(matrix + damping * np.diag(np.diag(matrix)), right)[0]
-        squares, freedom = np.sum([part.noise for part in parts], axis=0)
-        if not step @ right > MIN_GAIN * squares / max(freedom, 1):
-            break
-        others = equations(x + step)
-        if sum(one.squares for one in others) < sum(one.squares for one in parts):
-            x, parts, damping = x + step, others, damping / 10
-        else:
-            damping *= 10
-    return x, parts
 
 
 POINTS_PER_FRAME = 8  # grid points between frames; and in a period of the highest frequency

@@ -74,11 +74,15 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
         structure.thickness_mm / 1000,
     )
     step = radiated.largest_gap(markers)
+    # The material's flexural wave that is two spacings long: ω = k² √(D/m), k being π a spacing.
+    thickness, nu = structure.thickness_mm / 1000, structure.poissons_ratio
+    stiffness = structure.youngs_modulus_pa * thickness**2 / (12 * (1 - nu**2))
+    fastest = (np.pi / step) ** 2 * np.sqrt(stiffness / structure.density_kg_m3)
     told = {
         "between": between.kind,
         "modes": between.modes,
         "spacing": step,
-        "highest": _highest(structure, step),
+        "highest": float(fastest / (2 * np.pi)),
         "outline": np.ravel(1000 * corners),
         "wall": asked.wall,
         "held": len(asked.held_edges(structure.kind, len(corners))),
@@ -177,17 +181,6 @@ def _planes(asked: manifest_parts.Radiation, size: tuple[float, float]) -> tuple
     low = asked.plane_bottom_mm / 1000
     high = asked.plane_top_mm / 1000 if asked.plane_top_mm else low + max(size)
     return Plane("XZ", half, low, high, PLANE_SHAPE), Plane("YZ", half, low, high, PLANE_SHAPE)
-
-
-def _highest(structure: manifest_parts.StructureSpec, step: float) -> float:
-    """Return the frequency in Hz of the material's flexural wave that is two spacings long.
-
-    ω = k² √(D/m) with k = π over the spacing.
-    """
-    thickness, nu = structure.thickness_mm / 1000, structure.poissons_ratio
-    stiffness = structure.youngs_modulus_pa * thickness**2 / (12 * (1 - nu**2))
-    ratio = np.sqrt(stiffness / structure.density_kg_m3)
-    return float((np.pi / step) ** 2 * ratio / (2 * np.pi))
 
 
 SOUND_RATE_HZ, SOUND_LENGTH_S = 48000, 4.0  # samples per second; length of a sound file, s

@@ -43,18 +43,9 @@ def collect_diagnostics(
 ) -> xr.Dataset:
     """Collect what the figures of a report draw besides the result.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``.
-    moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``found``, ``outline``, ``track_side``, ``track_time``, ``track``, ``residual``; NaN where a
-        camera has fewer frames than another.
+    From what :func:`~thesis_lib.measure.fitting.result.shape_result` returns, with ``steady``, and
+    :func:`~thesis_lib.measure.exchange.history.time_histories`. Tracks are NaN where a camera has
+    fewer frames than another.
     """
     marker = int(np.nanargmax(np.abs(data["deflection"].values)))
     begin, end = data["steady"].values
@@ -89,18 +80,13 @@ BAR_SIGMAS = 2  # standard errors that bars show
 MAX_POLE_SHIFT, MAX_POLE_DAMPING_CHANGE = 0.01, 0.05
 
 
-def _one_panel(width: float, height: float) -> tuple[Figure, Axes]:
-    figure, axes = subplots(figsize=(width, height), layout="constrained")
-    return figure, axes
-
-
 @in_style()
 def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Draw the deflection of every marker with its standard error, and the most similar mode."""
     rows = markers_of(manifest).rows
     if len(rows) > 6 or max(row.stop - row.start for row in rows) < 4:
         return _draw_map(data, manifest)
-    figure, axes = _one_panel(WIDTH_IN, 3.6)
+    figure, axes = subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -175,7 +161,7 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
 def draw_corners(data: xr.Dataset) -> Figure:
     """Draw the residuals of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
-    figure, axes = _one_panel(4.2, 3.8)
+    figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
     for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
         u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
         axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
@@ -204,7 +190,7 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
 @in_style()
 def draw_residuals(seen: xr.Dataset) -> Figure:
     """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
-    figure, axes = _one_panel(WIDTH_IN, 2.8)
+    figure, axes = subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
     for k, name in enumerate(drawable_names(seen["camera"].values, "camera")):
         axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
     axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
@@ -274,7 +260,7 @@ def draw_assurance(data: xr.Dataset) -> Figure:
     """Draw the MAC matrix of the modes among each other."""
     mac = data["assurance"].values
     names = [f"{f:.4g}" for f in data["frequency"].values]
-    figure, axes = _one_panel(4.2, 3.6)
+    figure, axes = subplots(figsize=(4.2, 3.6), layout="constrained")
     drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
     for (i, j), value in np.ndenumerate(mac):
         ink = "black" if value > 0.6 else "white"
@@ -359,7 +345,7 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
 def _draw_errors(manifest: Manifest, error: Array) -> Figure:
     """Draw the standard errors of the harmonic fit over the structure, mm."""
     height = WIDTH_IN * manifest.structure.width_mm / manifest.structure.length_mm + 1.5
-    figure, axes = _one_panel(WIDTH_IN, min(height, 6))
+    figure, axes = subplots(figsize=(WIDTH_IN, min(height, 6)), layout="constrained")
     drawn = _scatter_markers(axes, manifest, error, cmap="viridis")
     axes.set(ylabel="y in mm", title="standard error of the deflection by the harmonic fit")
     figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)

@@ -129,7 +129,7 @@ def read_force(
         source = f"channel {given.channel}, {given.full_scale_n:g} N at full scale"
     if not np.ptp(newtons) > 0:
         raise ForceError(f"{path}: silent, allowed: a force that changes")
-    clock = _clock(manifest, folder, delays, paces or np.ones(len(delays)))
+    clock = _clock(manifest, given, folder, delays, paces or np.ones(len(delays)))
     return RecordedForce(own * clock.pace + clock.delay, newtons, clock, f"{path.name}: {source}")
 
 
@@ -164,10 +164,10 @@ def _sound(path: Path, given: Force, wanted: float) -> tuple[Array, Array]:
     return start + np.arange(len(values)) / rate, values * given.full_scale_n
 
 
-def _clock(manifest: Manifest, folder: Path, delays: Array, paces: Iterable[float]) -> Clock:
+def _clock(
+    manifest: Manifest, given: Force, folder: Path, delays: Array, paces: Iterable[float]
+) -> Clock:
     """Return the given clock, that of the camera whose sound it is, or the one found by sound."""
-    given = manifest.force
-    assert given is not None
     if given.offset_s is not None:
         return Clock(given.offset_s, 0.0)
     path, first = folder / given.file, manifest.cameras[0]
@@ -305,7 +305,13 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     first, last = own.between(at[0] - pad, at[-1] + pad)
     seen, height = np.array(own.centres[first:last], float), own.camera.size[1]
     uv, times = pinhole.undistort_tracks(own.camera, seen) - still, own.times[first:last]
-    full = without_gaps(times, uv, own.rate)
+    series = uv.reshape(len(uv), -1)
+    gaps = np.isnan(series).any(axis=0)
+    filled = series.copy()  # gaps, where they are short
+    if gaps.any():
+        found = at_times(times, series[:, gaps], own.rate, times)
+        filled[:, gaps] = np.where(np.isnan(series[:, gaps]), found, series[:, gaps])
+    full = filled.reshape(uv.shape)
     if repeated:
         lost = np.zeros(uv.shape, bool)
         lost[repeated:] = np.isnan(uv)[:-repeated]
@@ -317,16 +323,6 @@ def undistorted_images(own: Recording, still: Array, at: Array, repeated: int = 
     both = uv.reshape(len(uv), -1)
     found = at_times(times, both, own.rate, at, np.tile(late, 2), own.exposure)
     return np.asarray(still[:, None] + np.moveaxis(found.reshape(-1, *still.shape), 1, 0), float)
-
-
-def without_gaps(times: Array, values: Array, rate: float) -> Array:
-    """Fill short gaps of series (samples, 2, series) by band-limited interpolation."""
-    flat = values.reshape(len(values), -1)
-    found, gaps = flat.copy(), np.isnan(flat).any(axis=0)
-    if gaps.any():
-        filled = at_times(times, flat[:, gaps], rate, times)
-        found[:, gaps] = np.where(np.isnan(flat[:, gaps]), filled, flat[:, gaps])
-    return found.reshape(values.shape)
 
 
 def noise_of(still: Array, rate: float, band: tuple[float, float]) -> Array:
