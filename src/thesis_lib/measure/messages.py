@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-_MESSAGE_FILE = Path(__file__).with_name("messages.toml")
-
 
 class Note(NamedTuple):
     """A message that a reader should know before trusting a result."""
@@ -44,26 +42,23 @@ def _read_message(fields: Mapping[str, Any]) -> Message:
     return Message(**own, variants=variants)
 
 
-def _read_groups(tables: Mapping[str, Any]) -> dict[str, dict[str, Message]]:
-    """Return messages by group and code."""
-    return {
-        group: {code: _read_message(fields) for code, fields in of.items()}
-        for group, of in tables.items()
-    }
+def _read_messages(table: Mapping[str, Any]) -> dict[str, Message]:
+    return {code: _read_message(fields) for code, fields in table.items()}
 
 
-_MESSAGE_TABLES = tomllib.loads(_MESSAGE_FILE.read_text(encoding="utf-8"))
+_MESSAGE_TABLES = tomllib.loads(
+    Path(__file__).with_name("messages.toml").read_text(encoding="utf-8")
+)
 #: Notes on a result by what they are about, and checks of a manifest, likewise; by code
-NOTE_GROUPS = _read_groups(_MESSAGE_TABLES["notes"])
-CHECK_GROUPS = _read_groups(_MESSAGE_TABLES["checks"])
+NOTE_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["notes"].items()}
+CHECK_GROUPS = {name: _read_messages(group) for name, group in _MESSAGE_TABLES["checks"].items()}
 #: What cannot be checked, and lines of ``thesis measure --new``
-UNCHECKED_MESSAGES = _read_groups({"unchecked": _MESSAGE_TABLES["unchecked"]})["unchecked"]
-NEW_MESSAGES = _read_groups({"new": _MESSAGE_TABLES["new"]})["new"]
+UNCHECKED_MESSAGES = _read_messages(_MESSAGE_TABLES["unchecked"])
+NEW_MESSAGES = _read_messages(_MESSAGE_TABLES["new"])
 #: Notes and checks by code
 ALL_MESSAGES = {
     code: one
-    for of in (NOTE_GROUPS, CHECK_GROUPS)
-    for group in of.values()
+    for group in (*NOTE_GROUPS.values(), *CHECK_GROUPS.values())
     for code, one in group.items()
 }
 CHECK_LIMITS = {code: one.limit for group in CHECK_GROUPS.values() for code, one in group.items()}

@@ -67,7 +67,19 @@ def _write_pages(path: Path, paper: str, lying: bool, pages: Iterable[tuple[Draw
             )
             axes.set_axis_off()
             draw(axes)
-            _ruler(axes, words)
+            foot = -STRIP_MM + 4
+            ticks = [
+                _rectangle_vertices(RULER_MM / 10 * k - 0.125, foot, 0.25, 2.5 if k % 10 else 4.0)
+                for k in range(11)
+            ]
+            _draw_polygons(axes, [_rectangle_vertices(0, foot, RULER_MM, 0.25), *ticks])
+            axes.text(
+                0,
+                foot - 3.2,
+                "Print at 100 %, without scaling. This line is 100 mm long: measure it.",
+                size=6.5,
+            )
+            axes.text(RULER_MM + 6, foot, words, size=6.5, va="bottom", wrap=False)
             file.savefig(figure)
     whole_file(path, lambda part: part.write_bytes(made.getvalue()))
 
@@ -85,17 +97,6 @@ def _rectangle_vertices(
 ) -> list[tuple[float, float]]:
     """Return the vertices of a rectangle with its lower left corner at x, y."""
     return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
-
-
-def _ruler(axes: Axes, words: str) -> None:
-    y = -STRIP_MM + 4
-    _draw_polygons(axes, [_rectangle_vertices(0, y, RULER_MM, 0.25)])
-    for k in range(11):
-        tall = 4.0 if k in (0, 10) else 2.5
-        _draw_polygons(axes, [_rectangle_vertices(RULER_MM / 10 * k - 0.125, y, 0.25, tall)])
-    told = "Print at 100 %, without scaling. This line is 100 mm long: measure it."
-    axes.text(0, y - 3.2, told, size=6.5)
-    axes.text(RULER_MM + 6, y, words, size=6.5, va="bottom", wrap=False)
 
 
 BITS_PER_MARK = 7  # along a mark with its black frame
@@ -117,14 +118,6 @@ def write_board(
 
     Parameters
     ----------
-    path : Path
-        The file.
-    columns, rows : int
-        Tiles.
-    tile_mm : float
-        Side of a tile.
-    paper : str
-        Size of the page.
     charuco : bool
         Whether white tiles carry ArUco marks, as OpenCV's ``CharucoBoard`` has them.
     two_sided : bool
@@ -157,15 +150,14 @@ def write_board(
     need = (columns + 1) * tile_mm, (rows + 1) * tile_mm  # with half a tile all around
     if need[0] > wide + 1e-9 or need[1] > high + 1e-9:
         most = min(wide / (columns + 1), high / (rows + 1))
-        larger = [
-            name
+        fits = (
+            f", or --paper {name}"
             for name in PAGE_SIZES_MM
-            if all(n <= a + 1e-9 for n, a in zip(need, _drawable_mm(name, landscape), strict=True))
-        ]
-        or_paper = f", or --paper {larger[0]}" if larger else ""
+            if np.all(np.array(need) <= np.array(_drawable_mm(name, landscape)) + 1e-9)
+        )
         raise PaperError(
             f"--tile-mm: given {tile_mm:g}, allowed: at most {most:.4g} for {columns} × {rows} "
-            f"tiles on {paper}{or_paper}"
+            f"tiles on {paper}{next(fits, '')}"
         )
     margin = min(wide - columns * tile_mm, high - rows * tile_mm) / 2
     board = Board(columns, rows, tile_mm / 1000, margin / 1000)
@@ -184,10 +176,12 @@ def write_board(
             f"{MARK_RATIO * tile_mm:g}, {MARK_DICTIONARY})"
         )
     dark = dark + [left, low]
-    sides = [("front: " if two_sided else "", dark)]
+    sides = {"": dark}
     if two_sided:
-        sides.append(("back: ", (dark * [-1, 1] + [wide, 0])[:, ::-1]))
-    drawn = [(partial(_draw_polygons, vertices=tiles), side + said) for side, tiles in sides]
+        sides = {"front: ": dark, "back: ": (dark * [-1, 1] + [wide, 0])[:, ::-1]}
+    drawn = [
+        (partial(_draw_polygons, vertices=tiles), side + said) for side, tiles in sides.items()
+    ]
     _write_pages(path, paper, landscape, drawn)
     return said
 
@@ -198,18 +192,14 @@ def _marks(columns: int, rows: int, tile: float) -> Array:
     OpenCV counts the white tiles from the upper left, row by row; each mark is in a middle.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, MARK_DICTIONARY))
-    side, cells, number = MARK_RATIO * tile, [], 0
-    for row in range(rows):
-        for column in range(columns):
-            if (column + row) % 2 == 0:  # dark
-                continue
-            bits = dictionary.generateImageMarker(number, BITS_PER_MARK) == 0
-            number += 1
-            x = column * tile + (tile - side) / 2
-            y = (rows - row) * tile - (tile - side) / 2
-            step = side / BITS_PER_MARK
-            for i, j in np.argwhere(bits):
-                cells.append(_rectangle_vertices(x + j * step, y - (i + 1) * step, step, step))
+    side, cells = MARK_RATIO * tile, []
+    step = side / BITS_PER_MARK
+    white = np.argwhere(np.indices((rows, columns)).sum(axis=0) % 2)
+    for number, (row, column) in enumerate(white):
+        x = column * tile + (tile - side) / 2
+        y = (rows - row) * tile - (tile - side) / 2
+        for i, j in np.argwhere(dictionary.generateImageMarker(number, BITS_PER_MARK) == 0):
+            cells.append(_rectangle_vertices(x + j * step, y - (i + 1) * step, step, step))
     return np.array(cells)
 
 
@@ -226,27 +216,8 @@ def write_markers(
     """Write a grid of markers as a PDF to true scale.
 
     Where the grid is larger than a page it goes on, on the next. Corner marks stand half a spacing
-    beyond the outermost markers: cut there, and the pages join edge to edge.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    columns, rows : int
-        Markers along and across.
-    spacing_mm, row_spacing_mm : float
-        Distance of their centres; across the same as along if not given.
-    diameter_mm : float
-        Diameter of a marker.
-    paper : str
-        Size of the page.
-    bright : bool
-        Whether markers are white on black.
-
-    Returns
-    -------
-    int
-        Pages written.
+    beyond the outermost markers: cut there, and the pages join edge to edge. Rows are as far apart
+    as columns if not given, and ``bright`` markers are white on black. Return the number of pages.
 
     Raises
     ------
@@ -278,26 +249,27 @@ def write_markers(
                 f"{diameter_mm:g} mm, {spacing_mm:g} mm × {across:g} mm apart"
             )
             size = nx * spacing_mm, ny * across
-            pages.append((_sheet(centres, size, diameter_mm, bright), words))
+            sheet = partial(
+                _draw_sheet, centres=centres, size=size, diameter=diameter_mm, bright=bright
+            )
+            pages.append((sheet, words))
     _write_pages(path, paper, True, pages)
     return len(pages)
 
 
-def _sheet(centres: Array, size: tuple[float, float], diameter: float, bright: bool) -> Draw:
-    def draw(axes: Axes) -> None:
-        width, height = size
-        if bright:
-            _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
-        for centre in centres.T:
-            colour = "white" if bright else "black"
-            axes.add_patch(Circle((centre[0], centre[1]), diameter / 2, fc=colour, ec="none"))
-        for x in (0.0, width):  # corner marks, outside of what is used
-            for y in (0.0, height):
-                side, up = (-1 if x == 0 else 1), (-1 if y == 0 else 1)
-                axes.plot([x, x + 4 * side], [y, y], "k-", linewidth=0.3, clip_on=False)
-                axes.plot([x, x], [y, y + 4 * up], "k-", linewidth=0.3, clip_on=False)
-
-    return draw
+def _draw_sheet(
+    axes: Axes, centres: Array, size: tuple[float, float], diameter: float, bright: bool
+) -> None:
+    width, height = size
+    if bright:
+        _draw_polygons(axes, [_rectangle_vertices(0, 0, width, height)])
+    colour = "white" if bright else "black"
+    for x, y in centres.T:
+        axes.add_patch(Circle((x, y), diameter / 2, fc=colour, ec="none"))
+    for x, side in ((0.0, -4), (width, 4)):  # corner marks, outside of what is used
+        for y, up in ((0.0, -4), (height, 4)):
+            axes.plot([x, x + side], [y, y], "k-", linewidth=0.3, clip_on=False)
+            axes.plot([x, x], [y, y + up], "k-", linewidth=0.3, clip_on=False)
 
 
 PLACE_FIELDS = ("azimuth_deg", "elevation_deg", "distance_mm")
@@ -307,23 +279,15 @@ CENTRED_TEXT: dict[str, Any] = {"ha": "center", "va": "center"}
 def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -> None:
     """Write a protractor with a ray to each camera, and how far and how high it stands.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    cameras : sequence of CameraFiles
-        With ``azimuth_deg``, ``elevation_deg`` and ``distance_mm``.
-    paper : str
-        Size of the page.
-
     Raises
     ------
     PaperError
-        If a camera has no place.
+        If a camera has no ``azimuth_deg``, ``elevation_deg`` or ``distance_mm``.
     """
-    for camera in cameras:
-        for name in PLACE_FIELDS:
-            if getattr(camera, name) is None:
+    places = [[getattr(camera, name) for name in PLACE_FIELDS] for camera in cameras]
+    for camera, place in zip(cameras, places, strict=True):
+        for name, value in zip(PLACE_FIELDS, place, strict=True):
+            if value is None:
                 raise PaperError(f"camera {camera.name}: {name} is not given, allowed: a number")
     wide, high = _drawable_mm(paper, landscape=False)
     radius = min(wide, high) / 2 - 12
@@ -334,17 +298,17 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
         def polar_point(azimuth: float, length: float) -> tuple[float, float]:
             angle = np.radians(azimuth)  # from +Y, upward on the sheet, towards +X
             x, y = centre + length * np.array([np.sin(angle), np.cos(angle)])
-            return float(x), float(y)
+            return x, y
 
-        for azimuth in map(float, range(-180, 180, 5)):
+        for azimuth in range(-180, 180, 5):
             inner = radius - (6 if azimuth % 10 == 0 else 3)
             ends = polar_point(azimuth, inner), polar_point(azimuth, radius)
             axes.plot(*np.transpose(ends), "k-", lw=0.4)
             if azimuth % 30 == 0:
                 place = polar_point(azimuth, radius + 5)
-                axes.text(*place, f"{azimuth:g}°", size=7, **CENTRED_TEXT)
+                axes.text(*place, f"{azimuth}°", size=7, **CENTRED_TEXT)
         arrow = {"arrowstyle": "->", "lw": 0.8}
-        for name, azimuth in (("X", 90.0), ("Y", 0.0)):
+        for name, azimuth in (("X", 90), ("Y", 0)):
             axes.annotate("", polar_point(azimuth, 26), polar_point(0, 0), arrowprops=arrow)
             axes.text(*polar_point(azimuth, 30), name, size=9, **CENTRED_TEXT)
         lines = [
@@ -352,18 +316,14 @@ def write_stand(path: Path, cameras: Sequence[CameraFiles], paper: str = "A4") -
             "Each camera stands on its ray, so far and so high with the middle of its lens:",
         ]
         names = drawable_names([camera.name for camera in cameras], "camera")
-        for k, camera in enumerate(cameras):
-            azimuth, elevation, distance = (
-                float(getattr(camera, name) or 0.0) for name in PLACE_FIELDS
-            )
-            ray = np.transpose([centre, polar_point(azimuth, radius)])
-            axes.plot(*ray, color=cycle_color(k), lw=1.2)
-            axes.text(*polar_point(azimuth, 0.8 * radius), names[k], size=10, color=cycle_color(k))
-            away, above = (distance * f(np.radians(elevation)) for f in (np.cos, np.sin))
+        for k, (name, (turn, elevation, distance)) in enumerate(zip(names, places, strict=True)):
+            colour, tilt = cycle_color(k), np.radians(elevation)
+            axes.plot(*np.transpose([centre, polar_point(turn, radius)]), color=colour, lw=1.2)
+            axes.text(*polar_point(turn, 0.8 * radius), name, size=10, color=colour)
             lines.append(
-                f"{names[k]}: azimuth {azimuth:g}°, elevation {elevation:g}°; {away:.0f} mm "
-                f"along its ray, {above:.0f} mm above the structure; {distance:g} mm from its "
-                "centre"
+                f"{name}: azimuth {turn:g}°, elevation {elevation:g}°; "
+                f"{distance * np.cos(tilt):.0f} mm along its ray, {distance * np.sin(tilt):.0f} mm "
+                f"above the structure; {distance:g} mm from its centre"
             )
         for k, line in enumerate(lines):
             axes.text(4, high - 2 * radius - 24 - 6 * k, line, size=8)
