@@ -8,7 +8,7 @@ its centre, X along its length, Z along its normal, in m.
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,6 @@ from thesis_lib.measure.steps import CALIBRATION_VARIABLES
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.fields import format_given
 from thesis_lib.studies.schema import label_values
-from thesis_lib.studies.storage import key_of
 from thesis_lib.text import one_line
 from thesis_lib.vision.pinhole import HALF_PIXEL, Camera
 
@@ -49,6 +48,7 @@ _ROTATION_NAMES, _TRANSLATION_NAMES = ("rvec", "rotation", "r"), ("tvec", "trans
 # Focal lengths over an image's width: a fisheye lens has 0.3, the longest telephoto lens 250
 _MIN_FOCAL, _MAX_FOCAL = 0.02, 2000
 _MAX_SIDE_PX = 100_000
+_AXES_TEXT = "allowed: x right, y down"
 _OTHER_MODELS = {8: "rational", 12: "thin prism", 14: "tilted"}  # by their number of coefficients
 
 
@@ -87,7 +87,15 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
     if not files or not all(map(Path.is_file, files)):
         raise ManifestError(f"{path}: no calibration there, allowed: {', '.join(FILE_SUFFIXES)}")
     if files[0].suffix.lower() == ".nc":
-        return _own(files[0])
+        try:
+            data = storage.open_netcdf(files[0])
+            covariance = np.asarray(data["covariance"].values, float)
+            known = bool(np.isfinite(covariance).all())
+            return Found(cameras_in(data), True, covariance if known else None)
+        except (cubes.CubeError, KeyError):
+            raise ManifestError(
+                f"{files[0]}: no calibration, allowed: one that was measured"
+            ) from None
     cameras, placed = [], []
     for file in files:
         values = _values(file)
@@ -114,16 +122,6 @@ def read_cameras(path: Path, unit: str | None = None) -> Found:
             "lengths are in mm, give calibration.unit: mm"
         )
     return Found(cameras, all(placed))
-
-
-def _own(path: Path) -> Found:
-    try:
-        data = storage.open_netcdf(path)
-        covariance = np.asarray(data["covariance"].values, float)
-        known = bool(np.isfinite(covariance).all())
-        return Found(cameras_in(data), True, covariance if known else None)
-    except (cubes.CubeError, KeyError):
-        raise ManifestError(f"{path}: no calibration, allowed: one that was measured") from None
 
 
 def _values(path: Path) -> dict[str, Any]:
@@ -165,15 +163,14 @@ def _entries(values: Mapping[str, Any], stem: str) -> Iterator[tuple[str, dict[s
     own = {str(key).lower(): value for key, value in values.items()}
     if own.get("ignore") is True:  # a camera of caliscope's that was not calibrated
         return
+    inside = {key: value for key, value in values.items() if isinstance(value, Mapping)}
     if any(isinstance(own.get(name), list | Mapping) for name in _MATRIX_NAMES):
         keys = "name", "camera_name", "cam_id", "port"
         yield str(next((own[key] for key in keys if key in own), stem)), own
-        return
-    if cameras := {k: v for k, v in values.items() if isinstance(v, Mapping) and "intrinsics" in v}:
-        yield from _of_kalibr(cameras)
-        return
-    for key, value in values.items():
-        if isinstance(value, Mapping):
+    elif chain := {key: value for key, value in inside.items() if "intrinsics" in value}:
+        yield from _of_kalibr(chain)
+    else:
+        for key, value in inside.items():
             yield from _entries(value, str(key))
 
 
@@ -205,7 +202,7 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
 
     K = _numbers(first_given(*_MATRIX_NAMES), "camera_matrix", (9,)).reshape(3, 3)
     if K[0, 0] < 0 or K[1, 1] < 0:
-        raise ValueError("mirrored axes (a negative focal length), allowed: x right, y down")
+        raise ValueError(f"mirrored axes (a negative focal length), {_AXES_TEXT}")
     if not (K[0, 0] and K[1, 1] and np.allclose(K[2], [0, 0, 1]) and abs(K[1, 0]) < 1e-9):
         raise ValueError(
             f"camera_matrix: given {format_given(K.tolist())}, allowed: an intrinsic matrix"
@@ -226,27 +223,21 @@ def _camera(entry: Mapping[str, Any], name: str, scale: float) -> tuple[Camera, 
             f"{_MAX_FOCAL} widths of the image"
         )
     turn, move = first_given(*_ROTATION_NAMES), first_given(*_TRANSLATION_NAMES)
+    placed = turn is not None and move is not None
     R, t = np.eye(3), np.zeros(3)
-    if turn is not None and move is not None:
-        R = _rotation(_numbers(turn, "rotation", (3, 9)))
+    if placed:
+        given = _numbers(turn, "rotation", (3, 9))
+        R = given.reshape(3, 3) if given.size == 9 else np.asarray(cv2.Rodrigues(given)[0], float)
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
+            raise ValueError("rotation: no rotation matrix, allowed: nine or three numbers of one")
+        if np.linalg.det(R) < 0:
+            raise ValueError(f"mirrored axes (a rotation of determinant -1), {_AXES_TEXT}")
         t = scale * _numbers(move, "translation", (3,))
-    camera = Camera(
-        name, K, _distortion(entry, first_given), R, -R.T @ t, (int(width), int(height))
-    )
-    return camera, turn is not None and move is not None
+    size = int(width), int(height)
+    return Camera(name, K, _distortion(first_given), R, -R.T @ t, size), placed
 
 
-def _rotation(given: Array) -> Array:
-    """Return the rotation matrix of nine or three numbers."""
-    R = given.reshape(3, 3) if given.size == 9 else np.asarray(cv2.Rodrigues(given)[0], float)
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-4):
-        raise ValueError("rotation: no rotation matrix, allowed: nine or three numbers of one")
-    if np.linalg.det(R) < 0:
-        raise ValueError("mirrored axes (a rotation of determinant -1), allowed: x right, y down")
-    return R
-
-
-def _distortion(entry: Mapping[str, Any], of: Any) -> Array:
+def _distortion(of: Callable[..., Any]) -> Array:
     """Return the coefficients k₁, k₂, p₁, p₂, k₃, or a refusal of another model by its name."""
     allowed = "allowed: k1, k2, p1, p2, k3 (Brown)"
     model = str(of("distortion_model", "camera_model", "model") or "").lower()
@@ -278,10 +269,7 @@ def _numbers(given: Any, name: str, counts: tuple[int, ...]) -> Array:
 
 
 def in_structure_axes(cameras: Sequence[Camera], data: xr.Dataset) -> list[Camera]:
-    """Return the cameras of the calibration's frame in that of the structure.
-
-    `data` is what :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
-    """
+    """Return the cameras of the calibration's frame in that of a shape's structure."""
     R, origin = data["frame_rotation"].values, data["frame_origin"].values
     return [
         replace(one, R_camera_world=one.R_camera_world @ R.T, centre=R @ (one.centre - origin))
@@ -351,7 +339,7 @@ def _toml(value: object) -> str:
 
 
 def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
-    """Return the manifest's cameras of the calibration that it reuses; None if it reuses none.
+    """Return the manifest's cameras, in its order, of the calibration that it reuses, if any.
 
     Raises
     ------
@@ -364,31 +352,26 @@ def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     path = folder / asked.file
     try:
         found = read_cameras(path, asked.unit)
-        return _choose_cameras(found, manifest, path)
     except ManifestError as error:
         raise ManifestError(f"calibration: {error}") from None
-
-
-def _choose_cameras(found: Found, manifest: Manifest, path: Path) -> Found:
-    """Return the cameras that the manifest has, in its order."""
     names = [one.name for one in found.cameras]
-    there = ", ".join(names)
     order = []
     for camera in manifest.cameras:
         if names.count(camera.name) != 1:
             what = "two cameras" if camera.name in names else "no camera"
-            raise ManifestError(f"{path}: {what} {camera.name} in it; there are {there}")
+            raise ManifestError(
+                f"calibration: {path}: {what} {camera.name} in it; there are {', '.join(names)}"
+            )
         order.append(names.index(camera.name))
         if (given := found.cameras[order[-1]].size) != camera.size:
             raise ManifestError(
-                f"{path}: camera {camera.name} is of {given[0]} × {given[1]} px, allowed: "
-                f"{camera.size[0]} × {camera.size[1]} px as the manifest says"
+                f"calibration: {path}: camera {camera.name} is of {given[0]} × {given[1]} px, "
+                f"allowed: {camera.size[0]} × {camera.size[1]} px as the manifest says"
             )
-    assert manifest.calibration is not None
-    if manifest.calibration.poses == "kept" and not found.placed:
+    if asked.poses == "kept" and not found.placed:
         raise ManifestError(
-            f"{path}: does not say where all cameras are, allowed: poses: anew, with images of "
-            "the board"
+            f"calibration: {path}: does not say where all cameras are, allowed: poses: anew, with "
+            "images of the board"
         )
     covariance = found.covariance
     if covariance is not None:
@@ -401,8 +384,11 @@ def as_calibrated(found: Found) -> xr.Dataset:
     """Return reused cameras as :func:`thesis_lib.measure.steps.calibrate_rig` returns them."""
     n = len(found.cameras)
     nothing: Array = np.full((n, 1, 2, 1), np.nan)
-    kept = ("K", "distortion", "R_camera_world", "centre", "size")
-    values = {name: [getattr(one, name) for one in found.cameras] for name in kept} | {
+    own = {
+        name: np.array([getattr(one, name) for one in found.cameras])
+        for name in ("K", "distortion", "R_camera_world", "centre", "size")
+    }
+    values = own | {
         "reprojection_rms": np.nan,
         "single_rms": [np.nan] * n,
         "single_focal": [one.K[[0, 1], [0, 1]] for one in found.cameras],
@@ -411,7 +397,7 @@ def as_calibrated(found: Found) -> xr.Dataset:
         "corners": nothing,
         "residuals": nothing,
     }
-    numbers = [np.asarray(values[name]).tolist() for name in kept]
     names = [one.name for one in found.cameras]
-    attrs = {"notes": "", "key": key_of([names, numbers])}
+    key = storage.key_of([names, [value.tolist() for value in own.values()]])
+    attrs = {"notes": "", "key": key}
     return xr.Dataset(label_values(values, CALIBRATION_VARIABLES), {"camera": names}, attrs)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
@@ -113,11 +114,11 @@ def write_matlab(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
 
 def _matlab_fields(data: xr.Dataset) -> dict[str, object]:
     """Return the variables by name, with what MATLAB keeps: numbers, and texts as cells."""
-    fields: dict[str, object] = {}
-    for name, variable in data.variables.items():
-        texts = variable.dtype.kind in "OSU"
-        fields[str(name)] = np.array(variable.values, dtype=object) if texts else variable.values
     units = {str(name): str(v.attrs.get("units", "")) for name, v in data.variables.items()}
+    fields = {
+        str(name): v.values.astype(object) if v.dtype.kind in "OSU" else v.values
+        for name, v in data.variables.items()
+    }
     return fields | {"units": units}
 
 
@@ -179,13 +180,6 @@ def write_vtk(folder: Path, data: xr.Dataset) -> None:
     Points are the markers at rest, in m. ``displacement`` is a vector in m for ParaView's *Warp By
     Vector*; ``deflection``, ``amplitude`` and ``standard_error`` in m and ``phase_deg`` are numbers
     for its colours. Markers without a result are left out.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder to write into; it is made where there is none.
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
     folder.mkdir(parents=True, exist_ok=True)
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
@@ -218,8 +212,8 @@ def _vtk_grid(points: Array, cells: IntArray, values: dict[str, Array]) -> str:
     arrays = [
         _vtk_array("connectivity", cells),
         _vtk_array("offsets", corners * np.arange(1, count + 1)),
+        _vtk_array("types", np.full(count, CELL_TYPES[corners])),
     ]
-    arrays.append(_vtk_array("types", np.full(count, CELL_TYPES[corners])))
     return _vtk_file(
         "UnstructuredGrid",
         f'<UnstructuredGrid>\n<Piece NumberOfPoints="{len(points)}" NumberOfCells="{count}">\n'
@@ -259,25 +253,13 @@ def write_uff(path: Path, data: xr.Dataset) -> None:
     is dataset 55, a shape along Z; and once more, node by node, one period of the fitted motion as
     a time response, dataset 58, which programs animate that know no shapes. Markers without a
     result are left out of both.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it is overwritten.
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.fitting.result.shape_result` returns.
     """
-    frequency = float(data["frequency"])
+    frequency, name = float(data["frequency"]), _title_of(data)
     amplitude = data["amplitude_real"].values + 1j * data["amplitude_imag"].values
-    nodes = np.arange(1, len(amplitude) + 1)
-    known = np.isfinite(amplitude)
-    name = _title_of(data)
-    shape = amplitude[known]
     mode = _shape_set(name, amplitude, analysis_type=5, data_ch=2, freq_step_n=1, freq=frequency)
     times = np.arange(SAMPLES_PER_PERIOD) / (SAMPLES_PER_PERIOD * frequency)
-    period = np.real(shape[:, None] * np.exp(2j * np.pi * frequency * times))
-    responses = _responses(name, nodes[known], times, period)
-    _write_sets(path, [*_geometry(name, data), mode, *responses])
+    period = np.real(amplitude[:, None] * np.exp(2j * np.pi * frequency * times))
+    _write_sets(path, name, data, [mode, *_responses(name, times, period)])
 
 
 def write_modes(path: Path, data: xr.Dataset) -> None:
@@ -285,13 +267,6 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
 
     Damped modes are complex eigenvectors with their eigenvalue in 1/s, steady tones are responses
     at a frequency. Markers without a result are left out.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it is overwritten.
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.modes.identify.modes_result` returns.
     """
     name, sets = _title_of(data), []
     for k in range(data.sizes["mode"]):
@@ -305,7 +280,7 @@ def write_modes(path: Path, data: xr.Dataset) -> None:
             kind = {"analysis_type": 3, "data_ch": 3, "mode_n": k + 1, "eig": eigenvalue,
                     "modal_a": 1 + 0j, "modal_b": 1 + 0j}  # fmt: skip
         sets.append(_shape_set(name, shape, **kind))
-    _write_sets(path, [*_geometry(name, data), *sets])
+    _write_sets(path, name, data, sets)
 
 
 def _shape_set(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
@@ -321,24 +296,12 @@ def _shape_set(name: str, amplitude: ComplexArray, **kind: Any) -> Any:
 def write_motion(path: Path, data: xr.Dataset, moved: xr.Dataset) -> None:
     """Write the measured time history of every marker: datasets 151, 164, 15, 82 and 58.
 
-    Parameters
-    ----------
-    path : Path
-        The file; it is overwritten.
-    data : xarray.Dataset
-        As for :func:`write_uff`.
-    moved : xarray.Dataset
-        What :func:`~thesis_lib.measure.exchange.history.time_histories` returns. Deflections along
-        Z are written, in m; 0 stands for what is missing, since the format has no sign for that,
-        and a marker that is never seen is left out.
+    Deflections along Z are written, in m; 0 stands for what is missing, since the format has no
+    sign for that, and a marker that is never seen is left out.
     """
-    deflection = moved["displacement"].sel(axis="z").values.T / 1e3
-    seen = np.isfinite(deflection).any(axis=1)
-    nodes = np.flatnonzero(seen) + 1
+    rows = (moved["displacement"].sel(axis="z").values.T / 1e3).astype(float)
     name = _title_of(moved)
-    rows = np.nan_to_num(deflection[seen].astype(float))
-    responses = _responses(name, nodes, moved["time"].values, rows)
-    _write_sets(path, [*_geometry(name, data), *responses])
+    _write_sets(path, name, data, _responses(name, moved["time"].values, rows))
 
 
 def write_response(path: Path, data: xr.Dataset) -> None:
@@ -346,17 +309,10 @@ def write_response(path: Path, data: xr.Dataset) -> None:
 
     The node after the markers' is where the force acts. Functions are of type 4, motion along Z in
     m over a force along Z in N, and coherences of type 6; markers that were lost are left out.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it is overwritten.
-    data : xarray.Dataset
-        What :func:`~thesis_lib.measure.response.result.estimate_response` returns.
     """
     name, f = _title_of(data), data["frequency"].values
     curves = data["receptance_real"].values[0] + 1j * data["receptance_imag"].values[0]
-    sets = [*_geometry(name, _with_force(data))]
+    sets = []
     receptance = {"func_type": RECEPTANCE_CODE, "ordinate_spec_data_type": 8,
                   "ordinate_axis_units_lab": "m", "orddenom_spec_data_type": 13,
                   "orddenom_axis_units_lab": "N"}  # fmt: skip
@@ -371,30 +327,22 @@ def write_response(path: Path, data: xr.Dataset) -> None:
                     abscissa_axis_units_lab="Hz", ref_node=len(curves) + 1, **kind
                 )
             )  # fmt: skip
-    _write_sets(path, sets)
-
-
-def _with_force(data: xr.Dataset) -> xr.Dataset:
-    """Return the markers with the force's point after them."""
-    x, y = data["force_place"].values
-    middle = np.array([data["x"].values.mean(), data["y"].values.mean()])
-    shift = np.nanmean(data["rest_position"].values[:2], axis=1) - middle
-    point = np.array([x + shift[0], y + shift[1], 0.0])
-    values = {
-        "x": ("node", np.append(data["x"].values, x)),
-        "y": ("node", np.append(data["y"].values, y)),
-        "rest_position": (("axis", "node"), np.c_[data["rest_position"].values, point]),
-    }
-    return xr.Dataset(values, attrs=data.attrs)
+    place, markers = data["force_place"].values, np.stack([data["x"].values, data["y"].values])
+    shift = np.nanmean(data["rest_position"].values[:2], axis=1) - markers.mean(axis=1)
+    x, y = np.c_[markers, place]  # the force's point is the last node
+    places = np.c_[data["rest_position"].values, [*(place + shift), 0.0]]
+    nodes = {"x": ("node", x), "y": ("node", y), "rest_position": (("axis", "node"), places)}
+    _write_sets(path, name, xr.Dataset(nodes, attrs=data.attrs), sets)
 
 
 def _title_of(data: xr.Dataset) -> str:
     return str(data.attrs.get("title", "deflection"))[:80]
 
 
-def _write_sets(path: Path, sets: Iterable[dict[str, Any]]) -> None:
+def _write_sets(path: Path, name: str, data: xr.Dataset, results: Iterable[dict[str, Any]]) -> None:
+    """Write a new file: the geometry of the nodes in ``data``, then results."""
     file = pyuff.UFF(str(path))
-    for k, one in enumerate(sets):
+    for k, one in enumerate(chain(_geometry(name, data), results)):
         file.write_sets(one, "add" if k else "overwrite")
 
 
@@ -424,11 +372,12 @@ def _geometry(name: str, data: xr.Dataset) -> Iterator[dict[str, Any]]:
         )
 
 
-def _responses(name: str, nodes: IntArray, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
-    """Yield a time response along Z of every node, in m."""
-    for node, row in zip(nodes, rows, strict=True):
+def _responses(name: str, times: Array, rows: Array) -> Iterator[dict[str, Any]]:
+    """Yield a time response along Z of every marker that is ever known, in m; 0 where it is not."""
+    for k in np.flatnonzero(np.isfinite(rows).any(axis=1)):
+        row = np.nan_to_num(rows[k])
         yield _function_set(
-            name, int(node), times, row, func_type=RESPONSE_CODE, ref_node=0, ref_dir=0,
+            name, int(k) + 1, times, row, func_type=RESPONSE_CODE, ref_node=0, ref_dir=0,
             abscissa_spec_data_type=17, abscissa_axis_units_lab="s", ordinate_spec_data_type=8,
             ordinate_axis_units_lab="m", orddenom_spec_data_type=0)  # fmt: skip
 
@@ -484,11 +433,9 @@ def sep005_channels(motion: Path | xr.Dataset) -> list[dict[str, Any]]:
     times = motion["time"].values
     step = _even_step(times)
     clock: dict[str, Any] = {"fs": 1 / step} if step else {"time": times}
-    deflection = motion["displacement"].sel(axis="z")
+    rows = motion["displacement"].sel(axis="z").values.T.astype(float)
     return [
         {"name": f"marker {number} z", "data": row / 1e3, "unit_str": "m", "quantity": "d", **clock}
-        for number, row in zip(
-            motion["marker"].values, deflection.values.T.astype(float), strict=True
-        )
+        for number, row in zip(motion["marker"].values, rows, strict=True)
         if np.isfinite(row).any()
     ]

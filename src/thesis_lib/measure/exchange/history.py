@@ -57,26 +57,38 @@ def time_histories(
     P, R = projection_matrices(cameras), data["frame_rotation"].values
     rest = R.T @ data["rest_position"].values + data["frame_origin"].values[:, None]
     sigma = data["centre_scatter"].values
-    spans = [_span(own) for own in recordings]
+    spans = [own.times[[0, -1]] for own in recordings]
     begin, end = max(first for first, _ in spans), min(last for _, last in spans)
-    off = np.array(
-        [
-            _still(own, first + rest_duration_s)
-            for own, (first, _) in zip(recordings, spans, strict=True)
-        ]
-    )
-    off -= project(P, rest)  # what the cameras disagree by at rest, which no motion changes
+    static = []  # mean centres at rest, (2, markers) of each camera, px
+    for own, (first, _) in zip(recordings, spans, strict=True):
+        last = first + rest_duration_s - 1 / own.rate
+        static.append(mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS_S, last)])))
+    off = np.array(static) - project(P, rest)  # what cameras disagree by at rest, at all times
     parts = []
     for times, _ in recordings[0].parts(begin, end):
-        steady = _within(times, data["steady"].values)
+        first, last = data["steady"].values
+        steady = (times >= first - 1e-9) & (times <= last + 1e-9)
         uv = np.array(
             [
                 _at(own, matrix, data, rest, times, steady)
                 for own, matrix in zip(recordings, P, strict=True)
             ]
         )
-        parts.append(_part(P, R, rest, off, sigma, times, uv, steady))
-    rate = min(own.rate for own in recordings)
+        points, seen = triangulate_seen(P, uv - off[:, :, None])
+        away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
+        counts = np.isfinite(away).sum(axis=2)
+        residual = np.sqrt(np.nansum(away, axis=2) / np.where(counts, counts, np.nan))
+        moved = np.tensordot(R, points - rest[:, None], axes=1)
+        values = {
+            "displacement": 1e3 * moved.astype(np.float32),
+            "standard_error": 1e3 * _errors(P, R, rest, sigma, uv).astype(np.float32),
+            "flag": np.where(
+                seen < 2, LOST_FLAG, np.where(steady[:, None], STEADY_FLAG, UNSTEADY_FLAG)
+            ).astype(np.int8),
+            "cameras_seen": seen.astype(np.int8),
+            "residual": residual.astype(np.float32),
+        }
+        parts.append(xr.Dataset(label_values(values, VARIABLES), {"time": times}))
     if not parts:
         raise ChainError("the cameras did not record at one time: no frame of one lies within all")
     whole = xr.concat(parts, "time")
@@ -91,7 +103,23 @@ def time_histories(
         "long_name": "time on the first camera's clock",
         "axis": "T",
     }
-    return _flag(whole, data, rate)
+    flag = whole["flag"].values
+    if float(data["frequency"]) > MAX_INTERPOLATED_RATIO * min(own.rate for own in recordings):
+        flag[flag == UNSTEADY_FLAG] = FAST_FLAG
+        for name in ("displacement", "standard_error"):
+            whole[name].values[:, flag == FAST_FLAG] = np.nan
+    whole["flag"].attrs |= {
+        "standard_name": "quality_flag",
+        "flag_values": np.arange(4, dtype=np.int8),
+        "flag_meanings": FLAG_MEANINGS,
+    }
+    whole["flag"].encoding = {"_FillValue": None}
+    whole["displacement"].attrs |= {"ancillary_variables": "standard_error flag cameras_seen"}
+    return whole.assign_attrs(
+        title=f"{data.attrs['title']}: motion of every marker",
+        comment="What the harmonic fit explains is free of the exposures' blur; in the rest, and "
+        "outside the steady part, it is left in.",
+    )
 
 
 def write_csv(path: Path, moved: xr.Dataset) -> None:
@@ -101,23 +129,6 @@ def write_csv(path: Path, moved: xr.Dataset) -> None:
     rows = np.column_stack([moved["time"].values, deflection])
     form = ["%.6f", *["%.6g"] * deflection.shape[1]]
     np.savetxt(path, rows, form, ",", header=",".join(header), comments="")
-
-
-def _span(own: Recording) -> tuple[float, float]:
-    """Return the times of a camera's first and last frame."""
-    ends = [times[[0, -1]] for times, _ in own.parts(-ALWAYS_S, ALWAYS_S)]
-    return float(ends[0][0]), float(ends[-1][1])
-
-
-def _still(own: Recording, end: float) -> Array:
-    """Return the mean centres before a time, (2, markers), px."""
-    last = end - 1 / own.rate
-    return mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS_S, last)]))
-
-
-def _within(times: Array, span: Array) -> Mask:
-    inside: Mask = (times >= span[0] - 1e-9) & (times <= span[1] + 1e-9)
-    return inside
 
 
 def _at(
@@ -175,34 +186,6 @@ def _lagrange(s: Array, values: Array, times: Array, late: Array) -> Array:
     return result
 
 
-def _part(
-    P: Array,
-    R: Array,
-    rest: Array,
-    off: Array,
-    sigma: Array,
-    times: Array,
-    uv: Array,
-    steady: Mask,
-) -> xr.Dataset:
-    """Triangulate some instants, in the structure's axes."""
-    points, seen = triangulate_seen(P, uv - off[:, :, None])
-    away = np.square(project(P, points) - uv).mean(axis=1)  # (cameras, times, markers)
-    counts = np.isfinite(away).sum(axis=2)
-    residual = np.sqrt(np.nansum(away, axis=2) / np.where(counts, counts, np.nan))
-    moved = np.tensordot(R, points - rest[:, None], axes=1)
-    values = {
-        "displacement": 1e3 * moved.astype(np.float32),
-        "standard_error": 1e3 * _errors(P, R, rest, sigma, uv).astype(np.float32),
-        "flag": np.where(
-            seen < 2, LOST_FLAG, np.where(steady[:, None], STEADY_FLAG, UNSTEADY_FLAG)
-        ).astype(np.int8),
-        "cameras_seen": seen.astype(np.int8),
-        "residual": residual.astype(np.float32),
-    }
-    return xr.Dataset(label_values(values, VARIABLES), {"time": times})
-
-
 def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
     """Return standard errors along the structure's axes, (3, times, markers)."""
     visible = np.isfinite(uv).all(axis=1)
@@ -216,24 +199,3 @@ def _errors(P: Array, R: Array, rest: Array, sigma: Array, uv: Array) -> Array:
         each = np.broadcast_to(np.sqrt(noise.sum(axis=1))[:, None], errors.shape)
         errors = np.where(where, each, errors)
     return errors
-
-
-def _flag(whole: xr.Dataset, data: xr.Dataset, rate: float) -> xr.Dataset:
-    """Return the history with flags explained, and without values that cannot be interpolated."""
-    flag = whole["flag"].values
-    if float(data["frequency"]) > MAX_INTERPOLATED_RATIO * rate:
-        flag[flag == UNSTEADY_FLAG] = FAST_FLAG
-        for name in ("displacement", "standard_error"):
-            whole[name].values[:, flag == FAST_FLAG] = np.nan
-    whole["flag"].attrs |= {
-        "standard_name": "quality_flag",
-        "flag_values": np.arange(4, dtype=np.int8),
-        "flag_meanings": FLAG_MEANINGS,
-    }
-    whole["flag"].encoding = {"_FillValue": None}
-    whole["displacement"].attrs |= {"ancillary_variables": "standard_error flag cameras_seen"}
-    return whole.assign_attrs(
-        title=f"{data.attrs['title']}: motion of every marker",
-        comment="What the harmonic fit explains is free of the exposures' blur; in the rest, and "
-        "outside the steady part, it is left in.",
-    )
