@@ -80,7 +80,7 @@ def test_the_default_structure_is_the_thesis_s_beam():
     points = structure.marker_points.reshape(2, 3, 25)
     np.testing.assert_allclose(points[:, 1], setups.thesis_beam().markers)
     np.testing.assert_allclose(points[1, :, 0], [0.005, 0.015, 0.025])
-    np.testing.assert_allclose(structure.hole, [0.024, 0.010])
+    np.testing.assert_allclose(structure.markers.hole_mm, [24.0, 10.0])
 
 
 SILLY = [  # place, value, words of the refusal

@@ -80,13 +80,19 @@ def start(folder: Path, given: Mapping[str, Any]) -> None:
 def check_manifest(manifest: Manifest, folder: Path, out: Path | None, as_json: bool) -> None:
     """Print what the recordings of a manifest could reach; draw it into `out`, if given.
 
-    `folder` is the manifest's.
+    The page in which corners are clicked goes into `folder`, the manifest's, if there are videos.
     """
     from thesis_lib.measure.feasibility import assess
+    from thesis_lib.measure.recordings.template import PAGE_NAME, corners_page
 
     assessment = assess.assess_manifest(manifest)
     verdict = assess.describe_verdict(assessment)
-    files = write_corners_page(manifest, folder)
+    files = []
+    if all((folder / camera.video).is_file() for camera in manifest.cameras):
+        with staging(folder) as part:
+            (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
+            put_files(part, folder)
+        files.append(f"To click the structure's corners, open {folder / PAGE_NAME}")
     files += draw(manifest, out) if out else []
     if as_json:
         outcome = {"outcome": assessment.verdict.outcome, "text": " ".join(verdict)}
@@ -109,18 +115,6 @@ def run_measurement(path: Path, out: Path, as_json: bool) -> None:
         print_json({"report": str(page), "found": report.summary, "notes": notes})
     else:
         echo(f"Open {page}")
-
-
-def write_corners_page(manifest: Manifest, folder: Path) -> list[str]:
-    """Write the page in which corners are clicked, if there are videos already, and say where."""
-    from thesis_lib.measure.recordings.template import PAGE_NAME, corners_page
-
-    if not all((folder / camera.video).is_file() for camera in manifest.cameras):
-        return []
-    with staging(folder) as part:
-        (part / PAGE_NAME).write_text(corners_page(manifest, folder), encoding="utf-8")
-        put_files(part, folder)
-    return [f"To click the structure's corners, open {folder / PAGE_NAME}"]
 
 
 def draw(manifest: Manifest, folder: Path) -> list[str]:

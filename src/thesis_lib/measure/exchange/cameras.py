@@ -66,17 +66,9 @@ class Found:
 def read_cameras(path: Path, unit: str | None = None) -> Found:
     """Return the cameras of a calibration in a file or folder.
 
-    Parameters
-    ----------
-    path : Path
-        A file; the folder of a measurement; or one that has a file for each camera.
-    unit : str, optional
-        "m" or "mm", of the file's lengths; else what the file says, or m.
-
-    Raises
-    ------
-    ManifestError
-        If it cannot be read, or has cameras that cannot be used, in one line.
+    A folder is that of a measurement, or has a file for each camera. The unit of lengths, "m" or
+    "mm", is what the file says if it is not given, or m. A :class:`ManifestError` is raised, in one
+    line, if the calibration cannot be read, or has cameras that cannot be used.
     """
     if path.is_dir():
         if (path / OWN_FILE).is_file():
@@ -341,10 +333,7 @@ def _toml(value: object) -> str:
 def reuse_calibration(manifest: Manifest, folder: Path) -> Found | None:
     """Return the manifest's cameras, in its order, of the calibration that it reuses, if any.
 
-    Raises
-    ------
-    ManifestError
-        If that cannot be read, or is not of these cameras, in one line.
+    A :class:`ManifestError` is raised if that cannot be read, or is not of these cameras.
     """
     asked = manifest.calibration
     if asked is None:

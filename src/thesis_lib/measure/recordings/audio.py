@@ -74,6 +74,11 @@ class _Survey:
         self.products += block @ block.T
 
     @property
+    def seconds(self) -> float:
+        """Return how long the decoded samples last, s."""
+        return sum(self.counts) / max(self.rate, 1)
+
+    @property
     def covariance(self) -> Array:
         """Return the covariance of the channels, shape (channels, channels)."""
         n = max(sum(self.counts), 1)
@@ -85,14 +90,8 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     """Open the sound of a video or a sound file of any length.
 
     Of several tracks the first that holds sound is used, or the loudest, if that is 20 dB louder;
-    of its channels those that hold sound are mixed, unless they cancel.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    channel : int, optional
-        The channel that is used, the first is 1; all tracks' channels are counted through.
+    of its channels those that hold sound are mixed, unless they cancel. Or one ``channel`` is used,
+    the first is 1; all tracks' channels are counted through.
 
     Raises
     ------
@@ -102,10 +101,15 @@ def open_audio(path: Path, channel: int | None = None) -> Iterator[AudioTrack]:
     with open_media(path) as file:
         if not file.streams.audio:
             raise MediaError(f"{path}: no audio track; it is needed to synchronise the cameras")
-        surveys = _scan_tracks(path)
-        index, chosen, words = (
-            _loud(surveys) if channel is None else _count_channels(path, surveys, channel)
-        )
+        about = path.stat()
+        surveys = _survey(path.absolute(), about.st_size, about.st_mtime_ns)
+        if channel is None:
+            index, chosen, words = _loud(surveys)
+        else:
+            every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
+            if channel > len(every):
+                raise MediaError(f"{path}: given channel {channel}, allowed: 1 to {len(every)}")
+            (index, chosen), words = every[channel - 1], ""
         track, survey = file.streams.audio[index], surveys[index]
         if survey.damaged is not None:
             raise MediaError(f"{path}: damaged audio after {survey.damaged:.3f} s")
@@ -141,11 +145,6 @@ def read_audio(path: Path) -> tuple[Array, float, float]:
         Samples per second of the video's clock.
     start_time : float
         Time of the first sample after that of the first frame, s.
-
-    Raises
-    ------
-    MediaError
-        As :func:`open_audio`.
     """
     with open_audio(path) as audio:
         return np.concatenate(list(audio.blocks)), audio.rate, audio.start
@@ -171,53 +170,30 @@ def _mix_blocks(
         yield np.concatenate(blocks, dtype=float)
 
 
-def _scan_tracks(path: Path) -> list[_Survey]:
-    """Survey all audio tracks of a file; once, unless it changes."""
-    about = path.stat()
-    return _survey(path.absolute(), about.st_size, about.st_mtime_ns)
-
-
 @lru_cache(maxsize=64)
 def _survey(path: Path, _size: int, _changed: int) -> list[_Survey]:
-    """Decode all audio tracks once, for their time stamps and levels."""
+    """Decode all audio tracks for their time stamps and levels, once unless the file changes."""
     with open_media(path) as file:
         tracks = file.streams.audio
         found = [_Survey(track.channels, unit=float(track.time_base or 0)) for track in tracks]
         place = {track.index: k for k, track in enumerate(tracks)}
         convert = [av.AudioResampler(format="fltp") for _ in tracks]
-        packets = file.demux(*tracks)
-        while True:
-            try:
-                packet = next(packets, None)
-            except (av.FFmpegError, OSError):
-                for one in found:
-                    one.damaged = _seconds_of(one)
-                return found
-            if packet is None:
-                return found
-            own = found[k := place[packet.stream.index]]
-            if own.damaged is not None:
-                continue
-            try:
-                for frame in packet.decode():
-                    for block in convert[k].resample(frame):  # type: ignore[arg-type]
-                        own.add(frame, block.to_ndarray().astype(float))  # type: ignore[arg-type]
-            except (av.FFmpegError, OSError, ValueError):
-                own.damaged = _seconds_of(own)
-
-
-def _seconds_of(one: _Survey) -> float:
-    return sum(one.counts) / max(one.rate, 1)
-
-
-def _count_channels(
-    path: Path, surveys: Sequence[_Survey], number: int
-) -> tuple[int, Sequence[int], str]:
-    """Return the track and the channel of a number; those of all tracks are counted through."""
-    every = [(k, [c]) for k, one in enumerate(surveys) for c in range(one.channels)]
-    if number > len(every):
-        raise MediaError(f"{path}: given channel {number}, allowed: 1 to {len(every)}")
-    return (*every[number - 1], "")
+        try:
+            for packet in file.demux(*tracks):
+                own = found[k := place[packet.stream.index]]
+                if own.damaged is not None:
+                    continue
+                try:
+                    for frame in packet.decode():
+                        for block in convert[k].resample(frame):  # type: ignore[arg-type]
+                            samples = block.to_ndarray().astype(float)
+                            own.add(frame, samples)  # type: ignore[arg-type]
+                except (av.FFmpegError, OSError, ValueError):
+                    own.damaged = own.seconds
+        except (av.FFmpegError, OSError):
+            for one in found:
+                one.damaged = one.seconds
+    return found
 
 
 def _loud(surveys: Sequence[_Survey]) -> tuple[int, Sequence[int], str]:

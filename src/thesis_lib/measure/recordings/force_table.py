@@ -38,7 +38,7 @@ UNIT_FORMS = (r"(.*?)\s*[\[(]([^\])]*)[\])]\s*$", r"(.*?)\s+in\s+(\S+)$",
 OTHER_UNITS = frozenset(["v", "mv", "a", "ma", "pc", "hz", "g", "m/s2", "m/s²", "m/s^2", "mm", "µm",
                          "um", "m", "%", "°c", "degc", "°", "pa", "kpa", "bar", "µe"])  # fmt: skip
 TIME_NAMES = frozenset([
-    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika", "x_value",
+    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "aika",
     "x value", "elapsed", "elapsed time", "relative time", "timestamp", "time stamp", "messzeit",
     "czas", "时间", "時間",
 ])  # fmt: skip
@@ -127,13 +127,7 @@ def _clock_seconds(cell: str) -> float | None:
 
 
 def read_force_table(path: Path) -> ForceTable:
-    """Read times and forces.
-
-    Raises
-    ------
-    ForceError
-        If the table cannot be read, or in more than one way.
-    """
+    """Read times and forces; a table that cannot be read, or in two ways, is a ForceError."""
     if path.stat().st_size > MAX_BYTES:
         raise ForceError(f"{path}: {path.stat().st_size} bytes, allowed: {MAX_BYTES} for a table")
     numbered = [
@@ -183,10 +177,7 @@ def _text_of(path: Path) -> str:
 def _form_of(path: Path, lines: Sequence[str]) -> tuple[_Form, int]:
     """Find separator and decimal mark, and at which line the numbers begin.
 
-    Raises
-    ------
-    ForceError
-        If no form fits, or two that mean other numbers.
+    It is refused that no form fits, or two that mean other numbers.
     """
     end = lines[-LOOKED_AT:]
     quoted = [QUOTED_FORM] if any('"' in line for line in end) else []
@@ -280,11 +271,7 @@ def _kinds(name: str) -> set[str]:
     low = re.sub(r"[\s_]+", " ", name.lower()).strip()
     words = {low, *re.split(r"[ .:;/\\-]", low)}
     found = set()
-    if (
-        words & TIME_NAMES
-        or low in {x.replace("_", " ") for x in TIME_NAMES}
-        or low.startswith(("time", "zeit"))
-    ):
+    if words & TIME_NAMES or low.startswith(("time", "zeit")):
         found.add("time")
     if words & (FORCE_NAMES - {"f"}) or low == "f" or "kraft" in low or "force" in low:
         found.add("force")
@@ -296,13 +283,7 @@ def _kinds(name: str) -> set[str]:
 def _columns(
     path: Path, names: Sequence[str], units: Sequence[str], values: Array
 ) -> tuple[int, int]:
-    """Choose the columns of time and force by unit, name and content.
-
-    Raises
-    ------
-    ForceError
-        If none or several may be one of them.
-    """
+    """Choose the columns of time and force by unit, name and content; each must be the only one."""
     width = values.shape[1]
     full = [k for k in range(width) if np.isfinite(values[:, k]).all()]
     rising = [k for k in full if (np.diff(values[:, k]) > 0).all()]
@@ -322,8 +303,7 @@ def _columns(
     others = [k for k in full if k not in indices and k not in times and k not in forces]
     if not times:
         first = [k for k in others if k in rising]
-        times = first if len(first) == 1 or (first and len(full) == 2) else []
-        times = times[:1]
+        times = first[:1] if len(first) == 1 or len(full) == 2 else []
     if not forces:
         left = [k for k in others if k not in times and k not in counts]
         forces = left if len(left) == 1 else []

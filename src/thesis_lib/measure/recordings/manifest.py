@@ -222,20 +222,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
         raise ManifestError(
             f"{path}: given {format_given(values)}, allowed: fields and their values"
         )
-    values = _rename_fields(values, path)
-    try:
-        manifest = Manifest.model_validate(values)
-    except ValidationError as error:
-        raise ManifestError(f"{path}: {first_problem(Manifest, values, error)}") from None
-    for problem in _file_problems(manifest, path.parent, check_files):
-        raise ManifestError(f"{path}: {problem}")
-    return manifest
-
-
-def _rename_fields(values: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Return the values of a manifest under today's names, and report old names in one line."""
     found: dict[str, str] = {}
-    values = dict(values)
     if isinstance(excitation := values.get("excitation"), dict):
         values["excitation"] = _rename(excitation, found)
     if isinstance(cameras := values.get("cameras"), list):
@@ -243,7 +230,13 @@ def _rename_fields(values: dict[str, Any], path: Path) -> dict[str, Any]:
             _rename(camera, found) if isinstance(camera, dict) else camera for camera in cameras
         ]
     _report_renamed(str(path), found)
-    return values
+    try:
+        manifest = Manifest.model_validate(values)
+    except ValidationError as error:
+        raise ManifestError(f"{path}: {first_problem(Manifest, values, error)}") from None
+    for problem in _file_problems(manifest, path.parent, check_files):
+        raise ManifestError(f"{path}: {problem}")
+    return manifest
 
 
 def rename_options(given: dict[str, Any]) -> dict[str, Any]:
@@ -295,9 +288,8 @@ def shot_paths(camera: CameraFiles, folder: Path) -> list[Path | None]:
     if not isinstance(camera.board_images, str):
         return [None if shot is None else folder / shot for shot in camera.board_images]
     place = folder / camera.board_images
-    inside = place.is_dir()
     try:
-        if inside:
+        if place.is_dir():
             return [*find_images(place.iterdir())]
         files = [file for file in folder.glob(camera.board_images) if not is_hidden(file)]
         return [*sorted(files, key=lambda file: by_number(file.name))]
@@ -370,9 +362,10 @@ def _file_problems(manifest: Manifest, folder: Path, exist: bool) -> Iterator[st
             if where.endswith(".video") and first != where:
                 yield f"{where}: given {format_given(text)}, the same as {first}"
     if exist and len(set(counts)) > 1:
-        given = ", ".join(map(str, counts))
-        allowed = "as many for every camera, in the same order"
-        yield f"cameras: given {given} board images, allowed: {allowed}"
+        yield (
+            f"cameras: given {', '.join(map(str, counts))} board images, allowed: as many for "
+            "every camera, in the same order"
+        )
 
 
 def _unread(camera: CameraFiles, folder: Path) -> str:

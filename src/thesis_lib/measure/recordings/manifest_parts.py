@@ -97,11 +97,6 @@ class StructureSpec(Fields):
         across = self.force_across_mm or self.width_mm / 2
         return np.array([self.force_position_mm, across]) / 1000
 
-    @property
-    def hole(self) -> Array | None:
-        """Return the centre of the hole, shape (2,), in m."""
-        return None if self.markers.hole_mm is None else np.array(self.markers.hole_mm) / 1000
-
 
 class Sought(Fields):
     """Which modes or tones are looked for, where there are several."""
@@ -445,11 +440,12 @@ class Radiation(Fields):
             polygon_contains,
         )
 
-        count = markers.shape[1]
-        if count < MIN_SURFACE_MARKERS:
-            why = "fewer do not tell how the surface between them moves"
-            words = f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: {why}"
-            self._refuse("outline_mm", words)
+        if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
+            self._refuse(
+                "outline_mm",
+                f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: fewer do not "
+                "tell how the surface between them moves",
+            )
         corners = self.corners(size, markers, diameter)
         if isinstance(self.outline_mm, tuple):
             simple = 3 <= len(self.outline_mm) <= 200 and is_simple(self.outline_mm)
@@ -465,11 +461,11 @@ class Radiation(Fields):
                 why = f"allowed: corners around all markers, the one at ({x:g}, {y:g}) is outside"
                 self._refuse("outline_mm", why)
         if self.edges != "by kind" and len(self.edges) != len(corners):
-            edges = f'allowed: "by kind", or {len(corners)} of "free" and "held"'
-            self._refuse("edges", edges)
+            self._refuse("edges", f'allowed: "by kind", or {len(corners)} of "free" and "held"')
         if self.between == "model" and (kind == "flat" or self.outline_mm != "structure"):
-            why = 'allowed: null or "spline", since there is no model of this outline'
-            self._refuse("between", why)
+            self._refuse(
+                "between", 'allowed: null or "spline", since there is no model of this outline'
+            )
         if self.plane_top_mm is not None and self.plane_top_mm <= self.plane_bottom_mm:
             self._refuse("plane_top_mm", "allowed: null, or a number above plane_bottom_mm, in mm")
 

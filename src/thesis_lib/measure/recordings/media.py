@@ -74,7 +74,7 @@ def write_video(
     Parameters
     ----------
     path : Path
-        File to write, ending in .mkv, or in .mov, whose time stamps are exact at any rate.
+        Ending in .mkv, or in .mov, whose time stamps are exact at any rate.
     frames : iterable of ndarray, shape (height, width)
         Frames as uint8, taken one at a time; height and width are even.
     frame_rate : float
@@ -89,11 +89,6 @@ def write_video(
         Constant rate factor of H.264, 0…51; lower is better.
     packed_from : str
         Name of the film whose frames these are, if any.
-
-    Raises
-    ------
-    MediaError
-        If the file's name, the frames or the audio do not suit.
     """
     sound = np.asarray([] if audio is None else audio, float)
     container = {".mkv": "matroska", ".mov": "mov"}.get(path.suffix)
@@ -170,13 +165,8 @@ def read_frames(
     Colour becomes luma, a limited range (16…235) is stretched to 0…255, as are fewer than 16 bits
     in 16, and a frame is turned and mirrored as it is to be shown. With a `clock`, the times of
     all frames after the first, shape (frames,), frames may come at any time, and there are as many
-    as these; without, they come at the file's rate.
-
-    Raises
-    ------
-    MediaError
-        While the frames are taken: as :func:`probe_media`, or if a frame is missing or cannot be
-        decoded.
+    as these; without, they come at the file's rate. A :class:`MediaError` is raised while the
+    frames are taken: as by :func:`probe_media`, or if a frame is missing or cannot be decoded.
     """
     info = probe_media(path)
     with open_media(path) as file:
@@ -216,13 +206,7 @@ def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
 
 
 def write_png(path: Path, image: Image) -> None:
-    """Write a gray image, uint8 of shape (height, width), whole or not at all.
-
-    Raises
-    ------
-    MediaError
-        If the image is of another kind.
-    """
+    """Write a gray image, uint8 of shape (height, width), whole or not at all."""
     if image.dtype != np.uint8 or image.ndim != 2 or not image.size:
         raise MediaError(f"{path}: {image.dtype} of shape {image.shape}, allowed: gray uint8")
     _, data = cv2.imencode(".png", image)
@@ -232,17 +216,8 @@ def write_png(path: Path, image: Image) -> None:
 def read_png(path: Path, depth: int | None = None) -> Image:
     """Read an image as gray, uint8 of shape (height, width).
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    depth : int, optional
-        Bits that hold the grey levels of an image of 16; else as many as its brightest pixel has.
-
-    Raises
-    ------
-    MediaError
-        If there is no such file, it is not an image, or cut off.
+    ``depth`` bits hold the grey levels of an image of 16; else as many as its brightest pixel has.
+    A :class:`MediaError` is raised if there is no such file, it is not an image, or cut off.
     """
     levels = _levels(path)
     if levels.dtype == np.uint8:
@@ -319,11 +294,6 @@ def pack_frames(
     -------
     tuple
         Number of frames; their width and height in px, less a last odd row or column.
-
-    Raises
-    ------
-    MediaError
-        If there are no frames, they are not alike or cut off, or no rate is known.
     """
     if target.suffix != ".mov":
         raise MediaError(f"{target}: given the ending {target.suffix!r}, allowed: .mov")
@@ -400,9 +370,8 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
 
 def _header_value(header: Path, text: str, name: str) -> str:
     """Return what a header says for a name."""
-    name_ = re.escape(name)
-    xml = header.suffix == ".cihx"
-    pattern = rf"<{name_}>([^<]+)</{name_}>" if xml else rf"^{name_} : (.+?)\r?$"
+    plain, xml = re.escape(name), header.suffix == ".cihx"
+    pattern = rf"<{plain}>([^<]+)</{plain}>" if xml else rf"^{plain} : (.+?)\r?$"
     match = re.search(pattern, text, re.MULTILINE)
     if match is None:
         raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")

@@ -3,7 +3,7 @@
 import re
 import shlex
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -72,10 +72,7 @@ def file_address(path: Path) -> str:
 def open_media(path: Path) -> Iterator[InputContainer]:
     """Open a video or sound file for reading; no other file, and no network, is ever read for it.
 
-    Raises
-    ------
-    MediaError
-        If there is no such file, or it is no recording.
+    A :class:`MediaError` is raised if there is no such file, or it is no recording.
     """
     if not path.is_file():
         raise MediaError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
@@ -94,12 +91,7 @@ def video_track(file: InputContainer, path: Path) -> VideoStream:
     """Return the track of the film, decoded by as many threads as there are cores.
 
     Attached images and other tracks of one frame are no film; of several films the one with most
-    pixels is taken, of equal ones the first.
-
-    Raises
-    ------
-    MediaError
-        If there is no film.
+    pixels is taken, of equal ones the first. A :class:`MediaError` is raised if there is none.
     """
     still = Disposition.attached_pic | Disposition.timed_thumbnails
     films = [track for track in file.streams.video if not track.disposition & still]
@@ -129,12 +121,7 @@ def decode_frames(file: InputContainer, stream: VideoStream, path: Path) -> Iter
     """Decode the frames of a track in the order in which they are shown.
 
     Frames before the first that can be decoded, as in a film that was cut between key frames, are
-    left out.
-
-    Raises
-    ------
-    MediaError
-        If a later frame cannot be decoded.
+    left out; a :class:`MediaError` is raised if a later one cannot be decoded.
     """
     count, packets = 0, file.demux(stream)
     while True:
@@ -177,12 +164,6 @@ def orientation_of(frame: VideoFrame) -> tuple[bool, bool, bool]:
     return True, bool(c < 0), bool(b < 0)
 
 
-def _seconds(text: str) -> float:
-    """Return the seconds of Matroska's ``hours:minutes:seconds``."""
-    hours, minutes, seconds = text.split(":")
-    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
-
-
 def start_of(stream: VideoStream | AudioStream) -> float:
     """Return the time of a track's first frame in s, by the file's clock."""
     return float((stream.start_time or 0) * (stream.time_base or 0))
@@ -192,17 +173,17 @@ def _end_of(stream: VideoStream | AudioStream) -> float | None:
     """Return the time in s at which a track ends, None if the file does not say."""
     if stream.duration is not None and stream.time_base is not None:
         return start_of(stream) + float(stream.duration * stream.time_base)
-    return _seconds(stream.metadata["DURATION"]) if "DURATION" in stream.metadata else None
+    if "DURATION" not in stream.metadata:
+        return None
+    hours, minutes, seconds = stream.metadata["DURATION"].split(":")  # as Matroska has it
+    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
 def probe_media(path: Path) -> VideoInfo:
     """Return what a video and its first frames say about it; the size is that of frames as shown.
 
-    Raises
-    ------
-    MediaError
-        If there is no such file, it is not a video, has no video track, or no frame that can be
-        decoded.
+    A :class:`MediaError` is raised if there is no such file, or it is not a video with a frame that
+    can be decoded.
     """
     try:
         now = path.stat()
@@ -318,12 +299,9 @@ def _capture_rate(file: InputContainer, stream: VideoStream, path: Path) -> floa
         ends += data.read(SONY_BYTES)
     texts += [one[1].decode("ascii") for one in _SONY_RATE.finditer(ends)]
     for text in texts:
-        try:
-            rate = float(text)
-        except ValueError:
-            continue
-        if np.isfinite(rate) and rate > 0:
-            return rate
+        with suppress(ValueError):
+            if np.isfinite(rate := float(text)) and rate > 0:
+                return rate
     return None
 
 
@@ -352,12 +330,8 @@ def frame_clock(path: Path) -> Array:
     """Return when frames were taken after the first, (frames,), s, by the video's clock.
 
     Time stamps that agree with the rate which the file states, to within their rounding, are those
-    of a constant rate; others count as they stand.
-
-    Raises
-    ------
-    MediaError
-        As :func:`frame_times`, or if two frames have one time.
+    of a constant rate; others count as they stand. A :class:`MediaError` is raised as by
+    :func:`frame_times`, or if two frames have one time.
     """
     times = frame_times(path)
     even = np.arange(len(times)) / probe_media(path).frame_rate
@@ -375,12 +349,7 @@ def frame_clock(path: Path) -> Array:
 def frame_times(path: Path) -> Array:
     """Return presentation times of all frames after the first, shape (frames,), s; decodes nothing.
 
-    Matroska rounds them to 1 ms.
-
-    Raises
-    ------
-    MediaError
-        As :func:`probe_media`, or if the video has no presentation times.
+    Matroska rounds them to 1 ms. A :class:`MediaError` is raised if there are none.
     """
     with open_media(path) as file:
         stream, untimed = video_track(file, path), file.format.name in UNTIMED_FORMATS

@@ -76,13 +76,6 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         The manifest.
     list of str
         What was found, what is missing, and what was not given and so assumed.
-
-    Raises
-    ------
-    ManifestError
-        If the folder has no videos or a manifest already, or what is given is not allowed.
-    MediaError
-        If a video cannot be read.
     """
     path = folder / "manifest.yaml"
     if not folder.is_dir():
@@ -110,13 +103,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
 
 
 def validate_manifest(values: dict[str, Any]) -> Manifest:
-    """Return the manifest with some values.
-
-    Raises
-    ------
-    ManifestError
-        If it may not have them.
-    """
+    """Return the manifest with some values; a :class:`ManifestError` refuses others."""
     try:
         return Manifest.model_validate(values)
     except ValidationError as error:
@@ -238,15 +225,12 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
 def _ask_corners(manifest: Manifest, folder: Path) -> Iterator[str]:
     """Ask for corners where no hole tells which end is which."""
     lacking = [camera.name for camera in manifest.cameras if camera.corners_px is None]
-    if manifest.structure.hole is None and lacking:
+    if manifest.structure.markers.hole_mm is None and lacking:
+        names = " and ".join(filter(None, [", ".join(lacking[:-1]), lacking[-1]]))
         yield (
-            f"missing: corners_px of {_and(lacking)}, which tell how the structure lies: click "
-            f"them in {folder / PAGE_NAME}, beginning with the same corner"
+            f"missing: corners_px of {names}, which tell how the structure lies: click them in "
+            f"{folder / PAGE_NAME}, beginning with the same corner"
         )
-
-
-def _and(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def list_assumed(
@@ -257,9 +241,8 @@ def list_assumed(
         if not _is_given(name, given):
             value: Any = manifest
             for part in name.split("."):
-                value = value[0] if isinstance(value, tuple) else value
                 value = getattr(value, part)
-            value = value[0] if isinstance(value, tuple) else value
+                value = value[0] if isinstance(value, tuple) else value
             yield f"not given, so assumed: -p {name}={json.dumps(value)}"
 
 
@@ -270,7 +253,8 @@ def _is_given(name: str, given: Mapping[str, Any]) -> bool:
 
 def text_of(manifest: Manifest, given: Mapping[str, Any], asked: Sequence[str]) -> str:
     """Return the manifest as commented YAML; what must be checked is marked."""
-    asked = asked if manifest.structure.hole is not None else (*asked, "cameras.corners_px")
+    if manifest.structure.markers.hole_mm is None:
+        asked = (*asked, "cameras.corners_px")
     lines = [
         "# Recordings for `thesis measure`. Lines marked CHECK are assumed: no file shows them.",
         *_fields(manifest, "", -2, asked, given),
@@ -398,24 +382,14 @@ def _check_names(folder: Path, videos: Sequence[Path]) -> None:
 
 PAGE_NAME = "corners.html"
 JPEG_QUALITY = 92  # leaves edges where they are, and a page of 16 cameras below 10 MB
-CORNERS_TITLE = "Corners of the structure"
 NO_SCRIPT_TEXT = "This page needs JavaScript to read corners."
 
 
 def corners_page(manifest: Manifest, folder: Path) -> str:
     """Return a self-contained HTML page in which corners are clicked, and read as lines of YAML.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        The cameras; the corners that it has already are there to be corrected.
-    folder : Path
-        Its folder.
-
-    Raises
-    ------
-    MediaError
-        If the first frame of a video cannot be read.
+    Corners that the manifest has already are there to be corrected. A :class:`MediaError` is
+    raised if the first frame of a video cannot be read.
     """
     cameras = []
     for camera in manifest.cameras:
@@ -432,5 +406,5 @@ def corners_page(manifest: Manifest, folder: Path) -> str:
     state = {"cameras": cameras}
     form = static_html(join_modules("corners"), read_asset("corners.css"), state, NO_SCRIPT_TEXT)
     return render_html(
-        "measure/recordings/templates/corners.html.j2", title=CORNERS_TITLE, form=form
+        "measure/recordings/templates/corners.html.j2", title="Corners of the structure", form=form
     )

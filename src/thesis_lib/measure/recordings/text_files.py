@@ -1,7 +1,8 @@
 """Text files from elsewhere, read within bounds of size and depth; tables, written as CSV.
 
 They are in YAML, TOML, XML or JSON. A few lines of YAML can stand for gigabytes, a list in a list
-for ever. Whatever is read here is read, or refused in one line, within a second.
+for ever. Whatever is read here is read within a second, or refused in one line: every function
+raises :class:`TextFileError` with what is wrong, and in which line if there is one.
 
 Spreadsheets open the tables: no text in them is a formula.
 """
@@ -72,19 +73,8 @@ def _refusal(problem: str, at: Any) -> TextFileError:
 def read_text(path: Path, errors: str = "strict") -> str:
     """Return the text of a file in UTF-8, without a byte order mark.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    errors : str
-        What becomes of bytes that are no UTF-8, as in :meth:`bytes.decode`.
-
-    Raises
-    ------
-    TextFileError
-        If it has more than :data:`MAX_BYTES`, or is no text.
-    OSError
-        If it cannot be read.
+    Bytes that are no UTF-8 are treated by `errors` as in :meth:`bytes.decode`. A text of more than
+    :data:`MAX_BYTES` is refused.
     """
     with path.open("rb") as file:  # no more than this, however large it is or grows
         data = file.read(MAX_BYTES + 1)
@@ -98,11 +88,6 @@ def read_text(path: Path, errors: str = "strict") -> str:
 
 def parse_yaml(text: str) -> Any:
     r"""Return the values of a YAML text, of OpenCV's too; aliases are refused.
-
-    Raises
-    ------
-    TextFileError
-        With the line and what is wrong there.
 
     Examples
     --------
@@ -145,13 +130,7 @@ def _check_yaml(text: str) -> None:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the values of a TOML text.
-
-    Raises
-    ------
-    TextFileError
-        With what is wrong.
-    """
+    """Return the values of a TOML text."""
     if _LONG_NAME.search(text) or len(_QUOTED_PART.findall(text)) > 1000:
         raise TextFileError(f"a name of too many parts, allowed: {MAX_DEPTH}")
     try:
@@ -164,13 +143,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def parse_json(text: str) -> Any:
-    """Return the values of a JSON text.
-
-    Raises
-    ------
-    TextFileError
-        With what is wrong.
-    """
+    """Return the values of a JSON text."""
     try:
         return _shallow(json.loads(text))
     except json.JSONDecodeError as error:
@@ -180,13 +153,7 @@ def parse_json(text: str) -> Any:
 
 
 def parse_xml(text: str) -> ElementTree.Element:
-    """Return the outermost element of an XML text; declarations of types and entities are refused.
-
-    Raises
-    ------
-    TextFileError
-        With what is wrong.
-    """
+    """Return the outermost element of an XML text; declared types and entities are refused."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise TextFileError("declares its own types (DOCTYPE), allowed: elements")
     try:

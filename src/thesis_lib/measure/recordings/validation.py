@@ -29,12 +29,11 @@ class ChainError(ValueError):
 
 def markers_of(manifest: Manifest) -> Markers:
     """Return what the manifest says is printed on the structure."""
-    given = manifest.structure
-    hole = None if given.hole is None else (float(given.hole[0]), float(given.hole[1]))
-    size = given.length_mm / 1000, given.width_mm / 1000
-    diameter = given.markers.diameter_mm / 1000
-    bright, detector = given.markers.tone == "bright", given.markers.detector
-    return Markers(size, given.marker_points, diameter, hole, bright, detector)
+    given, marks = manifest.structure, manifest.structure.markers
+    hole = marks.hole_mm and (marks.hole_mm[0] / 1000, marks.hole_mm[1] / 1000)
+    size, diameter = (given.length_mm / 1000, given.width_mm / 1000), marks.diameter_mm / 1000
+    bright = marks.tone == "bright"
+    return Markers(size, given.marker_points, diameter, hole, bright, marks.detector)
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:
@@ -66,17 +65,10 @@ def check_files(manifest: Manifest, folder: Path) -> list[Array]:
 
 
 def clock_of(camera: CameraFiles, folder: Path) -> Array:
-    """Return when the frames of a camera were taken after the first, shape (frames,), s.
-
-    Raises
-    ------
-    MediaError
-        If the video cannot be read.
-    """
+    """Return when the frames of a camera were taken after the first, shape (frames,), s."""
     path = folder / camera.video
-    return _scale_clock(
-        media_info.frame_clock(path), camera, media_info.probe_media(path).frame_rate
-    )
+    rate = media_info.probe_media(path).frame_rate
+    return _scale_clock(media_info.frame_clock(path), camera, rate)
 
 
 def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
@@ -269,26 +261,11 @@ MIN_REGULAR_SHARE = 0.8  # of the distances between repeats that are alike, of r
 
 
 def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) -> IntArray:
-    """Decode all frames of a film, and return which repeat the one before.
+    """Decode all frames of a film, and return the numbers of those that repeat the one before.
 
-    Parameters
-    ----------
-    path : Path
-        The film.
-    clock : ndarray, shape (frames,)
-        Times of its frames, s; only their number counts here.
-    tick : callable
-        Called with the number of frames done since the last call.
-
-    Returns
-    -------
-    ndarray, shape (repeats,)
-        Numbers of the frames.
-
-    Raises
-    ------
-    MediaError
-        If a frame is missing or cannot be decoded.
+    Of ``clock``, the times of the frames, only their number counts here. ``tick`` is called with
+    the number of frames done since the last call. A :class:`MediaError` is raised if a frame is
+    missing or cannot be decoded.
     """
     last: deque[Array] = deque(maxlen=4)
     steps, across = np.zeros((2, len(clock)))
@@ -343,13 +320,14 @@ def describe_repeats(name: str, repeats: IntArray) -> str:
     if not len(repeats):
         return ""
     fresh = np.setdiff1d(np.arange(repeats[0] - 1, repeats[-1] + 2), repeats)
-    for numbers, rare in ((repeats, True), (fresh, False)):
+    for numbers, text in (
+        (repeats, "every {step}{ending} frame of camera {name} repeats the one before."),
+        (fresh, "every frame of camera {name} is stored {step} times."),
+    ):
         steps = np.diff(numbers)
         step = int(np.median(steps)) if len(steps) else 0
         if step > 1 and np.mean(steps == step) >= MIN_REGULAR_SHARE:
             ending = {2: "nd", 3: "rd"}.get(step, "th")
-            if rare:
-                return f"every {step}{ending} frame of camera {name} repeats the one before."
-            return f"every frame of camera {name} is stored {step} times."
+            return text.format(step=step, ending=ending, name=name)
     share = len(repeats) / (repeats[-1] - repeats[0] + 1)
     return f"{share:.0%} of the frames of camera {name} repeat the one before."
