@@ -22,7 +22,6 @@ from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import distort_pixels, project, projection_matrices
 from thesis_lib.vision.triangulation import triangulation_gain
 
-ALWAYS_S = 1e6  # s, before and after all recordings
 INTERPOLATION_FRAMES = 6  # frames that an interpolation rests on
 # Of the frame rate; faster motion cannot be interpolated, only fitted
 MAX_INTERPOLATED_RATIO = 0.25
@@ -62,7 +61,7 @@ def time_histories(
     static = []  # mean centres at rest, (2, markers) of each camera, px
     for own, (first, _) in zip(recordings, spans, strict=True):
         last = first + rest_duration_s - 1 / own.rate
-        static.append(mean_of(np.concatenate([uv for _, uv in own.parts(-ALWAYS_S, last)])))
+        static.append(mean_of(np.concatenate([uv for _, uv in own.parts(-np.inf, last)])))
     off = np.array(static) - project(P, rest)  # what cameras disagree by at rest, at all times
     parts = []
     for times, _ in recordings[0].parts(begin, end):

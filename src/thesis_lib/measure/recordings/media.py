@@ -226,12 +226,6 @@ def read_png(path: Path, depth: int | None = None) -> Image:
     return np.asarray(np.minimum(levels >> (used - 8), 255), np.uint8)
 
 
-def _depth_of(path: Path) -> int:
-    """Return how many bits hold the grey levels of an image: 8, or of 16 as many as are used."""
-    levels = _levels(path)
-    return 8 if levels.dtype == np.uint8 else depth_for(int(levels.max()))
-
-
 def _levels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the grey levels of an image, of eight bits or of sixteen."""
     if not path.is_file():
@@ -318,7 +312,8 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
     files = find_images(folder.iterdir())
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
-    depth = max(map(_depth_of, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)]))
+    sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
+    depth = max(8 if one.dtype == np.uint8 else depth_for(int(one.max())) for one in sampled)
     if 8 < depth < 16:
         say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
     return (read_png(file, depth) for file in files)
