@@ -28,6 +28,17 @@ def select_settings(cube: xr.Dataset, case: str, mode: int) -> xr.Dataset:
     return cube.isel(setting=rows).sel(mode=mode)
 
 
+def list_cases(cube: xr.Dataset) -> list[str]:
+    """Return the cases of a cube in their order, each once."""
+    return list(dict.fromkeys(cube["case"].values.tolist()))
+
+
+def trial_rms(errors: xr.DataArray) -> xr.DataArray:
+    """Return the root mean square over the random trials, which the law of rounding predicts."""
+    squared = errors.isel(trial=slice(1, None)) ** 2
+    return squared.mean("trial", skipna=False) ** 0.5
+
+
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Return the indices of the settings with the least and the largest typical mean error."""
     name = "mean_error" if "mean_error" in part else "deflection_error"
@@ -115,15 +126,13 @@ def _by_setting(cube: xr.Dataset, error: str) -> Iterator[dict[str, Any]]:
         for m, mode in enumerate(modes):
             said[cases == case, m] = claimed_errors(cube, case, mode, error)
     for s, m in np.ndindex(said.shape):
-        parameter = str(cube["parameter"].values[s])
-        here = {"parameter": parameter, "predicted": float(predicted[s, m])}
-        yield here | _claimed_value(said[s, m])
-
-
-def _claimed_value(claim: Claim | None) -> dict[str, Any]:
-    if claim is None:
-        return dict.fromkeys(_CLAIMED_FIELDS)
-    return dict(zip(_CLAIMED_FIELDS, (*claim.ends, claim.stated), strict=True))
+        claim = said[s, m]
+        stated = (*claim.ends, claim.stated) if claim else (None, None, None)
+        yield {
+            "parameter": str(cube["parameter"].values[s]),
+            "predicted": float(predicted[s, m]),
+            **dict(zip(_CLAIMED_FIELDS, stated, strict=True)),
+        }
 
 
 def figure_table(cube: xr.Dataset, errors: pd.DataFrame, case: str, mode: int) -> pd.DataFrame:
@@ -196,7 +205,7 @@ def figure_names(cube: xr.Dataset) -> dict[tuple[str, int], str]:
     names: dict[tuple[str, int], str] = {}
     if "case" not in cube or cubes.list_dimension(cube) == "claim":
         return names
-    for case in dict.fromkeys(cube["case"].values.tolist()):
+    for case in list_cases(cube):
         plain = re.sub(r"[^A-Za-z0-9]+", "-", case.replace("'", "-prime")).strip("-") or "case"
         for mode in cube["mode"].values.tolist():
             name, number = f"{plain}-mode-{mode}".lower(), 1
@@ -225,10 +234,7 @@ def viewer_data(cube: xr.Dataset) -> dict[str, Any]:
     length, width = schema.structure_extent(cube)
     cases = dict(zip(cube["case"].values.tolist(), cube["case_title"].values, strict=True))
     modes = cube["mode"].values.tolist()
-    size: dict[str, Any] = {
-        "length_mm": round(1000 * length, 3),
-        "width_mm": round(1000 * width, 3),
-    }
+    size: dict[str, Any] = {"length_mm": round(1e3 * length, 3), "width_mm": round(1e3 * width, 3)}
     if structure == "panel":
         cube = _in_cells(cube)
         size["contours_mm"] = [_round_digits(1000 * c) for c in schema.structure_contours(cube)]
@@ -367,37 +373,34 @@ def _add_fields(data: dict[str, Any], cube: xr.Dataset) -> None:
     ]
     data["pressure_unit"] = "Pa"
     data["nodal_note"] = "nodal plane: no reference pressure"
-    ideals, measured = (
-        [
-            cube[f"pressure_{of}_{part}"].transpose(*dims, ...).values.astype(float)
-            for part in ("real", "imag")
-        ]
-        for of, dims in (("reference", ["mode"]), ("measured", ["case", "mode", "extreme"]))
-    )
+
+    def read_pressure(of: str, *dims: str) -> ComplexArray:
+        parts = (cube[f"pressure_{of}_{part}"].transpose(*dims, ...) for part in ("real", "imag"))
+        real, imaginary = (part.values[..., ::FIELD_STEP, ::FIELD_STEP] for part in parts)
+        return np.asarray(real.astype(float) + 1j * imaginary.astype(float))
+
+    ideal = read_pressure("reference", "mode")
+    measured = read_pressure("measured", "case", "mode", "extreme")
     silent = np.isnan(cube["independent_ratio"].values)  # nodal planes
     for m, entry in enumerate(data["modes"]):
-        ideal = _fields([part[m] for part in ideals], names)
         entry["fields"] = {
-            n: ideal[n] for n, none in zip(names, silent[m], strict=True) if not none
+            name: encode_field(ideal[m, p]) for p, name in enumerate(names) if not silent[m, p]
         }
-    both = list(zip(measured, ideals, strict=True))  # real and imaginary
     for c, case in enumerate(data["cases"]):
-        rows = np.flatnonzero(cube["case"].values == case["name"])
-        case["extremes"] = {}
-        for m, entry in enumerate(data["modes"]):
-            case["extremes"][str(entry["mode"])] = {
+        first = np.flatnonzero(cube["case"].values == case["name"])[0]
+        case["extremes"] = {
+            str(entry["mode"]): {
                 extreme: {
-                    "index": int(cube["best_and_worst"].values[c, m, x] - rows[0]),
-                    "fields": _fields([got[c, m, x] - true[m] for got, true in both], names),
+                    "index": int(cube["best_and_worst"].values[c, m, x] - first),
+                    "fields": {
+                        name: encode_field(measured[c, m, x, p] - ideal[m, p])
+                        for p, name in enumerate(names)
+                    },
                 }
                 for x, extreme in enumerate(("best", "worst"))
             }
-
-
-def _fields(parts: list[Array], names: list[str]) -> dict[str, Any]:
-    """Encode complex fields (plane, u, z), real and imaginary part, for pages."""
-    real, imaginary = (part[:, ::FIELD_STEP, ::FIELD_STEP] for part in parts)
-    return {name: encode_field(real[p] + 1j * imaginary[p]) for p, name in enumerate(names)}
+            for m, entry in enumerate(data["modes"])
+        }
 
 
 def encode_field(field: ComplexArray) -> dict[str, Any]:

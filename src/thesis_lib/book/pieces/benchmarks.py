@@ -46,99 +46,83 @@ def median_rate(row: Row) -> float:
     return statistics.median(row["rates"])
 
 
-def median_ratio(row: Row | None, other: Row | None) -> float | None:
-    """Return how many times as fast as another: median over the rounds, in each of which both ran.
-
-    None if one of them is missing.
-    """
-    if row is None or other is None:
-        return None
-    return statistics.median(a / b for a, b in zip(row["rates"], other["rates"], strict=True))
-
-
-def find_contender(rows: Sequence[Row], cameras: int, refined: bool, name: str) -> Row | None:
-    """Find a contender's row, if it took part."""
-    wanted = cameras, refined, name
-    return next((r for r in rows if (r["cameras"], r["refined"], r["name"]) == wanted), None)
-
-
-def fastest_peer(rows: Sequence[Row], cameras: int, refined: bool) -> Row | None:
-    """Find the fastest that is neither of this project nor written for its benchmarks."""
-    peers = [
-        row
-        for row in rows
-        if row["package"] not in OWN_PACKAGES
-        and (row["cameras"], row["refined"]) == (cameras, refined)
-    ]
-    return max(peers, key=median_rate) if peers else None
-
-
-def _limit_share(row: Row | None) -> float | None:
-    """Return the part of one core's limit that the library reaches, None of others."""
-    own = row is not None and row["name"] in (NUMPY_ROW, COMPILED_ROW)
-    return median_rate(row) / row["limit"] if row is not None and own else None
+def median_ratio(values: Sequence[float], others: Sequence[float]) -> float:
+    """Return the median over the rounds, in each of which both ran, of one value over another."""
+    return statistics.median(a / b for a, b in zip(values, others, strict=True))
 
 
 def compare_contenders(run: Row) -> dict[str, Any]:
-    """Compare every contender's rate with the peers and the limit."""
-    rows = run["triangulation"]
-    return {
-        "rows": [
-            {
-                **row,
-                "rate": median_rate(row),
-                "to_peer": median_ratio(row, fastest_peer(rows, row["cameras"], row["refined"])),
-                "to_ceres": median_ratio(row, find_contender(rows, row["cameras"], True, CERES_ROW))
-                if row["refined"]
-                else None,
-                "share": _limit_share(row),
-            }
-            for row in rows
+    """Compare every contender's rate with the peers of its problem and with one core's limit.
+
+    The fastest peer is neither of this project nor written for its benchmarks. A value is None if
+    the other did not take part; so is the limit's share of what is not the library.
+    """
+    rows = []
+    for row in run["triangulation"]:
+        same = [
+            one
+            for one in run["triangulation"]
+            if (one["cameras"], one["refined"]) == (row["cameras"], row["refined"])
         ]
-    }
+        peers = [one for one in same if one["package"] not in OWN_PACKAGES]
+        peer = max(peers, key=median_rate, default=None)
+        ceres = next((one for one in same if row["refined"] and one["name"] == CERES_ROW), None)
+        rate, own = median_rate(row), row["name"] in (NUMPY_ROW, COMPILED_ROW)
+        values = {
+            "rate": rate,
+            "to_peer": peer and median_ratio(row["rates"], peer["rates"]),
+            "to_ceres": ceres and median_ratio(row["rates"], ceres["rates"]),
+            "share": rate / row["limit"] if own else None,
+        }
+        rows.append({**row, **values})
+    return {"rows": rows}
 
 
 def compare_targets(run: Row) -> dict[str, Any]:
     """Compare with what was aimed at, for each number of cameras."""
-    rows = run["triangulation"]
-    counts = []
-    for n in sorted({row["cameras"] for row in rows}):
-        ceres = find_contender(rows, n, True, CERES_ROW)
-        compiled = find_contender(rows, n, True, COMPILED_ROW)
-        values = {
+    rows = compare_contenders(run)["rows"]
+    found = {(row["cameras"], row["name"], row["refined"]): row for row in rows}
+
+    def value_of(cameras: int, name: str, refined: bool, value: str) -> float | None:
+        return found.get((cameras, name, refined), {}).get(value)
+
+    counts = [
+        {
             "cameras": n,
-            "linear": median_ratio(
-                find_contender(rows, n, False, NUMPY_ROW), fastest_peer(rows, n, False)
-            ),
-            "refined": median_ratio(find_contender(rows, n, True, NUMPY_ROW), ceres),
-            "compiled": median_ratio(compiled, ceres),
-            "share": _limit_share(compiled),
+            "linear": value_of(n, NUMPY_ROW, False, "to_peer"),
+            "refined": value_of(n, NUMPY_ROW, True, "to_ceres"),
+            "compiled": value_of(n, COMPILED_ROW, True, "to_ceres"),
+            "share": value_of(n, COMPILED_ROW, True, "share"),
         }
-        counts.append(values)
+        for n in sorted({row["cameras"] for row in rows})
+    ]
     return {"counts": counts}
 
 
 def estimate_limits(run: Row) -> dict[str, Any]:
     """Estimate the rates that arithmetic and traffic per point allow one core."""
     limits = run["limits"]
-    return {
-        "rows": [
-            {
-                **row,
-                "by_arithmetic": 1e3 * limits["peak"] / row["flops"],
-                "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
-            }
-            for row in run["triangulation"]
-            if row["name"] == NUMPY_ROW
-        ]
-    }
+    rows = [
+        {
+            **row,
+            "by_arithmetic": 1e3 * limits["peak"] / row["flops"],
+            "by_memory": 1e3 * limits["bandwidth"] / row["bytes"],
+        }
+        for row in run["triangulation"]
+        if row["name"] == NUMPY_ROW
+    ]
+    return {"rows": rows}
 
 
 def compare_transfers(run: Row) -> dict[str, Any]:
-    """Compare the rates of the transfer from pistons to points."""
+    """Compare the rates of the transfer from pistons to points with the first."""
     rows = run["rayleigh"]
+    first = rows[0]["rates"]
     return {
-        "rows": [{**r, "rate": median_rate(r), "ratio": median_ratio(r, rows[0])} for r in rows]
+        "rows": [
+            {**row, "rate": median_rate(row), "ratio": median_ratio(row["rates"], first)}
+            for row in rows
+        ]
     }
 
 
@@ -166,13 +150,16 @@ def compare_trackers(run: Row) -> dict[str, Any]:
     """Compare trackers on the same frames with the library's."""
     rows = run["tracking"]["rows"]
     own = {row["film"]: row["milliseconds"] for row in rows if row["by"] == "thesis_lib"}
-    found = []
-    for row in rows:
-        pairs = zip(row["milliseconds"], own[row["film"]], strict=True)
-        microseconds = 1e3 * statistics.median(row["milliseconds"])
-        slower = statistics.median(a / b for a, b in pairs)
-        found.append({**row, "microseconds": microseconds, "ratio": slower})
-    return {"rows": found}
+    return {
+        "rows": [
+            {
+                **row,
+                "microseconds": 1e3 * statistics.median(row["milliseconds"]),
+                "ratio": median_ratio(row["milliseconds"], own[row["film"]]),
+            }
+            for row in rows
+        ]
+    }
 
 
 def compare_films(run: Row) -> dict[str, Any]:
@@ -207,7 +194,7 @@ def tabulate_benchmarks(part: str, run: Row | None = None) -> str:
 
 
 PIECES: dict[str, Callable[[], str]] = {
-    **{f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES}
+    f"benchmarks-{part}": partial(tabulate_benchmarks, part) for part in BENCHMARK_VALUES
 }
 
 
@@ -264,9 +251,7 @@ def write_conformance(folder: Path, report_path: Path | None = None) -> None:
         check["percent"] = None if check["share"] is None else int(100 * check["share"])
         files.setdefault(file, []).append(check)
     kinds = [check["kind"] for check in report["checks"]]
-    report |= {
-        "files": files,
-        "counts": {CHECK_KINDS[one]: kinds.count(one) for one in CHECK_KINDS},
-    }
+    counts = {words: kinds.count(kind) for kind, words in CHECK_KINDS.items()}
     for piece in CONFORMANCE_PIECES:
-        whole_text(folder / f"{piece}.md", render(__file__, piece, **report))
+        text = render(__file__, piece, **report, files=files, counts=counts)
+        whole_text(folder / f"{piece}.md", text)

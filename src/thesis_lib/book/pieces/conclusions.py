@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,17 @@ import xarray as xr
 from scipy.stats import spearmanr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces import factors
+from thesis_lib.book.pieces.factors import (
+    FACTORS,
+    MEAN_ERRORS,
+    PLANE_ERRORS,
+    Factor,
+    end_ratio,
+    estimate_effects,
+    fit_exponent,
+    read_curves,
+    sound_trends,
+)
 from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.claims import read_trends
@@ -21,33 +32,29 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.ledger import entries as ledger
 from thesis_lib.ledger.trends import MIN_MATERIAL_FALL
 from thesis_lib.ledger.verdicts import UNCHANGED, VERDICTS
-from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
+from thesis_lib.plotting.selection import (
+    claimed_errors,
+    error_bars,
+    list_cases,
+    select_settings,
+    trial_rms,
+)
 from thesis_lib.templates import render
 from thesis_lib.vision.cone_law import MAX_MOTION_FRACTION, pair_noise_error
-from thesis_lib.vision.pinhole import CameraArray, hemisphere_cameras
+from thesis_lib.vision.pinhole import hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance
 
-FACTOR_WORDS = {
-    "closer": "closer",
-    "wider": "wider apart",
-    "lower": "lower",
-    "finer": "finer pixels",
-    "more": "more cameras",
-}
-LEDGER_PARAMETERS = {  # how the ledger's names of a trend's parameter begin
-    "closer": "distance d",
-    "wider": "aperture alpha",
-    "lower": "elevation phi",
-    "finer": "resolution",
-    "more": "number of cameras",
-}
 LEVEL_TRENDS = ("flat", "within", "no trend", "at most", "below")  # trends that state no change
 
 
 def tabulate_factor(name: str, opened: Cubes) -> str:
-    """Tabulate how strongly one of the five conclusions holds, group by group."""
+    """Tabulate how strongly one of the five conclusions holds, group by group.
+
+    For the aperture, the effect on a pair with noise in all coordinates is predicted by elevation.
+    """
+    factor = FACTORS[name]
     effects = []
-    for one in factors.estimate_effects(opened, factors.FACTORS[name]):
+    for one in estimate_effects(opened, factor):
         against = {
             "opposite": one.opposite,
             UNCHANGED: one.unchanged,
@@ -55,24 +62,20 @@ def tabulate_factor(name: str, opened: Cubes) -> str:
         }
         texts = [f"{number} {word}" for word, number in against.items() if number]
         effects.append({"effect": one, "predicted": np.median(one.predicted), "against": texts})
+    pair: dict[float, float] = {}
+    if name == "wider":
+        for curve in read_curves(opened, factor):
+            angles = np.radians(curve.values), np.radians(curve.elevation)
+            pair[curve.elevation] = end_ratio(pair_noise_error(1, 1, *angles), 1)
     return render(
         __file__,
         "conclusions-factor",
-        factor=factors.FACTORS[name],
+        factor=factor,
         effects=effects,
         optimum=_find_optimum(opened) if name == "lower" else None,
-        pair=_predict_pair(opened) if name == "wider" else None,
+        pair=sorted(pair.items()),
         motion_percent=100 * MAX_MOTION_FRACTION,
     )
-
-
-def _predict_pair(opened: Cubes) -> list[tuple[float, float]]:
-    """Predict by elevation the effect of the aperture on a pair with noise in all coordinates."""
-    at: dict[float, float] = {}
-    for curve in factors.read_curves(opened, factors.FACTORS["wider"]):
-        angles = np.radians(curve.values), np.radians(curve.elevation)
-        at[curve.elevation] = factors.end_ratio(pair_noise_error(1, 1, *angles), 1)
-    return sorted(at.items())
 
 
 def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
@@ -94,35 +97,28 @@ def _find_optimum(opened: Cubes) -> dict[str, Any] | None:
     }
 
 
+def _list_trends(opened: Cubes) -> list[ledger.Entry]:
+    return [entry for entry in ledger.from_cube(opened["claims"]) if entry.kind == "trend"]
+
+
 def tabulate_stated(opened: Cubes) -> str:
     """Tabulate every sentence of the thesis's conclusions, as the ledger judges it."""
-    entries = [
-        entry
-        for entry in ledger.from_cube(opened["claims"])
-        if entry.kind == "trend" and "-concluding-" in entry.id
-    ]
+    entries = [entry for entry in _list_trends(opened) if "-concluding-" in entry.id]
     return render(__file__, "conclusions-stated", entries=entries)
 
 
 def count_trends(opened: Cubes) -> str:
     """Count the trends that the thesis states of each factor, by the verdict of the ledger."""
-    entries = {e.id: e for e in ledger.from_cube(opened["claims"]) if e.kind == "trend"}
+    entries = _list_trends(opened)
     parameter = {trend.id: trend.parameter for trend in read_trends()}
-    parts = {
-        FACTOR_WORDS[name]: [
-            e for id, e in entries.items() if parameter.get(id, "").startswith(start)
-        ]
-        for name, start in LEDGER_PARAMETERS.items()
-    }
-    used = {e.id for part in parts.values() for e in part}
-    parts["anything else"] = [e for id, e in entries.items() if id not in used]
-    agreeing = [e for e in entries.values() if e.verdict == "agrees"]
-    level = [
-        e
-        for e in parts[FACTOR_WORDS["wider"]]
-        if e.verdict == "agrees" and e.stated in LEVEL_TRENDS
-    ]
-    totals = ledger.count_verdicts([*entries.values()])
+    parts: dict[str, list[ledger.Entry]] = {one.conclusion: [] for one in FACTORS.values()}
+    parts["anything else"] = []
+    for entry in entries:
+        of = parameter.get(entry.id, "")
+        named = (one.conclusion for one in FACTORS.values() if of.startswith(one.parameter))
+        parts[next(named, "anything else")].append(entry)
+    wider = FACTORS["wider"].conclusion
+    agreeing = [e for e in entries if e.verdict == "agrees"]
     return render(
         __file__,
         "conclusions-counted",
@@ -131,39 +127,54 @@ def count_trends(opened: Cubes) -> str:
             (name, len(part), list(ledger.count_verdicts(part).values()))
             for name, part in parts.items()
         ],
-        all={"count": len(entries), "numbers": list(totals.values())},
-        differing=[e for e in entries.values() if e.verdict == "differs"],
-        rendered=sum(not e.counted for e in entries.values()),
+        all={"count": len(entries), "numbers": list(ledger.count_verdicts(entries).values())},
+        differing=[e for e in entries if e.verdict == "differs"],
+        rendered=sum(not e.counted for e in entries),
         agree=len(agreeing),
         agree_counted=sum(e.counted for e in agreeing),
-        wider=FACTOR_WORDS["wider"],
-        level=len(level),
+        wider=wider,
+        level=sum(e.verdict == "agrees" and e.stated in LEVEL_TRENDS for e in parts[wider]),
     )
 
 
+def _read_sound_studies(opened: Cubes) -> list[tuple[str, xr.Dataset]]:
+    """Return label and cube of the studies of the sound whose cubes are there, random trials."""
+    names = [f"sound-{study}" for study in ("distance", "aperture", "resolution", "arrays")]
+    found = [(STUDIES[name].varied_label, opened.get(name)) for name in names]
+    return [(word, cube.isel(trial=slice(1, None))) for word, cube in found if cube is not None]
+
+
 def correlate_sound(opened: Cubes) -> str:
-    """Correlate the field's error with the deflection's, in expectation and run by run."""
+    """Correlate the field's error with the deflection's, in expectation and run by run.
+
+    For each mode and plane that has a reference pressure, over all cases together.
+    """
     rows = []
-    for study, pairs in factors.shape_and_sound(opened):
+    for varied, cube in _read_sound_studies(opened):
         orders, slopes, draws = [], [], []
-        for shape, field in pairs:
+        for plane, m in product(cube["plane"].values, range(cube.sizes["mode"])):
+            part = cube.isel(mode=m).sel(plane=plane)
+            names = ("deflection_error", "plane_error")
+            shape, field = (part[name].transpose("setting", "trial").values for name in names)
+            if not np.isfinite(field).all():
+                continue
             expected = [np.sqrt(np.mean(errors**2, axis=1)) for errors in (shape, field)]
             orders.append(float(spearmanr(*expected).statistic))
-            slopes.append(factors.fit_exponent(*expected))
+            slopes.append(fit_exponent(*expected))
             draws += [
                 float(spearmanr(a, b).statistic) for a, b in zip(shape.T, field.T, strict=True)
             ]
         row = {
-            "varied": STUDIES[f"sound-{study}"].varied_label,
-            "settings": len(pairs[0][0]),
+            "varied": varied,
+            "settings": cube.sizes["setting"],
             "orders": orders,
             "single_median": np.median(draws),
             "positive": np.mean(np.array(draws) > 0),
             "exponents": slopes,
         }
         rows.append(row)
-    held, curves = factors.sound_trends(opened)
-    aperture_held, aperture_curves = factors.sound_trends(opened, "wider")
+    held, curves = sound_trends(opened)
+    aperture_held, aperture_curves = sound_trends(opened, "wider")
     return render(
         __file__,
         "conclusions-sound",
@@ -177,20 +188,16 @@ def correlate_sound(opened: Cubes) -> str:
 
 def tabulate_sound_errors(opened: Cubes) -> str:
     """Tabulate how large the errors of the sound are: median, and largest 95 % quantile."""
-    rows = []
-    for study in factors.SOUND_STUDIES:
-        if (cube := opened.get(f"sound-{study}")) is None:
-            continue
-        drawn = cube["plane_error"].isel(trial=slice(1, None))
-        every = drawn.values[np.isfinite(drawn.values)]
-        row = {
-            "varied": STUDIES[f"sound-{study}"].varied_label,
-            "shape": cube["deflection_error"].isel(trial=slice(1, None)).median(),
-            "sound": np.median(every),
-            "largest": np.nanmax(np.quantile(drawn.transpose("trial", ...).values, 0.95, axis=0)),
-            "below": np.mean(every < 10),
+    rows = [
+        {
+            "varied": varied,
+            "shape": cube["deflection_error"].median(),
+            "sound": cube["plane_error"].median(),
+            "largest": cube["plane_error"].quantile(0.95, "trial", skipna=False).max(),
+            "below": (cube["plane_error"] < 10).sum() / cube["plane_error"].count(),
         }
-        rows.append(row)
+        for varied, cube in _read_sound_studies(opened)
+    ]
     return render(__file__, "conclusions-small", rows=rows)
 
 
@@ -200,76 +207,68 @@ def tabulate_experiment(opened: Cubes) -> str:
     for name, factor in (("experiment-resolution", "finer"), ("experiment-cameras", "more")):
         if (cube := opened.get(name)) is None:
             continue
-        claim = claimed_errors(cube, "matched", 1)
-        for case in dict.fromkeys(cube["case"].values.tolist()):
+        for case in list_cases(cube):
             if case.endswith("-all"):  # sets of cameras that do not grow
                 continue
-            alone = replace(
-                factors.FACTORS[factor], sources=((case, name, (case,), factors.MEAN_ERRORS),)
-            )
-            (effect,) = factors.estimate_effects(opened, alone)
+            alone = replace(FACTORS[factor], sources=((case, name, (case,), MEAN_ERRORS),))
+            (effect,) = estimate_effects(opened, alone)
             part = select_settings(cube, case, 1)
-            drawn = part["mean_error"].transpose("setting", "trial").values[:, 1:]
             labels = part["label"].values
-            claimed = [c.stated for c in (claim[0], claim[-1]) if c and case == "matched"]
+            claims = claimed_errors(cube, case, 1) if case == "matched" else [None]
+            claimed = [claim.stated for claim in (claims[0], claims[-1]) if claim]
+            best = labels[np.nanargmin(trial_rms(part["mean_error"]).values)]
+            against = {
+                f"not monotonic, best at {best}": effect.not_monotonic,
+                "yes": effect.confident,
+                "the opposite": effect.opposite,
+                UNCHANGED: effect.unchanged,
+            }
             row = {
-                "conclusion": FACTOR_WORDS[factor],
+                "conclusion": FACTORS[factor].conclusion,
                 "case": case,
                 "labels": labels,
-                "medians": np.median(drawn, axis=1),
+                "medians": part["mean_error"].isel(trial=slice(1, None)).median("trial").values,
                 "effect": effect,
                 "claimed": claimed if len(claimed) == 2 else [],
-                "holds": _judge_curve(effect, labels[int(np.argmin(np.mean(drawn**2, axis=1)))]),
+                "holds": next((word for word, n in against.items() if n), "not told apart"),
             }
             rows.append(row)
     return render(__file__, "conclusions-experiment", rows=rows)
 
 
-def _judge_curve(one: factors.Effect, best: str) -> str:
-    """Return whether a conclusion holds in the one curve there is, least at `best`."""
-    found = {
-        f"not monotonic, best at {best}": one.not_monotonic,
-        "yes": one.confident,
-        "the opposite": one.opposite,
-        UNCHANGED: one.unchanged,
-    }
-    return next((word for word, number in found.items() if number), "not told apart")
-
-
 def tabulate_costs(opened: Cubes) -> str:
     """Tabulate what half the error costs, by the exponents of the simulated beam and plate."""
     rows = []
-    for name, factor in factors.FACTORS.items():
-        for one in factors.estimate_effects(opened, factor):
+    for name, factor in FACTORS.items():
+        for one in estimate_effects(opened, factor):
             if one.group not in ("beam", "plate"):
                 continue
             halving = None
             if name in ("closer", "finer", "more"):  # whose errors are a power of the factor
                 halving = 2 ** (-1 / float(np.median(one.exponents)))
             row = {
-                "conclusion": FACTOR_WORDS[name],
+                "conclusion": factor.conclusion,
                 "symbol": factor.symbol,
                 "effect": one,
                 "ratio": np.median(one.ratios),
                 "factor": halving,
                 "pixels": {"finer": (halving or 0) ** 2, "more": halving}.get(name),
-                "visible": _visible_fraction(opened, f"{one.group}-", name),
+                "visible": _visible_fraction(opened, one.group, factor),
             }
             rows.append(row)
     return render(__file__, "conclusions-costs", rows=rows)
 
 
-def _visible_fraction(opened: Cubes, subject: str, name: str) -> float | None:
+def _visible_fraction(opened: Cubes, group: str, factor: Factor) -> float:
     """Return the least share of marker images on the sensor, at the best end of a factor."""
     shares = []
-    for _, figure_set, cases, _ in factors.FACTORS[name].sources:
-        if figure_set.startswith(subject) and figure_set in opened:
+    for of, figure_set, cases, _ in factor.sources:
+        if of == group and figure_set in opened:
             cube = opened[figure_set]
-            for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
-                part = cube.isel(setting=np.flatnonzero(cube["case"].values == case))
-                best = 0 if name == "closer" else -1
-                shares.append(float(part["in_view"].values[np.argsort(part["value"].values)[best]]))
-    return min(shares, default=None)
+            for case in cases or list_cases(cube):
+                part = select_settings(cube, case, 1).sortby("value")
+                shares.append(float(part["in_view"][0 if factor is FACTORS["closer"] else -1]))
+    return min(shares)
 
 
 @dataclass(frozen=True)
@@ -305,28 +304,27 @@ def equal_pixels() -> Iterator[EqualPixels]:
             whole = [one for one in settings if one.case == case][-1]
             directions, n = whole.directions_deg, len(whole.directions_deg)
             pairs = [directions[i : i + 2] for i in range(0, n, 2)]
-            array = _law_error(_scale_rig(whole, directions, 1), points)
-            best = min(_law_error(_scale_rig(whole, p, np.sqrt(n / 2)), points) for p in pairs)
+            array = _predict_error(whole, directions, 1, points)
+            best = min(_predict_error(whole, pair, np.sqrt(n / 2), points) for pair in pairs)
             yield EqualPixels(name, case, n, array, best)
 
 
-def _law_error(rig: CameraArray, points: Array) -> float:
-    """Return the rms over the modes of markers' errors (3, 1 + modes, m), in % of the largest."""
-    variance = deflection_variance(rig.P, points[:, :1], points[:, 1:])
-    largest = np.max(np.abs(points[2, 1:]), axis=1)
-    return float(100 * np.sqrt(np.mean(variance / largest[:, None] ** 2)))
+def _predict_error(
+    setting: Setting, directions: Sequence[Direction], finer: float, points: Array
+) -> float:
+    """Predict the rms over the modes of markers' errors (3, 1 + modes, m), in % of the largest.
 
-
-def _scale_rig(setting: Setting, directions: Sequence[Direction], finer: float) -> CameraArray:
-    """Return cameras of a setting in some directions, with `finer` times its pixels across."""
+    The cameras are those of a setting in some directions, with `finer` times its pixels across.
+    """
     reading = setups.assumed_values("beam")
     across = finer * setting.resolution_px[0]
     focal = reading["focal_length_mm"] / reading["sensor_width_mm"] * across
     width, height = (round(finer * side) for side in setting.resolution_px)
     azimuth, elevation = np.radians(directions).T
-    return hemisphere_cameras(
-        setting.distance_mm / 1000, azimuth, elevation, focal, (width, height)
-    )
+    rig = hemisphere_cameras(setting.distance_mm / 1000, azimuth, elevation, focal, (width, height))
+    variance = deflection_variance(rig.P, points[:, :1], points[:, 1:])
+    largest = np.max(np.abs(points[2, 1:]), axis=1)
+    return float(100 * np.sqrt(np.mean(variance / largest[:, None] ** 2)))
 
 
 def tabulate_equal_pixels(_: Cubes) -> str:
@@ -346,25 +344,25 @@ def tabulate_equal_pixels(_: Cubes) -> str:
 def tabulate_wishes(opened: Cubes) -> str:
     """Tabulate what came of the wishes of sections 5.3 and 7.1, in a number each."""
 
-    def value_of(name: str, compute: Callable[[xr.Dataset], Any]) -> Any:
+    def value_of(name: str, compute: Callable[..., Any], **given: Any) -> Any:
         cube = opened.get(name)
-        return None if cube is None else compute(cube)
+        return None if cube is None else compute(cube, **given)
 
     return render(
         __file__,
         "conclusions-wishes",
-        distances=value_of("lab-layout", partial(_case_errors, case="distance")),
-        apertures=value_of("lab-layout", partial(_case_errors, case="aperture")),
+        distances=value_of("lab-layout", _case_errors, case="distance"),
+        apertures=value_of("lab-layout", _case_errors, case="aperture"),
         elevations=_find_optimum(opened),
         pairs=value_of("experiment-cameras", _compare_pairs),
         sets=value_of("lab-layout", _compare_sets),
         coarse=value_of("lab-equal-pixels", _last_settings),
         modes=value_of("lab-modes", _mode_errors),
         torsion=value_of("lab-modes", _read_torsion),
-        plate=value_of("lab-plate", partial(_change_ratios, quantities=factors.MEAN_ERRORS)),
-        plate_sound=value_of("lab-plate", partial(_change_ratios, quantities=factors.PLANE_ERRORS)),
+        plate=value_of("lab-plate", _change_ratios, quantities=MEAN_ERRORS),
+        plate_sound=value_of("lab-plate", _change_ratios, quantities=PLANE_ERRORS),
         ledger=value_of("claims", _symmetry_entry),
-        shape=value_of("shape-l", partial(_case_errors, case="4e")),
+        shape=value_of("shape-l", _case_errors, case="4e"),
     )
 
 
@@ -394,8 +392,7 @@ def _compare_sets(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _last_settings(cube: xr.Dataset) -> list[xr.Dataset]:
-    cases = dict.fromkeys(cube["case"].values.tolist())
-    return [select_settings(cube, case, 1).isel(setting=-1) for case in cases]
+    return [select_settings(cube, case, 1).isel(setting=-1) for case in list_cases(cube)]
 
 
 def _mode_errors(cube: xr.Dataset) -> dict[str, Any]:
@@ -414,7 +411,7 @@ def _read_torsion(cube: xr.Dataset) -> dict[str, Any]:
 def _change_ratios(cube: xr.Dataset, quantities: tuple[str, ...]) -> list[tuple[str, float]]:
     """Return by case the last setting's error over the first's, median over modes and errors."""
     found = []
-    for case in dict.fromkeys(cube["case"].values.tolist()):
+    for case in list_cases(cube):
         bands = [
             error_bars(cube, case, mode, quantity).band[1]
             for mode in cube["mode"].values.tolist()
@@ -431,7 +428,7 @@ def _symmetry_entry(cube: xr.Dataset) -> ledger.Entry:
 
 
 PIECES: dict[str, Callable[[Cubes], str]] = {
-    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in factors.FACTORS},
+    **{f"conclusions-{name}": partial(tabulate_factor, name) for name in FACTORS},
     "conclusions-stated": tabulate_stated,
     "conclusions-counted": count_trends,
     "conclusions-sound": correlate_sound,

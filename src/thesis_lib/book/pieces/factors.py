@@ -10,17 +10,17 @@ cube carries (for simulations the first-order law of rounding). An :class:`Effec
 curves of one group, and one figure shows all of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import StrMethodFormatter
 
 from thesis_lib import files
 from thesis_lib.arrays import Array
@@ -29,14 +29,13 @@ from thesis_lib.facts.claims import Claim, Trend
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import UNCHANGED, Series
-from thesis_lib.plotting import selection
-from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, subplots
+from thesis_lib.plotting.selection import claimed_errors, list_cases, select_settings
+from thesis_lib.plotting.style import CYCLE_COLORS, figure_svg, in_style, make_logarithmic, subplots
 from thesis_lib.studies import cubes
 
 Source = tuple[str, str, tuple[str, ...], tuple[str, ...]]
 MEAN_ERRORS = ("mean_error",)
 PLANE_ERRORS = ("plane_error_xz", "plane_error_yz")
-SOUND_STUDIES = ("distance", "aperture", "resolution", "arrays")
 
 
 @dataclass(frozen=True)
@@ -46,60 +45,66 @@ class Factor:
     label: str  #: Its name with its unit
     symbol: str  #: The quantity that the error is taken to be a power of
     better: int  #: 1 if more of it should measure better, else -1
+    conclusion: str  #: What the thesis concludes, in a word or two
+    parameter: str  #: How the ledger's names of a trend's parameter begin
+    #: Title and ticks of its panel in the figure
+    panel: str
+    ticks: tuple[float, ...]
     #: Name of the group, figure set, cases (none means all) and errors of each measurement
     sources: tuple[Source, ...]
-    #: The quantity that the error is taken to be a power of, from the values
-    exponent_of: Callable[[Array], Array] = field(default=lambda values: values)
+    by_elevation: bool = False  #: Varied is the first camera's elevation φ: a power of cos φ
 
 
-def _angle_cosine(degrees: Array) -> Array:
-    return np.cos(np.radians(degrees))
+def _list_sources(
+    study: str, other: tuple[str, str, str], rendered: str, cases: tuple[str, ...] = ()
+) -> tuple[Source, ...]:
+    """Return the measurements of a simulated study, of another, and of a case of rendered plates.
 
-
-def _list_simulated(study: str, *cases: str) -> tuple[Source, ...]:
-    return tuple(
-        (subject, f"{subject}-{study}", cases, PLANE_ERRORS if subject == "sound" else MEAN_ERRORS)
-        for subject in ("beam", "plate", "sound")
-    )
-
-
-def _list_rendered(case: str) -> tuple[Source, ...]:
+    The other is given by its group, figure set and case.
+    """
+    group, figure_set, case = other
     return (
-        ("plate, rendered", "lab-plate", (case,), MEAN_ERRORS),
-        ("sound, rendered", "lab-plate", (case,), PLANE_ERRORS),
+        ("beam", f"beam-{study}", cases, MEAN_ERRORS),
+        ("plate", f"plate-{study}", cases, MEAN_ERRORS),
+        ("sound", f"sound-{study}", cases, PLANE_ERRORS),
+        (group, figure_set, (case,), MEAN_ERRORS),
+        ("plate, rendered", "lab-plate", (rendered,), MEAN_ERRORS),
+        ("sound, rendered", "lab-plate", (rendered,), PLANE_ERRORS),
     )
 
 
 FACTORS: dict[str, Factor] = {
     "closer": Factor(
-        "distance, mm", "d", -1,
-        (*_list_simulated("distance"), ("beam, rendered", "lab-layout", ("distance",), MEAN_ERRORS),
-         *_list_rendered("distance")),
+        "distance, mm", "d", -1, "closer", "distance d",
+        "(a) distance, mm", (500, 750, 1000, 1500),
+        _list_sources("distance", ("beam, rendered", "lab-layout", "distance"), "distance"),
     ),
     "wider": Factor(
-        "aperture, °", "α", 1,
-        (*_list_simulated("aperture", "2a", "2c"),
-         ("beam, rendered", "lab-layout", ("aperture",), MEAN_ERRORS),
-         *_list_rendered("aperture")),
+        "aperture, °", "α", 1, "wider apart", "aperture alpha",
+        "(b) aperture, °", (20, 50, 150),
+        _list_sources(
+            "aperture", ("beam, rendered", "lab-layout", "aperture"), "aperture", ("2a", "2c")
+        ),
     ),
     "lower": Factor(
-        "elevation, °", "cos φ", -1,
-        (*_list_simulated("aperture", "2b", "2d"),
-         ("beam, rendered", "lab-elevation", ("three-rows",), MEAN_ERRORS),
-         *_list_rendered("elevation")),
-        _angle_cosine,
+        "elevation, °", "cos φ", -1, "lower", "elevation phi",
+        "(c) elevation, °", (5, 10, 20, 60),
+        _list_sources(
+            "aperture", ("beam, rendered", "lab-elevation", "three-rows"), "elevation", ("2b", "2d")
+        ),
+        by_elevation=True,
     ),
     "finer": Factor(
-        "width of the sensor, px", "W", 1,
-        (*_list_simulated("resolution"),
-         ("experiment", "experiment-resolution", ("matched",), MEAN_ERRORS),
-         *_list_rendered("resolution")),
+        "width of the sensor, px", "W", 1, "finer pixels", "resolution",
+        "(d) width, px", (320, 640, 1920),
+        _list_sources(
+            "resolution", ("experiment", "experiment-resolution", "matched"), "resolution"
+        ),
     ),
     "more": Factor(
-        "number of cameras", "N", 1,
-        (*_list_simulated("arrays"),
-         ("experiment", "experiment-cameras", ("matched",), MEAN_ERRORS),
-         *_list_rendered("cameras")),
+        "number of cameras", "N", 1, "more cameras", "number of cameras",
+        "(e) cameras", (2, 4, 6, 12),
+        _list_sources("arrays", ("experiment", "experiment-cameras", "matched"), "cameras"),
     ),
 }  # fmt: skip
 
@@ -137,48 +142,35 @@ class Curve:
 
 
 def read_curves(opened: Cubes, factor: Factor) -> Iterator[Curve]:
-    """Read all errors over one factor; cubes that are missing are left out."""
+    """Read all errors over one factor; cubes that are missing are left out, and nodal planes."""
     for group, name, cases, quantities in factor.sources:
         if (whole := opened.get(name)) is None:
             continue
         cube = whole.drop_dims("point", errors="ignore")  # to select from, too
-        for case in cases or tuple(dict.fromkeys(cube["case"].values.tolist())):
-            for mode in cube["mode"].values.tolist():
-                part = selection.select_settings(cube, case, mode)
-                for quantity in quantities:
-                    of = selection.claimed_errors(cube, case, mode, quantity)
-                    claimed = np.array([_read_claimed_value(claim) for claim in of])
-                    curve = _read_curve(part, group, case, quantity, claimed, factor)
-                    if curve:
-                        yield curve
-
-
-def _read_curve(
-    part: xr.Dataset, group: str, case: str, quantity: str, claimed: Array, factor: Factor
-) -> Curve | None:
-    """Read one curve, or None on a plane that has no reference."""
-    elevations = part["camera_elevation"].isel(camera=0)
-    values = (elevations if factor is FACTORS["lower"] else part["value"]).values.astype(float)
-    errors = (
-        cubes.cube_error(part, quantity).transpose("setting", "trial").values[:, 1:].astype(float)
-    )
-    predicted = cubes.predicted_value(part, quantity).values.astype(float)
-    finite = np.flatnonzero(np.isfinite(errors).all(axis=1))
-    order = finite[np.argsort(values[finite], kind="stable")]
-    if len(order) < 2 or not errors.shape[1]:
-        return None
-    return Curve(
-        group,
-        case,
-        quantity,
-        int(part["mode"]),
-        values[order],
-        errors[order],
-        predicted[order],
-        claimed[order],
-        float(elevations[0]),
-        len(values) - len(order),
-    )
+        modes = cube["mode"].values.tolist()
+        for case, mode, quantity in product(cases or list_cases(cube), modes, quantities):
+            part = select_settings(cube, case, mode)
+            elevations = part["camera_elevation"].isel(camera=0)
+            values = (elevations if factor.by_elevation else part["value"]).values.astype(float)
+            drawn = cubes.cube_error(part, quantity).transpose("setting", "trial")[:, 1:]
+            errors = drawn.values.astype(float)
+            finite = np.flatnonzero(np.isfinite(errors).all(axis=1))
+            if len(finite) < 2 or not errors.shape[1]:
+                continue
+            order = finite[np.argsort(values[finite], kind="stable")]
+            claims = claimed_errors(cube, case, mode, quantity)
+            yield Curve(
+                group,
+                case,
+                quantity,
+                mode,
+                values[order],
+                errors[order],
+                cubes.predicted_value(part, quantity).values.astype(float)[order],
+                np.array([_read_claimed_value(claim) for claim in claims])[order],
+                float(elevations[0]),
+                len(values) - len(order),
+            )
 
 
 def _read_claimed_value(claim: Claim | None) -> float:
@@ -256,7 +248,7 @@ def estimate_effects(opened: Cubes, factor: Factor) -> list[Effect]:
 def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
     findings = [curve.judge_trend(factor.better) for curve in curves]
     against = [curve.judge_trend(-factor.better) for curve in curves]
-    powers = [factor.exponent_of(curve.values) for curve in curves]
+    bases = [np.cos(np.radians(c.values)) if factor.by_elevation else c.values for c in curves]
     low, high = (float(end(end(c.values) for c in curves)) for end in (min, max))
     claimed = np.array([end_ratio(c.claimed, factor.better) for c in curves])
     return Effect(
@@ -264,9 +256,9 @@ def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
         ends=(low, high) if factor.better > 0 else (high, low),
         ratios=np.array([end_ratio(c.rms, factor.better) for c in curves]),
         claimed=claimed[np.isfinite(claimed)],
-        exponents=np.array([fit_exponent(x, c.rms) for x, c in zip(powers, curves, strict=True)]),
+        exponents=np.array([fit_exponent(x, c.rms) for x, c in zip(bases, curves, strict=True)]),
         predicted=np.array(
-            [fit_exponent(x, c.predicted) for x, c in zip(powers, curves, strict=True)]
+            [fit_exponent(x, c.predicted) for x, c in zip(bases, curves, strict=True)]
         ),
         confident=sum(f.verdict == "agrees" for f in findings),
         opposite=sum(f.verdict == "agrees" for f in against),
@@ -277,27 +269,6 @@ def _estimate_effect(group: str, curves: list[Curve], factor: Factor) -> Effect:
         single=float(np.mean([f.single for f in findings])),
         lost=max(c.lost for c in curves),
     )
-
-
-def shape_and_sound(opened: Cubes) -> Iterator[tuple[str, list[tuple[Array, Array]]]]:
-    """Yield by sound study the errors of the deflection and of the field, each (settings, trials).
-
-    One pair for each mode and plane that has a reference pressure; all cases together.
-    """
-    for study in SOUND_STUDIES:
-        if (cube := opened.get(f"sound-{study}")) is None:
-            continue
-        shape = cube["deflection_error"].transpose("mode", "setting", "trial").values[..., 1:]
-        field = cube["plane_error"].transpose("plane", "mode", "setting", "trial").values[..., 1:]
-        yield (
-            study,
-            [
-                (shape[m], of_plane[m])
-                for of_plane in field
-                for m in range(len(shape))
-                if np.isfinite(of_plane[m]).all()
-            ],
-        )
 
 
 def sound_trends(opened: Cubes, *factors: str) -> tuple[int, int]:
@@ -319,20 +290,6 @@ PANEL_GROUPS = dict(
     zip(("beam", "plate", "sound", "experiment"), [*CYCLE_COLORS[:3], CYCLE_COLORS[4]], strict=True)
 )
 CLAIM_MARK: dict[str, Any] = {"marker": "D", "markersize": 4, "markerfacecolor": "none"}
-PANEL_TITLES = {
-    "closer": "(a) distance, mm",
-    "wider": "(b) aperture, °",
-    "lower": "(c) elevation, °",
-    "finer": "(d) width, px",
-    "more": "(e) cameras",
-}
-PANEL_TICKS = {
-    "closer": (500, 750, 1000, 1500),
-    "wider": (20, 50, 150),
-    "lower": (5, 10, 20, 60),
-    "finer": (320, 640, 1920),
-    "more": (2, 4, 6, 12),
-}
 
 
 def draw_summary(opened: Cubes) -> Figure:
@@ -343,49 +300,38 @@ def draw_summary(opened: Cubes) -> Figure:
     """
     with in_style():
         drawing, panels = subplots(1, 5, figsize=(9.6, 3.6), sharey=True, layout="constrained")
-        for axes, (name, factor) in zip(panels, FACTORS.items(), strict=True):
-            _draw_factor(axes, list(read_curves(opened, factor)))
-            _format_error_axis(axes, name, factor)
+        for axes, factor in zip(panels, FACTORS.values(), strict=True):
+            _draw_curves(axes, list(read_curves(opened, factor)))
+            axes.set_title(factor.panel)
+            make_logarithmic(axes.xaxis, factor.ticks)
+            if factor.better < 0:  # to the right is what should measure better
+                axes.invert_xaxis()
         panels[0].set(yscale="log", ylabel="rms error, %")
         panels[0].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        grey = "#555555"
+        handles = [
+            *(Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()),
+            Line2D([], [], color=grey, linestyle="--", label="rendered recordings"),
+            Line2D([], [], color=grey, linestyle="", label="thesis", **CLAIM_MARK),
+        ]
         spacing: dict[str, Any] = {"ncols": 3, "columnspacing": 1.2, "handlelength": 1.8}
-        drawing.legend(handles=_draw_legend(), loc="outside lower center", **spacing)
+        drawing.legend(handles=handles, loc="outside lower center", **spacing)
     return drawing
 
 
-def _draw_factor(axes: Axes, found: Sequence[Curve]) -> None:
+def _draw_curves(axes: Axes, found: Sequence[Curve]) -> None:
+    """Draw what is claimed of each curve, and the geometric mean of the curves of each case."""
+    thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
     by: dict[tuple[str, str], list[Curve]] = {}
     for curve in found:
         by.setdefault((curve.group, curve.case), []).append(curve)
-        thin: dict[str, Any] = {"linestyle": "", "markeredgewidth": 0.7, "alpha": 0.8, "zorder": 3}
-        color = _choose_color(curve.group)
+        color = PANEL_GROUPS[curve.group.partition(",")[0]]
         axes.plot(curve.values, curve.claimed, color=color, **thin, **CLAIM_MARK)
     for (group, _), alike in by.items():
         mean = np.exp(np.mean([np.log(curve.rms) for curve in alike], axis=0))
-        style = ".--" if "rendered" in group else ".-"
-        color = _choose_color(group)
+        subject, _, rendered = group.partition(",")
+        style, color = ".--" if rendered else ".-", PANEL_GROUPS[subject]
         axes.plot(alike[0].values, mean, style, color=color, linewidth=1.2, markersize=4)
-
-
-def _format_error_axis(axes: Axes, name: str, factor: Factor) -> None:
-    axes.set(xscale="log", title=PANEL_TITLES[name])
-    axes.xaxis.set_major_locator(FixedLocator(PANEL_TICKS[name]))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    if factor.better < 0:  # to the right is what should measure better
-        axes.invert_xaxis()
-
-
-def _choose_color(group: str) -> str:
-    return PANEL_GROUPS[group.partition(",")[0]]
-
-
-def _draw_legend() -> list[Line2D]:
-    lines = [Line2D([], [], color=color, label=name) for name, color in PANEL_GROUPS.items()]
-    grey = "#555555"
-    rendered = Line2D([], [], color=grey, linestyle="--", label="rendered recordings")
-    stated = Line2D([], [], color=grey, linestyle="", label="thesis", **CLAIM_MARK)
-    return [*lines, rendered, stated]
 
 
 def write_summary_figure(made: Iterable[Path], folder: Path) -> None:

@@ -1,14 +1,15 @@
 """Results of chapters, with numbers from the cubes: what each chapter, and the book, comes to."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.book.pieces.conclusions import LEDGER_PARAMETERS, equal_pixels
+from thesis_lib.book.pieces.conclusions import equal_pixels
 from thesis_lib.book.pieces.factors import FACTORS, estimate_effects, sound_trends
 from thesis_lib.book.pieces.opened import Cubes, of_chapter, of_subject
 from thesis_lib.facts import claims
@@ -19,8 +20,14 @@ from thesis_lib.figure_sets.registry import STUDIES
 from thesis_lib.laboratory.parameters import Repeated
 from thesis_lib.laboratory.rig import PLACE_STD_M, TURN_STD_RAD
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.entries import Entry, from_cube
-from thesis_lib.plotting.selection import claimed_errors, error_bars, select_settings
+from thesis_lib.ledger.entries import from_cube
+from thesis_lib.plotting.selection import (
+    claimed_errors,
+    error_bars,
+    list_cases,
+    select_settings,
+    trial_rms,
+)
 from thesis_lib.studies import cubes
 from thesis_lib.templates import render
 from thesis_lib.vision import cone_law, rounding
@@ -47,88 +54,69 @@ def describe_chapter(subject: str, opened: Cubes) -> str:
     """Describe what a chapter comes to: changes, agreement, the law of rounding."""
     chapter = of_chapter(opened, subject)
     changes = _compare_extremes(chapter)
-    met = _list_met(chapter)
-    kinds = list(dict.fromkeys(kind for by_kind in met.values() for kind in by_kind))
+    names = [cube.attrs["figure_set"] for cube in chapter]
+    met = list(_check_claims(chapter))
+    kinds = list(dict.fromkeys(kind for _, kind, _ in met))
+    law = None
+    if subject in ("beam", "plate"):
+        squared = [cube["mean_error"].isel(trial=slice(1, None)) ** 2 for cube in chapter]
+        std = 100 * np.concatenate([relative_rms_std(one) for one in squared])
+        law = {
+            "ratios": law_over_rms(chapter),
+            "trials": squared[0].sizes["trial"],
+            "median_std_percent": np.median(std),
+            "max_std_percent": np.max(std),
+        }
     return render(
         __file__,
         "chapter",
         quantity="pressure of the plane" if "plane_error" in chapter[0] else "deflection",
         changes=changes,
-        columns=changes[-1]["columns"],
+        columns=list(changes[-1]["cells"]),
         kinds=[ERROR_WORDS.get(kind, f"errors on {kind}") for kind in kinds],
         agreement=[
             {
                 "title": STUDIES[name].title,
                 "name": name,
-                "cells": [by_kind.get(kind, []) for kind in kinds],
+                "cells": [[i for n, k, i in met if (n, k) == (name, kind)] for kind in kinds],
             }
-            for name, by_kind in met.items()
+            for name in names
         ],
-        totals=[[one for by in met.values() for one in by.get(kind, [])] for kind in kinds],
-        missed=_list_met_values(opened) if subject == "beam" else None,
-        law=_compare_law(chapter) if subject in ("beam", "plate") else None,
+        totals=[[inside for _, of, inside in met if of == kind] for kind in kinds],
+        missed=[one for _, _, one in met] if subject == "beam" else None,
+        law=law,
         scatters=_explain_scatter(chapter) if subject == "experiment" else [],
     )
 
 
 def _compare_extremes(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     """Return the first and the last setting of each case in expectation."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     for cube in chapter:
-        for case in dict.fromkeys(cube["case"].values.tolist()):
-            modes = cube["mode"].values.tolist()
+        modes = cube["mode"].values.tolist()
+        errors = [error for error in cubes.cube_errors(cube) if error != "max_point_error"]
+        for case in list_cases(cube):
             labels = select_settings(cube, case, modes[0])["label"].values
             cells = {}
-            for mode in modes:
-                for error in cubes.cube_errors(cube):
-                    bars = error_bars(cube, case, mode, error)
-                    if error == "max_point_error" or np.isnan(bars.literal).all():
-                        continue
+            for mode, error in product(modes, errors):
+                bars = error_bars(cube, case, mode, error)
+                if not np.isnan(bars.literal).all():
                     title = f"mode {mode}" + (f", {bars.name}" if bars.name else "")
                     cells[title] = bars.band[1][[0, -1]]
             first, last = (str(labels[i]).removesuffix(" cameras") for i in (0, -1))
             varied = STUDIES[cube.attrs["figure_set"]].varied_label
-            row = {"case": case, "varied": varied, "first": first, "last": last}
-            rows.append(row | {"columns": list(cells), "cells": list(cells.values())})
+            row = {"case": case, "varied": varied, "first": first, "last": last, "cells": cells}
+            rows.append(row)
     rows.sort(key=lambda row: row["case"] if row["case"][0].isdigit() else "")  # others stay
     return rows
 
 
-def _list_met(chapter: Sequence[xr.Dataset]) -> dict[str, dict[str, list[bool]]]:
-    """Return which claimed values are met, by figure set and kind of error."""
-    met: dict[str, dict[str, list[bool]]] = {}
+def _check_claims(chapter: Sequence[xr.Dataset]) -> Iterator[tuple[str, str, bool]]:
+    """Yield figure set and kind of error of each claimed value, and whether it is met."""
     for cube in chapter:
         name = cube.attrs["figure_set"]
-        own = met.setdefault(name, {})
         for check in verdicts.check_claims(cube, claims.claims_of(name)):
-            own.setdefault(cubes.SHORT_LABELS[check.claim.quantity], []).append(check.inside)
-    return met
-
-
-def _list_met_values(opened: Cubes, subject: str = "beam", quantity: str = "") -> list[bool]:
-    """Return which claimed values of a subject are met, those of one quantity or all."""
-    return [
-        check.inside
-        for cube in of_subject(opened, subject)
-        for check in verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
-        if quantity in ("", check.claim.quantity)
-    ]
-
-
-def _compare_law(chapter: Sequence[xr.Dataset]) -> dict[str, Any]:
-    """Compare the law of rounding with the rms over the trials."""
-    squared = [cube["mean_error"].isel(trial=slice(1, None)) ** 2 for cube in chapter]
-    std = 100 * np.concatenate([relative_rms_std(one) for one in squared])
-    ratios = [
-        (cube["predicted_error"] / np.sqrt(one.mean("trial"))).values.ravel()
-        for cube, one in zip(chapter, squared, strict=True)
-    ]
-    return {
-        "ratios": np.concatenate(ratios),
-        "trials": chapter[0].sizes["trial"] - 1,
-        "median_std_percent": np.median(std),
-        "max_std_percent": np.max(std),
-    }
+            yield name, cubes.SHORT_LABELS[check.claim.quantity], check.inside
 
 
 def _explain_scatter(chapter: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
@@ -178,10 +166,10 @@ def tabulate_sound_scatter(opened: Cubes) -> str:
         spread, law, known = [], [], []
         for cube in chapter:
             part = cube.sel(mode=mode, plane=plane)
-            drawn = part["plane_error"].transpose("setting", "trial")[:, 1:]
-            low, high = np.quantile(drawn.values, [0.05, 0.95], axis=1)
+            drawn = part["plane_error"].isel(trial=slice(1, None))
+            low, high = drawn.quantile([0.05, 0.95], "trial").values
             spread += list(high / low)
-            law += list(part["predicted_error"].values / np.sqrt(np.mean(drawn.values**2, axis=1)))
+            law += (part["predicted_error"] / trial_rms(part["plane_error"])).values.tolist()
             known += list(relative_rms_std(drawn**2))
         medians = {"spread_median": np.median(spread), "std_median": np.median(known)}
         rows.append({"mode": mode, "plane": plane, "spread": spread, "law": law} | medians)
@@ -193,20 +181,18 @@ def tabulate_sound_layouts(opened: Cubes) -> str:
     chapter = of_chapter(opened, "sound")
     pairs = audible_planes(chapter[0])
     free = [float(chapter[0]["independent_ratio"].sel(mode=m, plane=p)) for m, p in pairs]
-    rows = []
+    rows: list[dict[str, Any]] = []
     times: dict[float, list[float]] = {1.0: [], 0.0: []}  # by the share that stands square
     for cube in chapter:
-        for case in dict.fromkeys(cube["case"].values.tolist()):
+        for case in list_cases(cube):
             square = _square_share(select_settings(cube, case, pairs[0][0]))
             cells = []
             for (mode, plane), alone in zip(pairs, free, strict=True):
-                part = select_settings(cube, case, mode)
-                field = part["plane_error"].sel(plane=plane).transpose("setting", "trial").values
-                shape = part["deflection_error"].transpose("setting", "trial").values
-                ratio = np.sqrt(np.mean(field[:, 1:] ** 2, 1) / np.mean(shape[:, 1:] ** 2, 1))
-                cells.append((ratio[0], ratio[-1]))
+                part = select_settings(cube, case, mode).sel(plane=plane)
+                ratio = trial_rms(part["plane_error"]) / trial_rms(part["deflection_error"])
+                cells.append(ratio.values[[0, -1]])
                 for share, found in times.items():
-                    found += (ratio[square == share] / alone).tolist()
+                    found += (ratio.values[square == share] / alone).tolist()
             rows.append({"case": case, "square": square, "cells": cells})
     rows.sort(key=lambda row: [f"{row['square'][i]:4.0%}" for i in (0, -1)])
     spreads = [{"median": np.median(t), "low": min(t), "high": max(t)} for t in times.values()]
@@ -241,24 +227,37 @@ def error_shares(opened: Cubes, body: str) -> dict[str, dict[str, float]]:
     }
 
 
-def law_over_rms(opened: Cubes, body: str) -> Array:
-    """Return the law over the trials' rms of a body, shape (settings × modes,)."""
-    ratios = [
-        (cube["predicted_error"].transpose("setting", "mode").values / _trial_rms(cube)).ravel()
-        for cube in of_subject(opened, body)
+def law_over_rms(chapter: Sequence[xr.Dataset]) -> Array:
+    """Return the law over the trials' rms of beam or plate, shape (settings × modes,)."""
+    ratios = [cube["predicted_error"] / trial_rms(cube["mean_error"]) for cube in chapter]
+    return np.concatenate([ratio.values.ravel() for ratio in ratios])
+
+
+def error_over_law(chapter: Sequence[xr.Dataset]) -> Array:
+    """Return each random trial's error over the law's prediction of it, in one dimension."""
+    ratios = [cube["mean_error"][..., 1:] / cube["predicted_error"] for cube in chapter]
+    return np.concatenate([ratio.values.ravel() for ratio in ratios])
+
+
+def tabulate_scatter(opened: Cubes) -> str:
+    """Tabulate how far the trials' errors of beam and plate lie from the law."""
+    rows = [
+        (subject, np.nanquantile(error_over_law(chapter), [0.05, 0.5, 0.95]))
+        for subject in ("beam", "plate")
+        if (chapter := of_subject(opened, subject))  # none in the book of another chapter
     ]
-    return np.concatenate(ratios)
+    return render(__file__, "rounding-scatter", rows=rows)
 
 
 def describe_body(body: str, opened: Cubes) -> str:
     """Describe what each factor does to the error of a body, and how well that is known."""
-    single = [c["mean_error"][..., 1:] / c["predicted_error"] for c in of_subject(opened, body)]
-    low, high = np.quantile(np.concatenate([one.values.ravel() for one in single]), [0.05, 0.95])
+    chapter = of_subject(opened, body)
+    low, high = np.quantile(error_over_law(chapter), [0.05, 0.95])
     return render(
         __file__,
         "body-result",
         by=error_shares(opened, body),
-        law_off_percent=100 * np.max(np.abs(law_over_rms(opened, body) - 1)),
+        law_off_percent=100 * np.max(np.abs(law_over_rms(chapter) - 1)),
         single_low=low,
         single_high=high,
     )
@@ -267,6 +266,7 @@ def describe_body(body: str, opened: Cubes) -> str:
 def describe_laboratory(opened: Cubes) -> str:
     """Describe the thesis's chain and the best one, with all cameras and pixels."""
     cube = opened["experiment-resolution"]
+    found = _check_claims(of_subject(opened, "experiment"))
     thesis, best = (
         _trial_median(select_settings(cube, method, 1).isel(setting=-1)["mean_error"])
         for method in ("matched", "harmonic")
@@ -277,7 +277,7 @@ def describe_laboratory(opened: Cubes) -> str:
         thesis=thesis,
         best=best,
         claim=claimed_errors(cube, "matched", 1)[-1],
-        met=_list_met_values(opened, "experiment", "mean_error"),
+        met=[inside for _, kind, inside in found if kind == "mean"],
     )
 
 
@@ -298,11 +298,11 @@ def describe_sound(opened: Cubes) -> str:
 
 def describe_shapes(opened: Cubes) -> str:
     """Describe how far the errors of the two shapes are from the rectangle's."""
-    whole = _trial_rms(opened["plate-arrays"])
+    whole = trial_rms(opened["plate-arrays"]["mean_error"]).values
     ratios = [
         float(ratio)
         for name in ("shape-l", "shape-holes")
-        for ratio in np.median(_trial_rms(opened[name]) / whole, axis=0)
+        for ratio in np.median(trial_rms(opened[name]["mean_error"]).values / whole, axis=0)
     ]
     return render(__file__, "shapes-result", ratios=ratios)
 
@@ -341,26 +341,37 @@ def list_findings(opened: Cubes) -> str:
     """List the advice of the thesis with its verdicts, and what the book finds of it."""
     entries = [entry for entry in from_cube(opened["claims"]) if entry.counted]
     numbers = {word: sum(one.verdict == word for one in entries) for word in verdicts.VERDICTS}
-    ratios = np.concatenate([law_over_rms(opened, body) for body in ("beam", "plate")])
+    ratios = law_over_rms([*of_subject(opened, "beam"), *of_subject(opened, "plate")])
     arrays = opened["sound-arrays"]
     held, curves = sound_trends(opened)
     average_px = float(np.sqrt(rounding.mean_difference_variance(1, 0, 1)))
     left = {body: error_shares(opened, body) for body in BODY_CHAPTERS}
-    advice = [
-        {
+    parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
+    advice = []
+    for name, words in ADVICE_TRENDS.items():
+        judged = {  # by the ledger, for each body
+            body: next(
+                one
+                for one in entries
+                if one.id.startswith(f"{chapter}-concluding-")
+                and parameter[one.id].startswith(FACTORS[name].parameter)
+            )
+            for body, chapter in BODY_CHAPTERS.items()
+        }
+        row = {
             "advice": words,
             "section": name,
             "left": {body: left[body][name]["share"] for body in BODY_CHAPTERS},
-            **_judge_advice(entries, name),
+            "verdicts": {body: one.verdict for body, one in judged.items()},
+            "links": {body: f"executed/claims.html#claim-{one.id}" for body, one in judged.items()},
         }
-        for name, words in ADVICE_TRENDS.items()
-    ]
+        advice.append(row)
     return render(
         __file__,
         "home-findings",
         counted=len(entries),
         verdicts=[(numbers[word], words) for word, words in VERDICT_WORDS.items() if numbers[word]],
-        missed=_list_met_values(opened),
+        missed=[inside for _, _, inside in _check_claims(of_subject(opened, "beam"))],
         ratios=ratios,
         off=np.max(np.abs(ratios - 1)),
         advice=advice,
@@ -374,34 +385,9 @@ def list_findings(opened: Cubes) -> str:
     )
 
 
-def _judge_advice(entries: Sequence[Entry], name: str) -> dict[str, dict[str, str]]:
-    """Return by body the ledger's verdict on a piece of advice, and the address of its row."""
-    parameter = {trend.id: trend.parameter for trend in claims.read_trends()}
-    found = {
-        body: next(
-            one
-            for one in entries
-            if one.id.startswith(f"{chapter}-concluding-")
-            and parameter[one.id].startswith(LEDGER_PARAMETERS[name])
-        )
-        for body, chapter in BODY_CHAPTERS.items()
-    }
-    return {
-        "verdicts": {body: one.verdict for body, one in found.items()},
-        "links": {body: f"executed/claims.html#claim-{one.id}" for body, one in found.items()},
-    }
-
-
 def _trial_median(errors: xr.DataArray) -> float:
     """Return the median over the random trials, and all else."""
     return float(errors.isel(trial=slice(1, None)).median())
-
-
-def _trial_rms(cube: xr.Dataset) -> Array:
-    """Return the rms error over the random trials, shape (settings, modes)."""
-    squared = cube["mean_error"].isel(trial=slice(1, None)) ** 2
-    rms: Array = np.sqrt(squared.mean("trial").transpose("setting", "mode").values)
-    return rms
 
 
 RESULT_PIECES: dict[str, Callable[[Cubes], str]] = {
@@ -423,5 +409,6 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     **RESULT_PIECES,
     "lab-repeats": describe_repeats,
     "sound-scatter": tabulate_sound_scatter,
+    "rounding-scatter": tabulate_scatter,
     "sound-layouts": tabulate_sound_layouts,
 }

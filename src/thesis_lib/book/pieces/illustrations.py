@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,14 +16,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from thesis_lib import files
-from thesis_lib.arrays import Array
 from thesis_lib.book.pieces.opened import write_placeholder
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets import cube_file, display
 from thesis_lib.figure_sets.optics.figures import pixel_flows
 from thesis_lib.figure_sets.parametric import compute
 from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_study
-from thesis_lib.plotting.selection import error_bars, select_settings
+from thesis_lib.plotting.selection import error_bars, list_cases, select_settings, trial_rms
 from thesis_lib.plotting.style import (
     CYCLE_COLORS,
     HIGHLIGHT_COLOR,
@@ -34,6 +32,7 @@ from thesis_lib.plotting.style import (
     draw_map,
     figure_svg,
     in_style,
+    log_axes,
     make_logarithmic,
     subplots,
 )
@@ -41,70 +40,48 @@ from thesis_lib.vibration import deflection_shape
 from thesis_lib.vibration import structure as structures
 
 DRAWN_MODE = 3  # of the curves over what is varied
-TICKS_OF_SETS = {
-    "aperture": (16, 60, 110, 160),
-    "arrays": (2, 4, 6, 8, 12),
-}  # else what was computed
-# Parameters of a study between whose values the law is drawn, at so many settings: with fewer its
-# line would hide what it does between the settings of the thesis.
-BETWEEN_WORDS = {
-    "distance": ("distances_mm",),
-    "aperture": ("half_apertures_deg", "elevations_deg"),
-    "resolution": ("widths_px",),
-}
 LAW_SETTINGS = 101
-AXIS_LABELS = {
-    "distance": "distance in mm",
-    "aperture": "aperture in °",
-    "resolution": "pixels across the image",
-    "arrays": "number of cameras",
+# By study: the label of its axis; the ticks there, else what was computed; and the parameters
+# between whose values the law is drawn, at so many settings: with fewer its line would hide what it
+# does between the settings of the thesis. Between numbers of cameras there are none.
+VARIED: dict[str, tuple[str, tuple[float, ...], tuple[str, ...]]] = {
+    "distance": ("distance in mm", (), ("distances_mm",)),
+    "aperture": ("aperture in °", (16, 60, 110, 160), ("half_apertures_deg", "elevations_deg")),
+    "resolution": ("pixels across the image", (), ("widths_px",)),
+    "arrays": ("number of cameras", (2, 4, 6, 8, 12), ()),
 }
 
 
-def _rms_over_trials(part: xr.Dataset) -> Array:
-    """Return the rms over the trials (settings,) in %, which the law predicts."""
-    error = part["mean_error"].transpose("setting", "trial").values
-    return np.asarray(np.sqrt(np.mean(error[:, 1:] ** 2, axis=1)))
-
-
-def densify_law(of: str, cube: xr.Dataset) -> xr.Dataset | None:
-    """Return the study of a cube with many settings from its first to its last, without trials.
-
-    None where the settings are numbers of cameras, between which there are none.
-    """
-    if of not in BETWEEN_WORDS:
-        return None
+def densify_law(cube: xr.Dataset, parameters: tuple[str, ...]) -> xr.Dataset:
+    """Return the study of a cube with many settings from its first to its last, without trials."""
     asked = json.loads(cube.attrs["parameters"])
-    for name in BETWEEN_WORDS[of]:
+    for name in parameters:
         ends = np.linspace(min(asked[name]), max(asked[name]), LAW_SETTINGS)
-        asked[name] = (np.rint(ends).astype(int) if of == "resolution" else ends).tolist()
+        asked[name] = (np.rint(ends).astype(int) if name == "widths_px" else ends).tolist()
     return compute.run(camera_study(cube.attrs["figure_set"], asked | {"trials": 0, "cube": ""}))
 
 
 def draw_varied(of: str, cube: xr.Dataset) -> Figure:
     """Draw the mean error over what is varied: rms and band of the trials, and the law."""
     drawing, axes = subplots(figsize=(5.2, 3.2), layout="constrained")  # to be read on a phone
-    cases, fine = list(dict.fromkeys(cube["case"].values.tolist())), densify_law(of, cube)
+    cases, (label, ticks, parameters) = list_cases(cube), VARIED[of]
+    fine = densify_law(cube, parameters) if parameters else None
     for i, case in enumerate(cases):
         part = select_settings(cube, case, DRAWN_MODE)
         bars, order = error_bars(cube, case, DRAWN_MODE), np.argsort(part["value"].values)
-        (low, _, high), rms = bars.band[:, order], _rms_over_trials(part)[order]
+        (low, _, high), rms = bars.band[:, order], trial_rms(part["mean_error"])[order]
         shift = 1.02 ** (i - (len(cases) - 1) / 2)  # side by side
         at = part["value"].values[order] * shift
-        style = {"color": cycle_color(i), "markersize": 4}
-        name = f"case {case.replace(chr(39), '′')}"
-        axes.vlines(at, low, high, color=cycle_color(i), linewidth=1)
-        axes.plot(at, rms, "osD^v*"[i], label=name, **style)
+        color, name = cycle_color(i), f"case {case.replace(chr(39), '′')}"
+        axes.vlines(at, low, high, color=color, linewidth=1)
+        axes.plot(at, rms, "osD^v*"[i], label=name, color=color, markersize=4)
         if fine is None:
-            axes.plot(at, bars.predicted[order], "_", color=cycle_color(i), markersize=10)
+            axes.plot(at, bars.predicted[order], "_", color=color, markersize=10)
         else:
             law = select_settings(fine, case, DRAWN_MODE).sortby("value")
-            axes.plot(
-                law["value"] * shift, law["predicted_error"], color=cycle_color(i), linewidth=1
-            )
-    make_logarithmic(axes.xaxis, TICKS_OF_SETS.get(of, np.unique(cube["value"]).tolist()))
-    make_logarithmic(axes.yaxis, [1, 2, 3, 5, 10, 20, 30, 50])
-    axes.set(xlabel=AXIS_LABELS[of], ylabel=f"mean error in mode {DRAWN_MODE}, %")
+            axes.plot(law["value"] * shift, law["predicted_error"], color=color, linewidth=1)
+    log_axes(axes, ticks or np.unique(cube["value"]).tolist(), [1, 2, 3, 5, 10, 20, 30, 50])
+    axes.set(xlabel=label, ylabel=f"mean error in mode {DRAWN_MODE}, %")
     if len(cases) > 1:
         drawing.legend(loc="outside upper left", ncols=3, columnspacing=1)
     return drawing
@@ -113,7 +90,7 @@ def draw_varied(of: str, cube: xr.Dataset) -> Figure:
 def draw_elevations(cube: xr.Dataset) -> Figure:
     """Draw the error over elevation: median and band of the trials, by case."""
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
-    for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
+    for i, case in enumerate(list_cases(cube)):
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         low, median, high = bars.band
         style = {"fmt": "osD^v"[i] + "-", "color": cycle_color(i), "markersize": 4, "linewidth": 1}
@@ -132,13 +109,12 @@ def draw_distances(cube: xr.Dataset) -> Figure:
         part, bars = select_settings(cube, case, 1), error_bars(cube, case, 1)
         values, (low, _, high) = part["value"].values, bars.band
         axes.vlines(values, low, high, color=CYCLE_COLORS[0])
-        axes.plot(
-            values, _rms_over_trials(part), "o", color=CYCLE_COLORS[0], label="rendered frames"
-        )
+        rms = trial_rms(part["mean_error"])
+        axes.plot(values, rms, "o", color=CYCLE_COLORS[0], label="rendered frames")
         law = {"color": INK_COLOR, "markersize": 14, "label": "law, one noise for all"}
         axes.plot(values, bars.predicted, "_", **law)
-        make_logarithmic(axes.xaxis, values.tolist()[:: 1 + len(values) // 6])
-        make_logarithmic(axes.yaxis, [0.01, 0.02, 0.05, 0.1, 0.2])
+        ticks = values.tolist()[:: 1 + len(values) // 6]
+        log_axes(axes, ticks, [0.01, 0.02, 0.05, 0.1, 0.2])
         axes.set(xlabel=f"{case} in {unit}")
     panels[0].set_ylabel("mean error, %")
     panels[0].legend()
@@ -152,13 +128,12 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
         1, len(modes), figsize=(7.2, 2.8), layout="constrained", sharey=True, squeeze=False
     )
     for axes, mode in zip(panels[0], modes, strict=True):
-        for i, case in enumerate(dict.fromkeys(cube["case"].values.tolist())):
+        for i, case in enumerate(list_cases(cube)):
             part, bars = select_settings(cube, case, mode), error_bars(cube, case, mode)
             style = "--" if case == "known" else "-"
             median, mark = bars.band[1], "osD^"[i] + style
             axes.plot(part["value"], median, mark, color=cycle_color(i), ms=4, label=case)
-        make_logarithmic(axes.xaxis, cube["frame_rate"].values.tolist())
-        make_logarithmic(axes.yaxis, [0.1, 0.3, 1, 3, 10, 30])
+        log_axes(axes, cube["frame_rate"].values.tolist(), [0.1, 0.3, 1, 3, 10, 30])
         axes.set(title=f"mode {mode}", xlabel="frames per second")
     panels[0][0].set_ylabel("mean error, %")
     panels[0][-1].legend()
@@ -167,12 +142,12 @@ def draw_few_frames(cube: xr.Dataset) -> Figure:
 
 def draw_plate_errors(cube: xr.Dataset) -> Figure:
     """Draw the deflection's error in mode 1 of fitted centres and of whole pixels."""
-    cases = list(dict.fromkeys(cube["case"].values.tolist()))
+    cases = list_cases(cube)
     drawing, axes = subplots(figsize=(6.4, 3.0), layout="constrained")
     for i, case in enumerate(cases):
         part = select_settings(cube, case, 1)
         place = i + np.linspace(-0.3, 0.3, part.sizes["setting"])
-        axes.plot(place, _rms_over_trials(part), "o-", color=CYCLE_COLORS[0])
+        axes.plot(place, trial_rms(part["mean_error"]), "o-", color=CYCLE_COLORS[0])
         axes.plot(place, part["rounded_error"], "_", color=CYCLE_COLORS[4], markersize=8)
     handles = [
         Line2D([], [], color=CYCLE_COLORS[0], marker="o", label="fitted centres"),
@@ -186,10 +161,9 @@ def draw_plate_errors(cube: xr.Dataset) -> Figure:
     return drawing
 
 
-def _draw_own(*of: Any) -> Figure:
+def _draw_own(cube: xr.Dataset, name: str, which: tuple[int, ...] = ()) -> Figure:
     """Draw a figure set's own figure by its name, and what else it is given, of its cube."""
-    *which, cube = of
-    drawing = display.draw_picture(cube, *which)
+    drawing = display.draw_picture(cube, name, *which)
     assert drawing is not None
     return drawing
 
@@ -199,24 +173,21 @@ OF_CUBES: dict[str, tuple[str, Draw]] = {
     **{
         f"{body}-{what}.svg": (f"{body}-{what}", partial(draw_varied, what))
         for body in ("beam", "plate")
-        for what in AXIS_LABELS
+        for what in VARIED
     },
     **{
-        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name))
+        f"cameras-{name}.svg": ("cameras", partial(_draw_own, name=name))
         for name in ("view", "projection", "pixels", "mosaic")
     },
     "layouts-elevation.svg": ("lab-elevation", draw_elevations),
     "layouts-far.svg": ("lab-layout", draw_distances),
     "layouts-sets.svg": ("lab-layout", partial(display.draw_figure, case="subsets", mode=1)),
-    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, "claim")),
+    "equal-pixels.svg": ("lab-equal-pixels", partial(_draw_own, name="claim")),
     "motions-ways.svg": ("lab-modes", draw_few_frames),
-    "motions-aliases.svg": ("lab-modes", partial(_draw_own, "aliases", 2)),
+    "motions-aliases.svg": ("lab-modes", partial(_draw_own, name="aliases", which=(2,))),
     "motions-plate.svg": ("lab-plate", draw_plate_errors),
 }
 """By file: the figure set whose cube is drawn, and what draws it."""
-
-
-WIDTHS_PX = (320, 640, 1280, 1920)
 
 
 def draw_response() -> Figure:
@@ -229,8 +200,7 @@ def draw_response() -> Figure:
     response = np.abs(moved.T @ beam.mode_shapes(range(1, 21), points))
     for i, word in enumerate(("45 % of the length", "the tip")):
         left.plot(hertz, 1000 * response[:, i], color=cycle_color(i), label=word)
-    make_logarithmic(left.xaxis, [5, 10, 20, 50, 100, 200])
-    make_logarithmic(left.yaxis, [1e-4, 1e-3, 0.01, 0.1, 1, 10])
+    log_axes(left, [5, 10, 20, 50, 100, 200], [1e-4, 1e-3, 0.01, 0.1, 1, 10])
     left.set(
         title="(a) two points, a force of 1 N", xlabel="frequency in Hz", ylabel="motion in mm"
     )
@@ -260,8 +230,8 @@ def draw_deflections() -> Figure:
         axes.axhline(span, color=INK_COLOR, linewidth=1, linestyle=("--", ":")[n])
         words = f"a pixel of {width} across, 500 mm away"
         axes.text(1900, span * 1.15, words, color=INK_COLOR, fontsize=8, ha="right")
-    make_logarithmic(axes.xaxis, [5, 10, 20, 50, 100, 200, 500, 1000, 2000])
-    make_logarithmic(axes.yaxis, [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10])
+    powers = [1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10]
+    log_axes(axes, [5, 10, 20, 50, 100, 200, 500, 1000, 2000], powers)
     axes.set(xlabel="natural frequency in Hz", ylabel="largest deflection in mm")
     axes.legend(loc="lower left")
     return drawing
@@ -273,11 +243,15 @@ def draw_rates() -> Figure:
     widths, fps = np.array([(width, rate) for width, _, rate in pixel_flows()]).T
     axes.plot(widths, fps, "o-", color=CYCLE_COLORS[0], label="frames per second")
     axes.plot(widths, fps / 2, "s--", color=CYCLE_COLORS[4], label="highest frequency, Hz")
-    make_logarithmic(axes.xaxis, WIDTHS_PX)
-    make_logarithmic(axes.yaxis, [20, 50, 100, 200, 500, 1000, 2000])
+    log_axes(axes, (320, 640, 1280, 1920), [20, 50, 100, 200, 500, 1000, 2000])
     axes.set(xlabel="pixels across a frame", ylabel="per second")
     axes.legend()
     return drawing
+
+
+def _mode_label(structure: structures.Structure, mode: int) -> str:
+    hertz = structure.angular_frequencies(mode)[-1] / (2 * np.pi)
+    return f"mode {mode}: {hertz:.4g} Hz"
 
 
 def draw_beam_modes() -> Figure:
@@ -286,8 +260,7 @@ def draw_beam_modes() -> Figure:
     drawing, axes = subplots(figsize=(6.4, 2.4), layout="constrained")
     for i, mode in enumerate((1, 2, 3)):
         w = deflection_shape(beam, mode, beam.markers, peak=1.0)
-        hertz = beam.angular_frequencies(mode)[-1] / (2 * np.pi)
-        label = _mode_label(mode, hertz)
+        label = _mode_label(beam, mode)
         axes.plot(1000 * beam.markers[0], w, ".-", color=cycle_color(i), label=label)
     axes.axhline(0, color=REFERENCE_COLOR, linewidth=1)
     axes.set(xlabel="x in mm, from the clamp", ylabel="deflection, of its peak")
@@ -303,8 +276,7 @@ def draw_plate_modes() -> Figure:
     for axis, mode in zip(axes, (1, 2, 3), strict=True):
         w = deflection_shape(plate, mode, plate.markers, peak=1.0)
         picture = draw_map(axis, w.reshape(y.size, x.size), x, y, 1.0)
-        hertz = plate.angular_frequencies(mode)[-1] / (2 * np.pi)
-        axis.set(title=_mode_label(mode, hertz), xlabel="x in mm")
+        axis.set(title=_mode_label(plate, mode), xlabel="x in mm")
     axes[0].set_ylabel("y in mm")
     drawing.colorbar(picture, ax=axes, label="of the peak", shrink=0.9)
     return drawing
@@ -316,14 +288,14 @@ def draw_alias() -> Figure:
     hertz, rate = structures.resonance_frequency(setups.thesis_beam(), 2) / (2 * np.pi), 60.0
     t, seen = np.linspace(0, 0.2, 800), np.arange(0, 0.2, 1 / rate)
     slow = hertz - rate * np.round(hertz / rate)
-    for one, style in ((hertz, "-"), (slow, "--")):
-        word = "true" if one == hertz else "seen"
-        tone = CYCLE_COLORS[0] if word == "true" else HIGHLIGHT_COLOR
+    for word, one, style, color in (
+        ("true", hertz, "-", CYCLE_COLORS[0]),
+        ("seen", slow, "--", HIGHLIGHT_COLOR),
+    ):
         label = f"{word}: {abs(one):.3g} Hz"
-        axes.plot(t, np.cos(2 * np.pi * one * t), style, color=tone, linewidth=1, label=label)
-    axes.plot(
-        seen, np.cos(2 * np.pi * hertz * seen), "o", color=INK_COLOR, label=f"{rate:g} frames/s"
-    )
+        axes.plot(t, np.cos(2 * np.pi * one * t), style, color=color, linewidth=1, label=label)
+    frames = np.cos(2 * np.pi * hertz * seen)
+    axes.plot(seen, frames, "o", color=INK_COLOR, label=f"{rate:g} frames/s")
     axes.set(xlabel="time in s", ylabel="motion", ylim=(-1.2, 2.1), yticks=[-1, 0, 1])
     axes.legend(ncols=3, loc="upper center")
     return drawing
@@ -378,10 +350,6 @@ def _range_words(settings: list[setups.Setting]) -> str:
     return f"{' '.join(first if first[1:] != last[1:] else first[:1])} … {' '.join(last)}"
 
 
-def _mode_label(mode: int, hertz: float) -> str:
-    return f"mode {mode}: {hertz:.4g} Hz"
-
-
 FACT_FIGURES: dict[str, Callable[[], Figure]] = {
     "beam-modes.svg": draw_beam_modes,
     "plate-modes.svg": draw_plate_modes,
@@ -407,16 +375,15 @@ def write_illustrations(
     """Write the figures `names` of the cubes `made` into `folder`; one without its cube says so."""
     cubes = {path.stem: path for path in made}
     for name in names:
-        file = folder / name
+        of = cube_of(name)
         if name in FACT_FIGURES:
             with in_style():
                 text = figure_svg(FACT_FIGURES[name]())
-        elif OF_CUBES[name][0] in cubes:
-            of, draw = OF_CUBES[name]
+        elif of in cubes:
             style = display.picture_style(of)
             with in_style(style):
-                text = figure_svg(draw(cube_file.read_cube(cubes[of])), style)
+                text = figure_svg(OF_CUBES[name][1](cube_file.read_cube(cubes[of])), style)
         else:
-            write_placeholder(file, OF_CUBES[name][0])
+            write_placeholder(folder / name, of)
             continue
-        files.whole_text(file, text)
+        files.whole_text(folder / name, text)

@@ -5,7 +5,7 @@ The report is no page of Sphinx: it loads nothing, and is the file that a user w
 
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -74,23 +74,9 @@ MANIFEST_PARTS: dict[str, type[BaseModel]] = {
     "sweep": manifest_parts.Sweep,
 }
 
-GROUP_OF_PIECE = {
-    "notes": "shape",
-    "notes-modes": "modes",
-    "notes-sound": "sound",
-    "notes-force": "force",
-}
-"""By piece of the page: the group of notes that it lists."""
-
 
 def list_fields(part: str) -> str:
-    """List the fields of a part of the manifest, as a Markdown definition list.
-
-    Parameters
-    ----------
-    part : str
-        A name of :data:`MANIFEST_PARTS`.
-    """
+    """List the fields of a part of :data:`MANIFEST_PARTS`, as a Markdown definition list."""
     model = MANIFEST_PARTS[part]
     fields = [
         {
@@ -106,17 +92,18 @@ def list_fields(part: str) -> str:
 
 def _format_default(model: type[BaseModel], name: str) -> str:
     """Return a field's default with its unit, or that it is required."""
-    if model.model_fields[name].is_required():
-        return "required" + (f", in {unit_of_field(name)}" if unit_of_field(name) else "")
-    required = any(field.is_required() for field in model.model_fields.values())
-    whole: Any = None if required else model()
-    field = model.model_fields[name]
-    value = getattr(whole, name) if whole else field.get_default(call_default_factory=True)
+    field, unit = model.model_fields[name], unit_of_field(name)
+    if field.is_required():
+        return f"required, in {unit}" if unit else "required"
+    if any(one.is_required() for one in model.model_fields.values()):
+        value = field.get_default(call_default_factory=True)
+    else:
+        value = getattr(model(), name)
     if isinstance(value, BaseModel):
         return "its fields below"
     if value is None:
-        return "null" + (f", else in {unit_of_field(name)}" if unit_of_field(name) else "")
-    return f"{_format_value(value)} {unit_of_field(name)}".rstrip()
+        return f"null, else in {unit}" if unit else "null"
+    return f"{_format_value(value)} {unit}".rstrip()
 
 
 def _format_value(value: Any) -> str:
@@ -135,14 +122,6 @@ PHONE_LAYOUTS = {
     "three all around": (0, 120, 240),
     "four, as in the thesis": (10, -10, 170, 190),
 }
-ELEVATIONS_DEG = (5, 15, 25, 35, 50, 70)
-SHUTTERS_PER_S = (60, 125, 250, 500, 1000)  # parts of a second
-FREQUENCIES_HZ = (5, 25, 100)
-F_NUMBERS = (2.8, 5.6, 11)
-WIDTHS_PX = (1280, 1920)
-STEADY_S = (1, 10, 60)
-ALIASED_HZ, FRAME_RATE_HZ = 110.0, 60.0
-MOTIONS_PX = (2.0, 1.0, messages.CHECK_LIMITS["small-motion"], 0.1)
 EXAMPLE_PLATE: dict[str, Any] = {
     "cameras": 4,
     "structure.kind": "plate",
@@ -159,15 +138,9 @@ PHONE_CAMERAS: dict[str, dict[str, Any]] = {
 }
 
 
-def format_command(given: Mapping[str, Any]) -> str:
-    """Format the command that makes the manifest, in lines that a page can show."""
-    parts = [f"-p {name}={shlex.quote(str(value))}" for name, value in given.items()]
-    lines = [" ".join(parts[i : i + 3]) for i in range(0, len(parts), 3)]
-    return " \\\n    ".join(["thesis measure --new plate", *lines])
-
-
 def state_rule() -> str:
     """State how many pixels of motion are enough, by the errors of films."""
+    motions_px = (2.0, 1.0, messages.CHECK_LIMITS["small-motion"], 0.1)
     whole = float(cone_law.cone_deflection_error(1, 1, EXAMPLE_PLATE["cameras"], np.pi / 2))
     errors_px = {
         "as a phone compresses it": assess.COMPRESSED_ERROR_PX,
@@ -175,44 +148,43 @@ def state_rule() -> str:
         "rounded to whole pixels, as in the thesis": whole,
     }
     films = [
-        (name, [assess.format_error_share(error / moved) for moved in MOTIONS_PX])
+        (name, [assess.format_error_share(error / moved) for moved in motions_px])
         for name, error in errors_px.items()
     ]
-    return render(__file__, "film-rule", motions_px=MOTIONS_PX, films=films)
+    return render(__file__, "film-rule", motions_px=motions_px, films=films)
 
 
 def answer_for_plate() -> str:
     """Answer for the plate: what to type, what comes out, and whether it will do."""
-    assessed = {
-        name: assess.assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
-        for name, phone in PHONE_CAMERAS.items()
-    }
-    steady_interval_s = assessed["full HD"].rig.steady_interval_s
+    rows: list[dict[str, Any]] = []
+    for name, phone in PHONE_CAMERAS.items():
+        assessed = assess.assess_manifest(draft_manifest(EXAMPLE_PLATE | phone))
+        verdict = assessed.verdict
+        row = {
+            "name": name,
+            "assessed": assessed,
+            "pixel_mm": assessed.table[0].ground_sample_mm,
+            "motion_px": min(one.motion_px for one in assessed.table),
+            "enough": verdict.outcome == "compressed",
+            "compressed": assess.format_error_share(verdict.compressed),
+            "lossless": assess.format_error_share(verdict.lossless),
+            "whole": assess.format_error_share(verdict.whole_pixels),
+        }
+        rows.append(row)
+    full_hd = rows[0]["assessed"]
+    given = [f"-p {name}={shlex.quote(str(value))}" for name, value in EXAMPLE_PLATE.items()]
+    lines = [" ".join(given[i : i + 3]) for i in range(0, len(given), 3)]  # that a page can show
     return render(
         __file__,
         "film-answer",
-        rows=[_phone_values(name, one) for name, one in assessed.items()],
+        rows=rows,
         frequency_hz=EXAMPLE_PLATE["excitation.frequency_hz"],
-        known_hz=messages.CHECK_LIMITS["alias"] / steady_interval_s,
-        command=format_command(EXAMPLE_PLATE),
+        known_hz=messages.CHECK_LIMITS["alias"] / full_hd.rig.steady_interval_s,
+        command=" \\\n    ".join(["thesis measure --new plate", *lines]),
         for_4k=" ".join(f"-p {name}={value}" for name, value in PHONE_CAMERAS["4K"].items()),
-        check=_describe_check(assessed["full HD"]),
-        verdict=assess.describe_verdict(assessed["full HD"]),
+        check=_describe_check(full_hd),
+        verdict=assess.describe_verdict(full_hd),
     )
-
-
-def _phone_values(name: str, one: assess.Assessment) -> dict[str, Any]:
-    """Return the motion in one kind of phone, and errors over the largest deflection."""
-    verdict = one.verdict
-    return {
-        "name": name,
-        "pixel_mm": one.table[0].ground_sample_mm,
-        "motion_px": min(row.motion_px for row in one.table),
-        "enough": verdict.outcome == "compressed",
-        "compressed": assess.format_error_share(verdict.compressed),
-        "lossless": assess.format_error_share(verdict.lossless),
-        "whole": assess.format_error_share(verdict.whole_pixels),
-    }
 
 
 def _describe_check(assessed: assess.Assessment) -> list[str]:
@@ -220,9 +192,13 @@ def _describe_check(assessed: assess.Assessment) -> list[str]:
     return [*assess.describe_assessment(assessed), "", *assess.describe_verdict(assessed)]
 
 
+def _build_example() -> Manifest:
+    return example_manifest(example_rig())
+
+
 def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess.Assessment:
     """Assess the example's structure and camera, filmed from other places."""
-    example = example_manifest(example_rig())
+    example = _build_example()
     cameras = tuple(
         example.cameras[0].model_copy(
             update={"name": str(i), "azimuth_deg": float(azimuth), "elevation_deg": elevation_deg}
@@ -232,23 +208,15 @@ def assess_layout(azimuths_deg: Sequence[float], elevation_deg: float) -> assess
     return assess.assess_manifest(example.model_copy(update={"cameras": cameras}))
 
 
-def _std_um(of: assess.Assessment) -> tuple[float, float]:
-    """Return standard errors of one frame and of the fit, rms over the markers, in µm."""
-    return 1000 * of.rig.one_frame[0], 1000 * of.rig.fit[0]
-
-
-def _example_camera() -> CameraFiles:
-    return example_manifest(example_rig()).cameras[0]
-
-
 def tabulate_layouts() -> str:
-    """Tabulate the effect of the sides from which cameras look."""
+    """Tabulate the effect of the sides from which cameras look, on rms standard errors."""
+    rigs = {name: assess_layout(at, 25.0).rig for name, at in PHONE_LAYOUTS.items()}
     return render(
         __file__,
         "film-layouts",
-        rows=[(name, *_std_um(assess_layout(at, 25.0))) for name, at in PHONE_LAYOUTS.items()],
-        fit_s=assess_layout((0, 180), 25.0).rig.steady_interval_s,
-        camera=_example_camera(),
+        rows=[(name, 1000 * rig.one_frame[0], 1000 * rig.fit[0]) for name, rig in rigs.items()],
+        fit_s=rigs["two that face each other"].steady_interval_s,
+        camera=_build_example().cameras[0],
         centre_noise_px=assess.CENTRE_NOISE_PX,
     )
 
@@ -256,14 +224,14 @@ def tabulate_layouts() -> str:
 def tabulate_elevations() -> str:
     """Tabulate the effect of the elevation."""
     rows = []
-    for degrees in ELEVATIONS_DEG:
+    for degrees in (5, 15, 25, 35, 50, 70):
         phi, found = np.radians(degrees), assess_layout((0, 180), float(degrees))
         values = {
             "degrees": degrees,
             "cosine": np.cos(phi),
             "across_px": found.table[0].across_px,
             "slides": 1 / np.tan(phi),
-            "one_frame_um": _std_um(found)[0],
+            "one_frame_um": 1000 * found.rig.one_frame[0],
         }
         rows.append(values)
     return render(__file__, "film-elevations", rows=rows)
@@ -276,13 +244,14 @@ def _amplitude_loss(turns: float) -> float | None:
 
 def tabulate_exposure() -> str:
     """Tabulate what shutters take from the amplitude."""
-    limit = messages.CHECK_LIMITS["long-exposure"]
+    limit, frequencies_hz = messages.CHECK_LIMITS["long-exposure"], (5, 25, 100)
     return render(
         __file__,
         "film-exposure",
-        frequencies_hz=FREQUENCIES_HZ,
+        frequencies_hz=frequencies_hz,
         rows=[
-            (n, [_amplitude_loss(hertz / n) for hertz in FREQUENCIES_HZ]) for n in SHUTTERS_PER_S
+            (parts, [_amplitude_loss(hertz / parts) for hertz in frequencies_hz])
+            for parts in (60, 125, 250, 500, 1000)  # of a second
         ],
         limit=limit,
         limit_loss=_amplitude_loss(limit),
@@ -291,58 +260,46 @@ def tabulate_exposure() -> str:
 
 def tabulate_alias() -> str:
     """Tabulate what a vibration above half of the frame rate needs."""
+    frequency_hz, rate_hz, turns = 110.0, 60.0, messages.CHECK_LIMITS["alias"]
     return render(
         __file__,
         "film-alias",
-        rate_hz=FRAME_RATE_HZ,
-        frequency_hz=ALIASED_HZ,
-        alias_hz=float(fold_frequency(ALIASED_HZ, FRAME_RATE_HZ)),
-        turns=messages.CHECK_LIMITS["alias"],
-        turns_loss=_amplitude_loss(messages.CHECK_LIMITS["alias"]),
-        steady_interval_s=STEADY_S,
+        rate_hz=rate_hz,
+        frequency_hz=frequency_hz,
+        alias_hz=float(fold_frequency(frequency_hz, rate_hz)),
+        turns=turns,
+        turns_loss=_amplitude_loss(turns),
+        steady_interval_s=(1, 10, 60),
         edge_turns=messages.CHECK_LIMITS["alias-edge"],
     )
 
 
 def tabulate_focus() -> str:
     """Tabulate the depths that apertures keep sharp."""
-    camera, outlook = (
-        _example_camera(),
-        assess.assess_manifest(example_manifest(example_rig())).table,
-    )
+    example = _build_example()
+    camera, outlook = example.cameras[0], assess.assess_manifest(example).table
     focal_mm, distance_mm = camera.focal_length_mm or 0.0, camera.distance_mm or 0.0
-    circles_mm = [
-        messages.CHECK_LIMITS["depth-of-field"] * (camera.sensor_width_mm or 0.0) / w
-        for w in WIDTHS_PX
-    ]
-    rows = [
-        (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
-        for stop in F_NUMBERS
-    ]
+    sharp_px, widths_px = messages.CHECK_LIMITS["depth-of-field"], (1280, 1920)
+    circles_mm = [sharp_px * (camera.sensor_width_mm or 0.0) / width for width in widths_px]
     return render(
         __file__,
         "film-focus",
-        widths_px=WIDTHS_PX,
-        rows=rows,
+        widths_px=widths_px,
+        rows=[
+            (stop, [depth_of_field(focal_mm, stop, distance_mm, circle) for circle in circles_mm])
+            for stop in (2.8, 5.6, 11)
+        ],
         camera=camera,
-        sharp_px=messages.CHECK_LIMITS["depth-of-field"],
+        sharp_px=sharp_px,
         nearest_mm=min(one.nearest_mm for one in outlook),
         farthest_mm=max(one.farthest_mm for one in outlook),
     )
 
 
-def describe_markers() -> str:
-    """Describe what markers must look like."""
-    return render(__file__, "film-markers", limit=messages.CHECK_LIMITS)
-
-
 def show_check() -> str:
     """Show what the command reports of the example."""
-    return render(
-        __file__,
-        "film-check",
-        lines=_describe_check(assess.assess_manifest(example_manifest(example_rig()))),
-    )
+    lines = _describe_check(assess.assess_manifest(_build_example()))
+    return render(__file__, "film-check", lines=lines)
 
 
 PIECES: dict[str, Callable[[], str]] = {
@@ -353,10 +310,13 @@ PIECES: dict[str, Callable[[], str]] = {
     ),
     "record-new": partial(render, __file__, "record-lines", lines=messages.NEW_MESSAGES),
     **{
-        f"record-{name}": partial(
-            render, __file__, "record-notes", notes=messages.NOTE_GROUPS[group]
+        name: partial(render, __file__, "record-notes", notes=messages.NOTE_GROUPS[group])
+        for name, group in (
+            ("record-notes", "shape"),
+            ("record-notes-modes", "modes"),
+            ("record-notes-sound", "sound"),
+            ("record-notes-force", "force"),
         )
-        for name, group in GROUP_OF_PIECE.items()
     },
     "film-rule": state_rule,
     "film-answer": answer_for_plate,
@@ -366,7 +326,7 @@ PIECES: dict[str, Callable[[], str]] = {
     "film-exposure": tabulate_exposure,
     "film-alias": tabulate_alias,
     "film-focus": tabulate_focus,
-    "film-markers": describe_markers,
+    "film-markers": partial(render, __file__, "film-markers", limit=messages.CHECK_LIMITS),
     "guide-summary": format_sample_summary,
     "guide-counted": compare_smallest_deflection,
 }

@@ -155,11 +155,10 @@ def write_shown_figures(wanted: Iterable[str], notebooks: Iterable[Path], folder
     found = {name: one for notebook in notebooks for name, one in _read_figures(notebook)}
     for name in wanted:
         picture, words = folder / f"{name}.svg", folder / f"{name}.md"
-        if name in found:
-            whole_text(picture, found[name]["picture"])
-            page = found[name]["set"] not in SETS_IN_CHAPTERS
-            text = render(__file__, "figure", name=name, figure=found[name], page=page)
-            whole_text(words, text)
+        if figure := found.get(name):
+            whole_text(picture, figure["picture"])
+            page = figure["set"] not in SETS_IN_CHAPTERS
+            whole_text(words, render(__file__, "figure", name=name, figure=figure, page=page))
         else:  # its set is of another chapter, or was run without this mode
             write_placeholder(picture, name)
             write_placeholder(words, name)
@@ -184,12 +183,9 @@ def write_provenance(notebook: Path, folder: Path) -> None:
 def _read_figures(notebook: Path) -> Iterator[tuple[str, dict[str, str]]]:
     for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
         about = cell["metadata"].get("mystnb", {})
-        pictures = [
-            "".join(output["data"]["image/svg+xml"])
-            for output in cell.get("outputs", [])
-            if "image/svg+xml" in output.get("data", {})
-        ]
-        if "figure" in about and pictures:
+        shown = [output.get("data", {}) for output in cell.get("outputs", [])]
+        picture = next((one["image/svg+xml"] for one in shown if "image/svg+xml" in one), None)
+        if "figure" in about and picture is not None:
             words = {"alt": about.get("image", {}).get("alt", ""), "set": notebook.stem}
-            words |= {"picture": pictures[0], "caption": about["figure"]["caption"]}
+            words |= {"picture": "".join(picture), "caption": about["figure"]["caption"]}
             yield about["figure"]["name"], words

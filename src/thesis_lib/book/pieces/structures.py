@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.acoustics import planes, radiation
-from thesis_lib.book.pieces.opened import Cubes, of_subject
+from thesis_lib.book.pieces.opened import Cubes
 from thesis_lib.facts import setups
 from thesis_lib.facts.setups import assumed_values
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
@@ -41,6 +41,11 @@ def show_plan(_: Cubes) -> str:
     with TemporaryDirectory() as name:
         printed = write_plan(EXAMPLE_PLAN, Path(name) / "plan")
         cameras = pd.read_csv(Path(name) / "plan" / "plan.csv")
+    scene = EXAMPLE_PLAN.scene()  # but with a motion far below a pixel
+    scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
+    grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
+    layout = places_at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
+    point = errors.predict_errors(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
     return render(
         __file__,
         "planner-example",
@@ -50,33 +55,22 @@ def show_plan(_: Cubes) -> str:
         printed=printed,
         cameras=cameras[["camera", "azimuth_deg", "elevation_deg", "distance_mm"]],
         small_mm=SMALL_MM,
-        small_error_percent=_small_motion_error(cameras),
+        small_error_percent=errors.objective_error(point, "mean").max(),
     )
-
-
-def _small_motion_error(cameras: pd.DataFrame) -> float:
-    """Predict the error in % of the planned cameras for a motion far below a pixel."""
-    scene = EXAMPLE_PLAN.scene()
-    scene = replace(scene, peaks=(SMALL_MM / 1000,) * len(scene.peaks))
-    grid = np.radians(cameras[["azimuth_deg", "elevation_deg"]].to_numpy(float))
-    layout = places_at(grid, cameras["distance_mm"].to_numpy(float) / 1000, scene.focals[0])
-    point = errors.predict_errors(scene, layout, EXAMPLE_PLAN.resolutions_px[0][0])
-    return float(errors.objective_error(point, "mean").max())
 
 
 def tabulate_modes(structure: structures.Structure, unit: str, scale: float) -> str:
     """Tabulate what sections 3.1 and 4.1 assume of a structure, mode by mode."""
+    resonances = {mode: structures.resonance_frequency(structure, mode) for mode in EXAMPLE_MODES}
     modes = [
         {
             "number": mode,
             "hertz": structure.angular_frequencies(mode)[-1] / (2 * np.pi),
             "peak": structures.peak_deflection(structure, mode),
-            "overlap": structures.modal_overlap(
-                structure, structures.resonance_frequency(structure, mode)
-            ),
+            "overlap": structures.modal_overlap(structure, omega),
             "distance": structures.single_mode_distance(structure, mode),
         }
-        for mode in EXAMPLE_MODES
+        for mode, omega in resonances.items()
     ]
     return render(__file__, "structure-model", modes=modes, unit=unit, scale=scale)
 
@@ -118,10 +112,8 @@ def tabulate_levels(_: Cubes) -> str:
     parts = planes.plate_pistons(plate)
     modes = []
     for mode in EXAMPLE_MODES:
-        omega, peak = (
-            structures.resonance_frequency(plate, mode),
-            structures.peak_deflection(plate, mode),
-        )
+        omega = structures.resonance_frequency(plate, mode)
+        peak = structures.peak_deflection(plate, mode)
         velocity = omega * peak * plate.mode_shapes([mode], plate.markers)[0]
         velocity = velocity / plate.shape_peak(mode)
         largest = max(
@@ -181,18 +173,6 @@ def describe_example(opened: Cubes) -> str:
     )
 
 
-def tabulate_scatter(opened: Cubes) -> str:
-    """Tabulate how far the trials' errors of beam and plate lie from the law."""
-    rows = []
-    for subject in ("beam", "plate"):
-        if cubes := of_subject(opened, subject):  # none in the book of another chapter
-            ratios = [
-                (c["mean_error"][..., 1:] / c["predicted_error"]).values.ravel() for c in cubes
-            ]
-            rows.append((subject, np.nanquantile(np.concatenate(ratios), [0.05, 0.5, 0.95])))
-    return render(__file__, "rounding-scatter", rows=rows)
-
-
 PIECES: dict[str, Callable[[Cubes], str]] = {
     "planner-example": show_plan,
     "beam-model": lambda _: tabulate_modes(setups.thesis_beam(), "mm", 1e3),
@@ -203,5 +183,4 @@ PIECES: dict[str, Callable[[Cubes], str]] = {
     "sound-levels": tabulate_levels,
     "effort": tabulate_costs,
     "rounding-example": describe_example,
-    "rounding-scatter": tabulate_scatter,
 }

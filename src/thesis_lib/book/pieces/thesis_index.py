@@ -67,36 +67,30 @@ def _is_documented(name: str) -> bool:
     return False
 
 
-CHAPTER_SUBJECTS = {  # pieces of the page: subjects, whose first names the piece
+CHAPTER_SUBJECTS = {  # pieces of the page: subjects, in the order in which they claim a gap
     "assumptions-simulation": ("beam", "plate"),
     "assumptions-sound": ("sound",),
     "assumptions-experiment": ("experiment", "lab"),
 }
-ASSUMPTION_SUBJECTS = ("beam", "plate", "sound", "experiment", "lab")
 
 
-def _describe_gap(item: dict[str, Any]) -> dict[str, Any]:
-    """Return one gap: what is open, what was assumed, why, and which parameters vary it."""
-    return item | {
-        "parameters": [(k, json.dumps(v)) for k, v in item.get("parameters", {}).items()],
-        "fields": item.get("fields", []),
-        "compared": "readings" in item,
-        "errata": item.get("errata", []),
-    }
-
-
-def format_assumptions(subjects: tuple[str, ...]) -> str:
-    """List the gaps whose first subject is one of these."""
+def format_assumptions(piece: str) -> str:
+    """List the gaps that belong to a piece: what is open, assumed, why, and what varies it."""
     items = [
-        _describe_gap(item)
+        item
+        | {
+            "parameters": [(k, json.dumps(v)) for k, v in item.get("parameters", {}).items()],
+            "fields": item.get("fields", []),
+            "compared": "readings" in item,
+            "errata": item.get("errata", []),
+        }
         for item in list_assumptions()
-        if next(subject for subject in ASSUMPTION_SUBJECTS if subject in item["subjects"])
-        in subjects
+        if piece == next(k for k, of in CHAPTER_SUBJECTS.items() if {*of} & {*item["subjects"]})
     ]
     return render(__file__, "assumptions", items=items)
 
 
 PIECES: dict[str, Callable[[], str]] = {
     **{f"thesis-index-{name}": partial(tabulate_chapter, name) for name in CHAPTER_FILES},
-    **{name: partial(format_assumptions, of) for name, of in CHAPTER_SUBJECTS.items()},
+    **{name: partial(format_assumptions, name) for name in CHAPTER_SUBJECTS},
 }

@@ -29,20 +29,17 @@ def write_pieces(
 def _render_piece(piece: Callable[[Cubes], str], opened: Opened) -> str:
     """Return one piece, or a sentence on the cubes that it is missing."""
     opened.forget()
+    text = ""
     try:
         text = piece(opened)
     except Exception:
         if not opened.wanted:
             raise
-        text = ""
-    if opened.wanted:
-        text = "\n\n".join(filter(None, [text, describe_missing(opened.wanted)]))
-    return text
+    missing = describe_missing(opened.wanted) if opened.wanted else ""
+    return "\n\n".join(filter(None, [text, missing]))
 
 
-CUBE_PIECES: dict[
-    str, tuple[Any, ...]
-] = {  # pieces: figure set, its template, and what it is given
+CUBE_PIECES: dict[str, tuple[Any, ...]] = {
     **{
         f"cameras-{name}": ("cameras", name)
         for name in ("flow", "formats", "sensors", "lens", "pixels", "colours", "horizons")
@@ -68,6 +65,7 @@ CUBE_PIECES: dict[
     "lab-radiation-tap": ("lab-radiation", "tap"),
     "sound-turn": ("sound-aperture", "turn-summary"),
 }
+"""By piece: the figure set, its template, and what it is given."""
 
 
 def _fill_piece(of: tuple[Any, ...], opened: Cubes) -> str:
