@@ -36,8 +36,7 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
     """
     n_settings, width = part.sizes["setting"], 0.7 / len(groups)
     colors = style.ordered_colors(n_settings)
-    top = _top(groups)
-    floor = _least(groups, top)
+    floor, top = _find_limits(groups)
     silent = [bars.name for bars in groups if np.isnan(bars.literal).all()]
     for g, bars in enumerate(groups):
         if bars.name in silent:
@@ -56,10 +55,8 @@ def bar_panel(axes: Axes, part: xr.Dataset, groups: Sequence[selection.Bars]) ->
             words = f"5–95 % of {cubes.trials_are(part)}"
             axes.plot([], [], "|", color=style.BLACK_COLOR, ms=10, mew=1.2, label=words)
             axes.plot(position, median, "o", color=style.BLACK_COLOR, ms=4, label="median")
-        words = f"{part.attrs['predicts']}, rms"
-        axes.plot(
-            position, bars.predicted, "_", color=style.BLACK_COLOR, ms=18 / len(groups), label=words
-        )
+        words, size = f"{part.attrs['predicts']}, rms", 18 / len(groups)
+        axes.plot(position, bars.predicted, "_", color=style.BLACK_COLOR, ms=size, label=words)
         for at, claim in zip(position + 0.54 * width, bars.claims, strict=True):
             if claim:
                 _mark_claim(axes, at, claim, 0.3 * width)
@@ -98,18 +95,14 @@ def _mark_claim(axes: Axes, at: float, claim: Claim, reach: float) -> None:
     axes.plot(at, (least + most) / 2, "D", mfc="white", ms=4, label="thesis", **look)
 
 
-def _top(groups: Sequence[selection.Bars]) -> float:
-    """Return the largest error that is drawn or stated, at least 0.1."""
+def _find_limits(groups: Sequence[selection.Bars]) -> tuple[float, float]:
+    """Return the least error if an axis from 0 would hide it, else 0, and the largest, from 0.1."""
     drawn = [np.ravel([bars.literal, bars.band[2]]) for bars in groups]
     stated = [claim.high for bars in groups for claim in bars.claims if claim]
-    return float(np.fmax.reduce(np.concatenate([*drawn, [0.1, *stated]])))
-
-
-def _least(groups: Sequence[selection.Bars], top: float) -> float:
-    """Return the least error if an axis from 0 would hide it, else 0."""
-    drawn = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
-    least = float(np.fmin.reduce(np.concatenate(drawn)))
-    return least if least > 0 and top > FAR_APART * least else 0.0
+    top = float(np.fmax.reduce(np.concatenate([*drawn, [0.1, *stated]])))
+    every = [np.ravel([bars.literal, bars.predicted, *bars.band]) for bars in groups]
+    least = float(np.fmin.reduce(np.concatenate(every)))
+    return (least if least > 0 and top > FAR_APART * least else 0.0), top
 
 
 def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
@@ -136,14 +129,9 @@ def setup_panel(axes: Axes, cube: xr.Dataset, part: xr.Dataset) -> None:
                 _draw(axes, np.array([place, 0 * place]), color=ink, lw=0.6, alpha=0.6)
                 axes.plot(*_view(place), "o", color=ink, ms=5, zorder=4)
     _mark_varied(axes, cameras, str(part["parameter"].values[0]), part)
-    for end, name in (
-        ([1.12 * half, 0, 0], "X"),
-        ([0, 0.45 * radius, 0], "Y"),
-        ([0, 0, 0.45 * radius], "Z"),
-    ):
-        arrow = _view([[0, 0, 0], end])
-        axes.plot(*arrow.T, color="#777777", lw=0.7, zorder=4)
-        _write(axes, np.array(end) * 1.08, name, color="#777777", fontsize=8)
+    for name, end in zip("XYZ", np.diag([1.12 * half, 0.45 * radius, 0.45 * radius]), strict=True):
+        _draw(axes, np.array([0 * end, end]), color="#777777", lw=0.7, zorder=4)
+        _write(axes, 1.08 * end, name, color="#777777", fontsize=8)
     axes.set_aspect("equal")
     axes.margins(0.06)
     axes.axis("off")
@@ -155,9 +143,8 @@ def _mark_varied(axes: Axes, cameras: list[Array], varied: str, part: xr.Dataset
     if varied == "distance_mm":
         far = max((c[0] for c in cameras), key=lambda c: float(np.linalg.norm(c)))
         _draw(axes, np.array([0 * far, far]), **look)
-        _write(
-            axes, 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)], "d", color=style.HIGHLIGHT_COLOR
-        )
+        above = 0.55 * far + [0, 0, 0.06 * np.linalg.norm(far)]
+        _write(axes, above, "d", color=style.HIGHLIGHT_COLOR)
     elif varied == "aperture_deg":
         widest = max(cameras, key=lambda c: float(np.linalg.norm(c[0] - c[1])))
         arc = _aperture_arc(*widest[:2])
@@ -231,12 +218,8 @@ def beam_figure(cube: xr.Dataset, case: str, mode: int) -> Figure:
         error = part["point_error"].values[index]
         axes["c"].plot(x, error, ".-", color=ink, lw=1, label=labels[index])
     axes["b"].set(title="(b) deflection shape", xlabel="x in mm", ylabel="w in mm")
-    axes["c"].set(
-        title="(c) error of each marker",
-        xlabel="x in mm",
-        ylabel="% of the largest deflection",
-        ylim=(0, None),
-    )
+    axes["c"].set(title="(c) error of each marker", xlabel="x in mm", ylim=(0, None))
+    axes["c"].set_ylabel("% of the largest deflection")
     low, high = axes["b"].get_ylim()
     axes["b"].set_ylim(low, high + 0.45 * (high - low))  # room for the legend
     axes["b"].legend(loc="upper left")
@@ -271,17 +254,15 @@ def case_captions(cube: xr.Dataset) -> dict[tuple[str, int], Caption]:
 
 
 def describe_panels(drawing: Figure) -> str:
-    """Describe the panels of a figure in words: title, axes and legend of each."""
-    return f"Panels: {'; '.join(filter(None, map(_panel, drawing.axes)))}."
-
-
-def _panel(axes: Axes) -> str:
-    """Describe one panel or colour bar; empty if it has no words."""
-    title = "".join(axes.get_title(place) for place in ("left", "center", "right"))
-    title = title.replace("\n", " ")
-    scale = "colours" if axes.get_label() == "<colorbar>" else ""
-    drawn = " over ".join(filter(None, (axes.get_ylabel(), axes.get_xlabel())))
-    words = ", ".join(filter(None, (title or scale, drawn)))
-    legend = axes.get_legend()
-    names = ", ".join(text.get_text() for text in legend.get_texts()) if legend else ""
-    return ": ".join(filter(None, (words, names)))
+    """Describe the panels and colour bars of a figure in words: title, axes and legend of each."""
+    panels = []
+    for axes in drawing.axes:
+        title = "".join(axes.get_title(place) for place in ("left", "center", "right"))
+        title = title.replace("\n", " ")
+        scale = "colours" if axes.get_label() == "<colorbar>" else ""
+        drawn = " over ".join(filter(None, (axes.get_ylabel(), axes.get_xlabel())))
+        words = ", ".join(filter(None, (title or scale, drawn)))
+        legend = axes.get_legend()
+        names = ", ".join(text.get_text() for text in legend.get_texts()) if legend else ""
+        panels.append(": ".join(filter(None, (words, names))))
+    return f"Panels: {'; '.join(filter(None, panels))}."

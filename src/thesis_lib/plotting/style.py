@@ -20,7 +20,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array
@@ -63,16 +63,6 @@ MATH_STYLE = {"text.parse_math": True}
 _BOX_DIGITS = 9  # of a panel's place in its figure
 _ONE_AT_A_TIME = threading.RLock()
 
-_LAYOUT_FIELDS = (
-    "sharex",
-    "sharey",
-    "squeeze",
-    "width_ratios",
-    "height_ratios",
-    "subplot_kw",
-    "gridspec_kw",
-)
-
 
 def cycle_color(index: int) -> str:
     """Return the colour of the `index`-th of some kinds; they repeat after six."""
@@ -95,10 +85,7 @@ def ordered_colors(count: int) -> list[str]:
 def in_style(changed: Any = None) -> Iterator[None]:
     """Draw or save a figure: alone, in our style, and nothing of it left behind.
 
-    Parameters
-    ----------
-    changed : dict, optional
-        Parameters of Matplotlib that differ from :data:`RC_STYLE`.
+    Parameters of Matplotlib that differ from :data:`RC_STYLE` may be given as `changed`.
     """
     with _ONE_AT_A_TIME, matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -120,20 +107,24 @@ def drawable_names(names: Iterable[Any], otherwise: str) -> list[str]:
     return [text if known[k] else f"{otherwise} {k + 1}" for k, text in enumerate(texts)]
 
 
-def subplots(rows: int = 1, columns: int = 1, **how: Any) -> tuple[Figure, Any]:
+def subplots(
+    rows: int = 1, columns: int = 1, figsize: Any = None, layout: Any = None, **how: Any
+) -> tuple[Figure, Any]:
     """Return a figure and its panels like ``pyplot.subplots``, but unknown to pyplot."""
-    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT_FIELDS})
-    panels = figure.subplots(rows, columns, **{k: how[k] for k in _LAYOUT_FIELDS if k in how})
+    figure = Figure(figsize=figsize, layout=layout)
+    panels = figure.subplots(rows, columns, **how)
     if how.get("sharey"):  # a phone shows each panel alone
         for axes in figure.axes:
             axes.tick_params(labelleft=True)
     return figure, panels
 
 
-def make_mosaic(names: Any, **how: Any) -> tuple[Figure, dict[str, Any]]:
+def make_mosaic(
+    names: Any, figsize: Any = None, layout: Any = None, **how: Any
+) -> tuple[Figure, dict[str, Any]]:
     """Return a figure and its panels by name like ``pyplot.subplot_mosaic``."""
-    figure = Figure(**{key: value for key, value in how.items() if key not in _LAYOUT_FIELDS})
-    return figure, figure.subplot_mosaic(names, **{k: how[k] for k in _LAYOUT_FIELDS if k in how})
+    figure = Figure(figsize=figsize, layout=layout)
+    return figure, figure.subplot_mosaic(names, **how)
 
 
 def place_panels(
@@ -146,20 +137,9 @@ def place_panels(
     """Return a figure and its panels by name, in places that do not depend on their content.
 
     So figures of one kind are alike; and to look for room, as layout engines do, takes as long as
-    to draw.
-
-    Parameters
-    ----------
-    names : str
-        As ``pyplot.subplot_mosaic`` takes them.
-    size : tuple of float
-        Width and height of the figure in inches.
-    edges : tuple of float
-        Room at the left, right, bottom and top in inches.
-    gaps : tuple of float
-        Room between columns and between rows in inches.
-    heights : sequence of float, optional
-        Of the rows, relative to each other.
+    to draw. The names are as ``pyplot.subplot_mosaic`` takes them. In inches are the figure's width
+    and height (`size`), the room at the left, right, bottom and top (`edges`), and that between
+    columns and between rows (`gaps`). The `heights` of the rows are relative to each other.
     """
     (width, height), (left, right, bottom, top) = size, edges
     rows = names.split(";")
@@ -173,8 +153,7 @@ def place_panels(
         "wspace": gaps[0] / across,
         "hspace": gaps[1] / up,
     }
-    figure = Figure(figsize=size)
-    return figure, figure.subplot_mosaic(names, gridspec_kw=grid, height_ratios=heights)
+    return make_mosaic(names, size, gridspec_kw=grid, height_ratios=heights)
 
 
 def bar_beside(panel: Axes, picture: Any, label: str) -> None:
@@ -190,14 +169,13 @@ def bar_beside(panel: Axes, picture: Any, label: str) -> None:
 
 def save_figure(figure: Figure, kind: str, changed: Any = None, **how: Any) -> bytes:
     """Return a figure as a file of a kind in its style; equal figures give equal bytes."""
-    without: Mapping[str, None] = {"svg": {"Date": None}, "png": {"Software": None}}[kind]
-    content = io.BytesIO()
+    without = {"svg": "Date", "png": "Software"}[kind]
+    content, panels = io.BytesIO(), ""
     with in_style(changed):
-        panels = ""
         if kind == "svg":
             _lay_out(figure)
             panels = find_panels(figure)
-        figure.savefig(content, format=kind, metadata=dict(without), **how)
+        figure.savefig(content, format=kind, metadata={without: None}, **how)
     if panels:  # the book shows them one below the other on a phone
         return content.getvalue().replace(b"<svg ", f'<svg data-panels="{panels}" '.encode(), 1)
     return content.getvalue()
@@ -291,7 +269,6 @@ def make_logarithmic(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_major_locator(FixedLocator(ticks))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
-    axis.set_minor_formatter(NullFormatter())
 
 
 # From blue over near-white to orange, distinct with any colour vision: two even steps in Oklab to
