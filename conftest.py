@@ -25,13 +25,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("nbval_sanitize_with", None) is None:
         file = config.rootpath / "tests" / "nbval_sanitize.cfg"
         config.option.nbval_sanitize_with = str(file)
-    if config.getoption("nbval", False) or config.getoption("nbval_lax", False):
-        _own_kernel(config)
-
-
-def _own_kernel(config: pytest.Config) -> None:
-    """Let nbval start the kernel that runs have, and nothing of the reader's Jupyter."""
-    from thesis_lib.runs import execute
+    if not (config.getoption("nbval", False) or config.getoption("nbval_lax", False)):
+        return
+    from thesis_lib.runs import execute  # nbval gets nothing of the reader's Jupyter
 
     folder = tempfile.TemporaryDirectory(prefix="thesis-kernel-")
     config.add_cleanup(folder.cleanup)

@@ -17,12 +17,14 @@ OUTPUT_FOLDERS = ("book/executed", "data/results", "build/html", "build/assets")
 
 def source_digest() -> str:
     """Return the digest of all that people write."""
-    return digest_of(path for path in _list_files(SOURCE_FOLDERS) if not _is_made(path))
+    outputs = [project_root() / place for place in OUTPUT_FOLDERS]
+    written = _list_files(SOURCE_FOLDERS)
+    return digest_of(path for path in written if not any(one in path.parents for one in outputs))
 
 
 def remember_state(sources: str) -> None:
     """Keep the state of a book that has just been finished, made from sources of this digest."""
-    whole_text(_state_path(), f"{sources} {digest_of(_list_files(OUTPUT_FOLDERS))}\n")
+    whole_text(_state_path(), _describe_state(sources))
 
 
 def is_up_to_date() -> bool:
@@ -30,18 +32,16 @@ def is_up_to_date() -> bool:
     record = _state_path()
     if not record.is_file():
         return False
-    state = f"{source_digest()} {digest_of(_list_files(OUTPUT_FOLDERS))}\n"
-    return record.read_text(encoding="utf-8") == state
+    return record.read_text(encoding="utf-8") == _describe_state(source_digest())
 
 
 def _state_path() -> Path:
     return project_root() / "build" / ".book"
 
 
+def _describe_state(sources: str) -> str:
+    return f"{sources} {digest_of(_list_files(OUTPUT_FOLDERS))}\n"
+
+
 def _list_files(places: tuple[str, ...]) -> list[Path]:
     return folder_files(project_root() / place for place in places)
-
-
-def _is_made(path: Path) -> bool:
-    root = project_root()
-    return any(root / place in path.parents for place in OUTPUT_FOLDERS)

@@ -72,9 +72,8 @@ def _list_setups(study: CameraStudy) -> list[dict[str, Any]]:
     published, claims = read_published(study.name), claims_of(study.name)
     found: dict[tuple[object, ...], list[float]] = {}
     if published is not None:
-        keys, numbers = published[[*cubes.ROW_KEYS, "error"]], published[cubes.STATISTIC_NAMES]
-        rows = zip(keys.values.tolist(), numbers.values.tolist(), strict=True)
-        found = {tuple(key): row for key, row in rows}
+        numbers = published.set_index([*cubes.ROW_KEYS, "error"])[cubes.STATISTIC_NAMES]
+        found = dict(zip(numbers.index, numbers.values.tolist(), strict=True))
 
     def errors(setting: setups.Setting, error: str) -> list[list[float] | None]:
         key = (setting.case, setting.value, setting.label, setting.pair_order)
@@ -146,16 +145,13 @@ class Explorer(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = _write_fragment(self.data, self.address)
+        page = explorer_html(self.address, data=self.data)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
-def _write_fragment(data: dict[str, Any], address: str, compact: bool = False) -> str:
-    traits = {"data": data, "address": address, "page": True, "compact": compact}
-    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_FALLBACK, prints=True)
-
-
-def explorer_html(address: str = "", compact: bool = False) -> str:
+def explorer_html(
+    address: str = "", compact: bool = False, data: Mapping[str, Any] | None = None
+) -> str:
     """Write the explorer as a self-contained HTML fragment for a page without a kernel.
 
     Parameters
@@ -165,8 +161,12 @@ def explorer_html(address: str = "", compact: bool = False) -> str:
     compact : bool, optional
         Show the view, the shapes and the least controls, with a link to the page ``explorer.html``
         that has them all.
+    data : dict, optional
+        That of :func:`explorer_data`.
     """
-    return _write_fragment(explorer_data(), address, compact)
+    data = explorer_data() if data is None else data
+    traits = {"data": data, "address": address, "page": True, "compact": compact}
+    return static_html(_EXPLORER_SCRIPT, _EXPLORER_STYLE, traits, EXPLORER_FALLBACK, prints=True)
 
 
 EXPERIMENT_FALLBACK = "This experiment needs JavaScript; the text below describes what it shows."
@@ -176,10 +176,11 @@ DEMO_NAMES = ("rounding_marker", "rounding_point", "rounding_beam")
 
 def write_experiment(name: str) -> str:
     """Write one of :data:`DEMO_NAMES` as a self-contained HTML fragment."""
-    data = explorer_data()
-    state = {"structure": data["structures"]["beam"], "sensorWidth": data["sensor_width_mm"]}
-    state["structure"] = {k: v for k, v in state["structure"].items() if k != "setups"}
-    traits = {"experiment": name} | ({"data": state} if name == "rounding_beam" else {})
+    traits: dict[str, Any] = {"experiment": name}
+    if name == "rounding_beam":
+        data = explorer_data()
+        beam = {k: v for k, v in data["structures"]["beam"].items() if k != "setups"}
+        traits["data"] = {"structure": beam, "sensorWidth": data["sensor_width_mm"]}
     css = VIEWER_CSS + read_asset("rounding.css")
     return static_html(join_modules("rounding"), css, traits, EXPERIMENT_FALLBACK, prints=True)
 

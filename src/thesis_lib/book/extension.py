@@ -145,10 +145,8 @@ def _describe_page(app: Any, page: str, _template: str, context: Any, tree: Any)
         ("property", "og:image", f"{root}_static/card.png"),
         ("name", "twitter:card", "summary_large_image"),
     ]
-    for kind, name, text in tags:
-        context["metatags"] = (
-            context.get("metatags", "") + f'\n<meta {kind}="{name}" content="{escape(text)}"/>'
-        )
+    lines = [f'<meta {kind}="{name}" content="{escape(text)}"/>' for kind, name, text in tags]
+    context["metatags"] = "\n".join([context.get("metatags", ""), *lines])
 
 
 def _remove_old_pages(app: Any, error: Exception | None) -> None:
@@ -206,10 +204,9 @@ def _add_binder_button(app: Any, page: str, _template: str, context: Any, _tree:
     context.setdefault("header_buttons", []).append(button)
 
 
-def _escape_bars(
-    _app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
-) -> None:
+def _escape_bars(*event: Any) -> None:
     """Read ``|w|`` in a docstring as an absolute value, not as a substitution."""
+    *_, lines = event
     lines[:] = [
         _BAR_PATTERN.sub(lambda m: m["skip"] or f"{m['before']}\\|", line) for line in lines
     ]

@@ -21,7 +21,8 @@ from urllib.parse import unquote
 import lxml.html
 from lxml import etree
 from lxml.html import HtmlElement, builder, fragment_fromstring
-from PIL import Image
+from matplotlib.colors import to_hex
+from PIL import Image, ImageColor
 
 from thesis_lib.facts.claims import read_index
 from thesis_lib.web.html import render_html
@@ -60,13 +61,6 @@ def finish_pages(book: Path) -> None:
         strip_notebook(notebook)
 
 
-def find_class(page: HtmlElement, *classes: str) -> Iterator[HtmlElement]:
-    """Yield the elements of a page that have one of some classes."""
-    for element in page.iter(lxml.html.etree.Element):
-        if not {*classes}.isdisjoint(element.classes):
-            yield element
-
-
 def remove_unused(page: HtmlElement) -> None:
     """Remove the state of widgets, which viewers carry, and the scripts of Sphinx's search."""
     for script in [*page.iter("script")]:
@@ -82,18 +76,19 @@ def name_controls(page: HtmlElement) -> None:
 
     ``tests/book/test_book_pages.py`` checks them with axe in a browser.
     """
-    for link in find_class(page, "internal"):
+    for link in page.find_class("internal"):
         fold = link.getnext()
         if fold is not None and fold.tag == "details":
             fold.find("summary").set("aria-label", f"Pages below: {link.text_content().strip()}")
-    for element in find_class(page, "search-button-field"):
-        element.attrib.pop("aria-label", None)  # its own text says more
-    for element in page.xpath("//summary[@aria-label='Toggle hidden content']"):
-        del element.attrib["aria-label"]
-    for element in find_class(page, "theme-switch"):
-        element.attrib.pop("title", None)  # a second text next to the button's name
-    for element in page.xpath("//form[contains(@class, 'bd-search')]"):
-        for name in ("action", "method"):
+    superfluous = (
+        (page.find_class("search-button-field"), "aria-label"),  # its own text says more
+        (page.xpath("//summary[@aria-label='Toggle hidden content']"), "aria-label"),
+        (page.find_class("theme-switch"), "title"),  # a second text next to the button's name
+        (page.xpath("//form[contains(@class, 'bd-search')]"), "action"),
+        (page.xpath("//form[contains(@class, 'bd-search')]"), "method"),
+    )
+    for elements, name in superfluous:
+        for element in elements:
             element.attrib.pop(name, None)
     for element in page.xpath("//*[@id='pst-primary-sidebar']"):
         element.set("role", "region")
@@ -138,33 +133,28 @@ def share_viewers(page: HtmlElement, book: Path, root: str) -> None:
     A page opened from a folder may load no module, but a script, whose function returns the front
     end; both run when the page is read, in their order.
     """
+    folder = book / VIEWERS_FOLDER
     for script in page.xpath("//script[@type='module']"):
         head, found, model = (script.text or "").rpartition(_MODEL_MARK)
         program, _, state = head.rpartition(_STATE_MARK)
         style = script.getprevious()
         if not found or style is None or style.tag != "style":
             continue
-        name, css = _write_viewer(book, program.strip(), style.text or "")
-        script.addprevious(builder.LINK(rel="stylesheet", href=f"{root}{VIEWERS_FOLDER}/{css}"))
-        front = builder.SCRIPT(
-            {"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{root}{VIEWERS_FOLDER}/{name}.js"
+        program, css = program.strip(), style.text or ""
+        name, css_name = (hashlib.sha256(text.encode()).hexdigest()[:16] for text in (program, css))
+        front = f"({_FRONTS_MARK} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
+        folder.mkdir(exist_ok=True)
+        (folder / f"{name}.js").write_text(front, encoding="utf-8")
+        (folder / f"{css_name}.css").write_text(css, encoding="utf-8")
+        address = f"{root}{VIEWERS_FOLDER}"
+        script.addprevious(builder.LINK(rel="stylesheet", href=f"{address}/{css_name}.css"))
+        script.addprevious(
+            builder.SCRIPT({"defer": "", "onerror": _WITHOUT_BOOK}, src=f"{address}/{name}.js")
         )
-        script.addprevious(front)
         script.text = (
             f"\nconst widget = {_FRONTS_MARK}['{name}']();{_STATE_MARK}{state}{_MODEL_MARK}{model}"
         )
         style.drop_tree()
-
-
-def _write_viewer(book: Path, program: str, style: str) -> tuple[str, str]:
-    """Write a program and a style sheet, named by their contents; return the names."""
-    name, css = (hashlib.sha256(text.encode()).hexdigest()[:16] for text in (program, style))
-    folder = book / VIEWERS_FOLDER
-    folder.mkdir(exist_ok=True)
-    js = f"({_FRONTS_MARK} ??= {{}})['{name}'] = () => {{\n{program}\nreturn widget;\n}};\n"
-    (folder / f"{name}.js").write_text(js, encoding="utf-8")
-    (folder / f"{css}.css").write_text(style, encoding="utf-8")
-    return name, f"{css}.css"
 
 
 def strip_notebook(path: Path) -> None:
@@ -172,12 +162,9 @@ def strip_notebook(path: Path) -> None:
     notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     notebook["metadata"].pop("widgets", None)
     for output in (one for cell in notebook["cells"] for one in cell.get("outputs", [])):
-        data = output.get("data", {})
-        text = {
-            kind: value for kind, value in data.items() if kind in ("text/plain", "text/markdown")
-        }
-        if data:
-            output["data"], output["metadata"] = text or data, {}
+        if data := output.get("data"):
+            kept = {kind: data[kind] for kind in data if kind in ("text/plain", "text/markdown")}
+            output["data"], output["metadata"] = kept or data, {}
     path.write_text(json.dumps(notebook, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
@@ -272,7 +259,7 @@ def theme_drawing(path: Path) -> None:
     colours = {"#000000"}
 
     def name_variable(match: re.Match[str]) -> str:
-        colours.add(colour := lengthen_colour(match[0]))
+        colours.add(colour := to_hex(match[0]))
         return f"var(--c{colour[1:]})"
 
     for element in root.iter(etree.Element):
@@ -289,12 +276,6 @@ def theme_drawing(path: Path) -> None:
     tree.write(path, encoding="utf-8")
 
 
-def lengthen_colour(colour: str) -> str:
-    """Return ``#rrggbb`` for ``#rgb``."""
-    digits = colour[1:].lower()
-    return "#" + (digits if len(digits) == 6 else "".join(2 * one for one in digits))
-
-
 def find_dark_colour(colour: str) -> str:
     """Return the colour that replaces another, ``#rrggbb``, on the dark ground.
 
@@ -303,7 +284,7 @@ def find_dark_colour(colour: str) -> str:
     >>> find_dark_colour("#ffffff"), find_dark_colour("#000000"), find_dark_colour("#e69f00")
     ('#121212', '#dee2e6', '#e69f00')
     """
-    rgb = tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    rgb = ImageColor.getrgb(colour)
     if max(rgb) - min(rgb) < MAX_GREY_SPREAD:
         share = sum(rgb) / 765
         pairs = zip(DARK_INK, DARK_GROUND, strict=True)

