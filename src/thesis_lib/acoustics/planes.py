@@ -26,13 +26,7 @@ from thesis_lib.vibration.structure import Plate
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane through the plate's centre and its normal.
-
-    Raises
-    ------
-    ValueError
-        If the plane does not lie in front of the plate or has no points.
-    """
+    """A plane through the plate's centre and its normal, in front of the plate."""
 
     name: Literal["XZ", "YZ"]  #: ``XZ`` (along the length) or ``YZ`` (across)
     half_width: float  #: The points lie at |u| ≤ half_width in m, u being X or Y
@@ -51,11 +45,8 @@ class Plane:
     @property
     def u(self) -> Array:
         """Return X or Y of the columns in m, shape (columns,), symmetric about 0."""
-        return (
-            self.half_width * np.linspace(-1, 1, self.shape[0])
-            if self.shape[0] > 1
-            else np.zeros(1)
-        )
+        columns = self.shape[0]
+        return self.half_width * np.linspace(-1, 1, columns) if columns > 1 else np.zeros(1)
 
     @property
     def z(self) -> Array:
@@ -117,23 +108,9 @@ def _stack_real(matrix: ComplexArray) -> Array:
 def plane_operator(
     plate: Plate, plane: Plane, omega: float, medium: radiation.Medium = radiation.AIR
 ) -> PlaneOperator:
-    """Build the operator from a plate to a plane at a frequency.
+    """Build the operator from a plate, whose cells are the pistons, to a plane at ω in rad/s.
 
-    Parameters
-    ----------
-    plate : Plate
-        The radiating plate; its cells are the pistons.
-    plane : Plane
-        Where the pressure is wanted.
-    omega : float
-        Angular frequency in rad/s.
-    medium : Medium
-        The fluid.
-
-    Raises
-    ------
-    ValueError
-        If the pistons are too large for the wavelength.
+    A ValueError if the pistons are too large for the wavelength.
     """
     parts = plate_pistons(plate)
     radiation.check_pistons(parts, omega, medium)

@@ -44,13 +44,7 @@ def _check_positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Medium:
-    """The fluid that the sound is in.
-
-    Raises
-    ------
-    ValueError
-        If either is not positive and finite.
-    """
+    """The fluid that the sound is in."""
 
     speed_of_sound: float = 343.0  #: Speed of sound c in m/s
     density: float = 1.21  #: Density ρ₀ in kg/m³
@@ -82,6 +76,9 @@ def wavenumber(omega: float, medium: Medium) -> float:
     return omega / medium.speed_of_sound
 
 
+FINER_PISTONS = "use more and smaller pistons"  # what callers replace by words of their own
+
+
 def check_pistons(pistons: Pistons, omega: float, medium: Medium = AIR) -> None:
     """Make sure that the pistons are small against the wavelength.
 
@@ -98,7 +95,7 @@ def check_pistons(pistons: Pistons, omega: float, medium: Medium = AIR) -> None:
     extent = wavenumber(omega, medium) * max(pistons.size)
     hint = f"k times the size of a piston is {extent:.2f} at {omega / (2 * np.pi):.4g} Hz"
     if extent > np.pi:
-        raise ValueError(f"{hint}, needs at most π: use more and smaller pistons")
+        raise ValueError(f"{hint}, needs at most π: {FINER_PISTONS}")
     if extent > 1:
         warnings.warn(f"{hint}; above 1 a piston is hardly a point source", stacklevel=3)
 
@@ -147,13 +144,8 @@ def transfer_pressure(
 ) -> ComplexArray:
     """Return the pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).
 
-    In Pa s/m, at points (3, ...) in m in front of the plate. The exponent has the sign of eq. 6.4,
-    that of outgoing waves.
-
-    Raises
-    ------
-    ValueError
-        If a point is not in front of the plate, Z > 0, or the pistons are too large.
+    In Pa s/m, at points (3, ...) in m in front of the plate, Z > 0. The exponent has the sign of
+    eq. 6.4, that of outgoing waves.
     """
     points = np.asarray(points, float)
     result = np.empty((points[0].size, pistons.centres.shape[1]), complex)
@@ -205,17 +197,7 @@ def rayleigh_pressure(
 ) -> ComplexArray:
     """Return the pressure in Pa of a baffled plate at any points in front of it (eq. 6.4, 6.7).
 
-    Parameters
-    ----------
-    pistons, velocity, omega, medium
-        As everywhere here.
-    points : array_like, shape (3, ...)
-        Observation points, Z > 0, in m.
-
-    Returns
-    -------
-    ndarray, shape (...), complex
-        Pressure; memory stays bounded by a block of points.
+    At points (3, ...) in m, Z > 0: shape (...). Memory stays bounded by a block of points.
     """
     points = np.asarray(points, float)
     v = np.asarray(velocity)

@@ -62,17 +62,10 @@ def locate_points(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
     outside of all, by less than a billionth of a triangle, is moved to the side of one.
 
-    Parameters
-    ----------
-    mesh : skfem.MeshTri
-        Triangles.
-    points : ndarray, shape (2, n)
-        Points on them.
-
     Returns
     -------
     cells : ndarray, shape (n,)
-        Number of the triangle.
+        Number of the triangle of each of points (2, n).
     weights : ndarray, shape (3, n)
         Barycentric coordinates, which are not negative and add up to 1.
     """
@@ -153,7 +146,9 @@ def plate_modes(
     order = np.argsort(values)
     shapes = np.zeros((basis.N, n_modes))
     shapes[inner] = vectors[:, order]  # ∫ φ² dA = 1
-    area = float(np.sum(M @ _constant_function(basis) * _constant_function(basis)))
+    one = np.zeros(basis.N)  # coefficients of the function 1: values at corners 1, slopes 0
+    one[basis.nodal_dofs[0]] = 1
+    area = float(np.sum(M @ one * one))
     sign = np.where(upward.assemble(basis) @ shapes < 0, -1, 1)
     return PlateModes(basis, values[order], shapes * sign * np.sqrt(area))
 
@@ -196,13 +191,6 @@ def _compliance_operator(B: csc_array) -> LinearOperator:
 
     n = B.shape[1]
     return LinearOperator((n, n), solve, dtype=float)
-
-
-def _constant_function(basis: Any) -> Array:
-    """Return the coefficients of the function 1: values at corners 1, slopes 0."""
-    one = np.zeros(basis.N)
-    one[basis.nodal_dofs[0]] = 1
-    return one
 
 
 def facets_along(mesh: MeshTri, start: Sequence[float], end: Sequence[float]) -> IntArray:

@@ -95,35 +95,21 @@ class Panel(Sheet):
     def contours(self) -> list[Array]:
         """Closed curves to draw, each (corners, 2) in m: outline anticlockwise, holes clockwise."""
         coarse = max(self.extent)
-        curves = [
-            np.array(self.outline, float),
-            *(polygons.divide_hole(hole, coarse) for hole in self.holes),
-        ]
-        senses = [1, *[-1] * len(self.holes)]
-        return [
-            c[:: int(sense * np.sign(polygons.polygon_area(c)))]
-            for c, sense in zip(curves, senses, strict=True)
-        ]
+        outer = np.array(self.outline, float)
+        holes = [polygons.divide_hole(hole, coarse) for hole in self.holes]
+        signs = [int(np.sign(polygons.polygon_area(curve))) for curve in (outer, *holes)]
+        return [outer[:: signs[0]], *(c[::-sign] for c, sign in zip(holes, signs[1:], strict=True))]
 
     def covers(self, points: ArrayLike) -> Mask:
         """Return whether points (2, n) in m are on the panel; its edges are part of it."""
         points = np.asarray(points, float)
         inside = polygons.polygon_contains(self.outline, points)
+        curves = [self.outline]
         for hole in self.holes:
             inside &= ~polygons.in_hole(hole, points)
-        return inside | self._on_edge(points)
-
-    def _on_edge(self, points: Array) -> Mask:
-        """Return which points (2, n) are on the outline or on the straight edge of a hole."""
-        straight = [
-            self.outline,
-            *(hole for hole in self.holes if not isinstance(hole, polygons.Circle)),
-        ]
-        nearest = np.min(
-            [polygons.edge_distances(edges, points).min(axis=0) for edges in straight], axis=0
-        )
-        on: Mask = nearest <= ON_EDGE * max(self.extent)
-        return on
+            curves += [] if isinstance(hole, polygons.Circle) else [hole]
+        nearest = [polygons.edge_distances(curve, points).min(axis=0) for curve in curves]
+        return inside | (np.min(nearest, axis=0) <= ON_EDGE * max(self.extent))
 
     def angular_frequencies(self, n_modes: int) -> Array:
         """Return the first natural frequencies in rad/s, shape (n_modes,): ω = √(λ D / m)."""

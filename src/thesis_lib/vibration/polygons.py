@@ -40,17 +40,7 @@ Hole = Circle | tuple[Point, ...]
 
 
 class ShapeError(ValueError):
-    """A shape that cannot be computed, in one line.
-
-    Parameters
-    ----------
-    what : str
-        Which of its parameters is wrong.
-    given : object
-        Its value.
-    allowed : str
-        What is allowed, in words.
-    """
+    """A shape that cannot be computed, in one line: which parameter, its value, what is allowed."""
 
     def __init__(self, what: str, given: object, allowed: str) -> None:
         super().__init__(f"{what}: given {given}, allowed: {allowed}")
@@ -246,14 +236,7 @@ def triangulate_polygon(
 ) -> tuple[Array, IntArray]:
     """Return the triangles of a polygon without its holes.
 
-    Parameters
-    ----------
-    outline : sequence of (x, y)
-        Corners in m.
-    holes : sequence of Circle or sequence of (x, y)
-        What is cut out.
-    size : float
-        Length of an element's side in m.
+    Corners and `size`, the length of an element's side, are in m.
 
     Returns
     -------
@@ -282,7 +265,10 @@ def triangulate_polygon(
     kept = polygon_contains(loops[0], middle)
     for loop in loops[1:]:
         kept &= ~polygon_contains(loop, middle)
-    corners = _turn_anticlockwise(points, corners[kept])
+    corners = corners[kept]
+    twice = _twice_areas(points, corners)
+    real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
+    corners = np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]  # all in one sense
     used, corners = np.unique(corners, return_inverse=True)
     points, corners = points[:, used], corners.reshape(-1, 3).T.astype(np.int64)
     sides = np.sort(np.concatenate([corners[[0, 1]], corners[[1, 2]], corners[[2, 0]]], axis=1), 0)
@@ -359,13 +345,6 @@ def _twice_areas(points: Array, corners: IntArray) -> Array:
     a, b, c = points[:, corners.T].transpose(1, 0, 2)
     twice: Array = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     return twice
-
-
-def _turn_anticlockwise(points: Array, corners: IntArray) -> IntArray:
-    """Return triangles (n, 3) in one sense, without those of no area."""
-    twice = _twice_areas(points, corners)
-    real = np.abs(twice) > 1e-9 * np.max(np.abs(twice))
-    return np.where((twice > 0)[:, None], corners, corners[:, ::-1])[real]
 
 
 def _find_reentrant(polygon: Sequence[Point], outer: bool) -> list[Point]:

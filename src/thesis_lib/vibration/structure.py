@@ -79,12 +79,8 @@ def modal_coordinates(
 
     Parameters
     ----------
-    structure : Structure
-        The vibrating structure.
     omega : array_like, shape (...)
         Angular frequencies in rad/s (0 for a static force).
-    n_modes : int
-        Number of modes.
     force : float
         Amplitude of the force in N.
 
@@ -106,18 +102,7 @@ def full_response(
 ) -> ComplexArray:
     """Return the sum of the first `n_modes` modes (eq. 3.3), complex amplitudes in m.
 
-    Parameters
-    ----------
-    structure : Structure
-        The vibrating structure.
-    points : array_like, shape (2, ...)
-        Positions in m.
-    omega : float
-        Angular frequency in rad/s.
-    n_modes : int
-        Number of modes.
-    force : float
-        Amplitude of the point force in N.
+    At `points` (2, ...) in m, for a point force in N at the angular frequency `omega` in rad/s.
     """
     shapes = structure.mode_shapes(range(1, n_modes + 1), points)
     q = modal_coordinates(structure, omega, n_modes, force)
@@ -152,26 +137,12 @@ def deflection_shape(
 
     Parameters
     ----------
-    structure : Structure
-        The vibrating structure.
-    mode : int
-        Mode number from 1.
     points : array_like, shape (2, ...)
         Positions in m.
     peak : float, optional
         Largest |w| over the structure in m.
     force : float, optional
         Amplitude in N of the point force at the mode's resonance; instead of `peak`.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Deflection in m.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of `peak` and `force` is given.
     """
     if (peak is None) == (force is None):
         raise ValueError(f"peak, force: given {peak} and {force}, needs exactly one of them")
@@ -248,11 +219,8 @@ class Beam:
     def markers(self) -> Array:
         """Return the marker positions, shape (2, n_markers), in m: a row on the beam's axis."""
         row = np.arange(self.n_markers) * self.marker_spacing
-        x = (
-            row + (self.length - row[-1]) / 2
-            if self.first_marker is None
-            else row + self.first_marker
-        )
+        first = self.first_marker
+        x = row + ((self.length - row[-1]) / 2 if first is None else first)
         return np.stack([x, np.full_like(x, self.width / 2)])
 
     def angular_frequencies(self, n_modes: int) -> Array:
@@ -321,11 +289,6 @@ def cantilever_roots(n_modes: int) -> Array:
     """Return the first positive roots β = kL of cos β cosh β = −1, shape (n_modes,), ascending.
 
     Solved as cos β + 1/cosh β = 0, which neither overflows nor loses digits for high modes.
-
-    Raises
-    ------
-    ValueError
-        If `n_modes` is less than 1.
     """
     if n_modes < 1:
         raise ValueError(f"n_modes: given {n_modes}, needs 1 or more")

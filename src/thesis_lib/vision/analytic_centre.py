@@ -115,9 +115,8 @@ class _Slabs:
         self.half_width = half_width
         self.rows = np.concatenate([P[:, 0], P[:, 1], P[:, 2]])
         a = P[:, :, :3]
-        outer = np.einsum("nik,njl->nijkl", a, a)[
-            ..., triangulation.UPPER_INDICES[0], triangulation.UPPER_INDICES[1]
-        ]
+        i, j = triangulation.UPPER_INDICES
+        outer = np.einsum("nik,njl->nijkl", a, a)[..., i, j]
         turned = -(outer + outer.swapaxes(1, 2))
         parts = [outer[:, 0, 0], outer[:, 1, 1], turned[:, 0, 2], turned[:, 1, 2], outer[:, 2, 2]]
         self.hessian = np.concatenate(parts).T.copy()

@@ -119,12 +119,8 @@ def joint_interval(P: ArrayLike, uv: ArrayLike, sigma_px: float = 0.0) -> Poster
             )
     points[:, :, np.isnan(points).any(axis=(0, 1))] = np.nan
     shape = uv.shape[2:]
-    return Posterior(
-        points.reshape(3, *shape),
-        covariance.reshape(3, 3, *shape),
-        evidence.reshape(shape[1:]),
-        feasible.reshape(shape[1:]),
-    )
+    points, covariance = points.reshape(3, *shape), covariance.reshape(3, 3, *shape)
+    return Posterior(points, covariance, evidence.reshape(shape[1:]), feasible.reshape(shape[1:]))
 
 
 def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tuple[Array, ...]:
@@ -132,11 +128,8 @@ def _block_posterior(P: Array, pixels: Array, start: Array, sigma: float) -> tup
     frames, m = start.shape[1:]
     about = start.copy()
     about[:2] = start[:2].mean(axis=1, keepdims=True)
-    J = (
-        triangulation.image_jacobian(P, about.reshape(3, -1))
-        .reshape(-1, 3, frames * m)
-        .swapaxes(0, 1)
-    )
+    J = triangulation.image_jacobian(P, about.reshape(3, -1))
+    J = J.reshape(-1, 3, frames * m).swapaxes(0, 1)
     middle = (pixels - project(P, about)).reshape(J.shape[1:])  # of the pixels, from `about`
     squares = np.stack([J[i] * J[j] for i, j in zip(*triangulation.UPPER_INDICES, strict=True)])
     variance = max(sigma, LEAST_PX) ** 2
@@ -247,14 +240,8 @@ _LIKELIHOOD_FALL = 1.92
 
 
 def pixel_information(sigma_px: float) -> float:
-    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels.
-
-    Raises
-    ------
-    ValueError
-        If σ is not above 0: without noise there is no limit.
-    """
-    if not 0 < sigma_px < np.inf:
+    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels."""
+    if not 0 < sigma_px < np.inf:  # without noise there is no limit
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number above 0, in px")
     step = min(sigma_px / _SIGMA_STEPS, 0.5 / _SIGMA_STEPS)
     number = np.ceil((0.5 + _REACH_SIGMAS * sigma_px) / step)

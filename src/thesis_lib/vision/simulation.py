@@ -171,8 +171,6 @@ def measure_deflections(
 
     Parameters
     ----------
-    cameras : CameraArray
-        The cameras.
     points : ndarray, shape (3, 1 + modes, markers)
         Marker positions in m: at rest, then deflected.
     shifts : ndarray, shape (trials, cameras, 2)
@@ -180,8 +178,7 @@ def measure_deflections(
     rest_is_known : bool
         Subtract the true rest position instead of the rebuilt one.
     estimator : str
-        One of :data:`ESTIMATOR_RULES`. The slabs that rounded images
-        leave move along with a shifted grid.
+        One of :data:`ESTIMATOR_RULES`. Slabs of rounded images move along with a shifted grid.
     normals : ndarray, shape (3, markers), optional
         Unit vectors along which deflections are measured, in place of Z.
     noise : ndarray, shape (trials, cameras, 2, 1 + modes, markers), optional
@@ -201,11 +198,9 @@ def measure_deflections(
     if noise is not None:
         images += np.moveaxis(noise[:, :, :, seen], 0, 3)
     height = point_heights(P, pixelate(images) - shift, estimator, normals, noise_px)
-    if rest_is_known:
-        return height - (
-            points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0)
-        )
-    return height[1:] - height[0]
+    if not rest_is_known:
+        return height[1:] - height[0]
+    return height - (points[2, 0] if normals is None else np.sum(points[:, 0] * normals, axis=0))
 
 
 def percent_errors(measured: Array, reference: Array) -> tuple[Array, Array, Array]:
