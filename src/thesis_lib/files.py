@@ -116,11 +116,8 @@ def folder_files(places: Iterable[Path]) -> list[Path]:
     for place in places:
         inside = place.rglob("*") if place.is_dir() else [place]
         for path in inside:
-            parts = path.relative_to(place).parts
-            compiled = path.suffix == ".pyc" or not {"__pycache__", _SHIPPED_FOLDER}.isdisjoint(
-                parts
-            )
-            if path.is_file() and not compiled:
+            left_out = {"__pycache__", _SHIPPED_FOLDER} & {*path.relative_to(place).parts}
+            if path.is_file() and path.suffix != ".pyc" and not left_out:
                 found.add(path)
     return sorted(found)
 
@@ -218,13 +215,7 @@ def remove_temporary() -> None:
 
 @contextlib.contextmanager
 def only_command(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Let no other command write to a folder meanwhile.
-
-    Raises
-    ------
-    InUseError
-        If another command does, and this one shall not wait for it.
-    """
+    """Let no other command write to a folder meanwhile; if one does, wait or raise InUseError."""
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK_NAME, thread_local=False, is_singleton=True)
     try:
@@ -247,6 +238,9 @@ RECORD_NAME = ".written.json"
 CACHE_TAG = "CACHEDIR.TAG"  # https://bford.info/cachedir: backups leave such a folder out
 _THREAD_LOCK = threading.Lock()  # a lock of a folder keeps out other processes, not threads
 _TAG_TEXT = "Signature: 8a477f597d28d172789f06886806bc55\n# A cache of thesis_lib\n"
+
+
+_REMEDY = "move it away, or write elsewhere"
 
 
 class OutputError(RuntimeError):
@@ -276,20 +270,11 @@ def check_outputs(folder: Path, files: Iterable[Path], inputs: Iterable[Path] = 
         if any(map(file.resolve().is_relative_to, given)):
             raise OutputError(f"{file}: is read by this command, allowed: another place to write")
         if os.path.lexists(file) and file.relative_to(folder).as_posix() not in record:
-            raise OutputError(
-                f"{file}: is there already and would be overwritten; move it away, or write "
-                "elsewhere"
-            )
+            raise OutputError(f"{file}: is there already and would be overwritten; {_REMEDY}")
 
 
 def check_file(file: Path, ending: str) -> None:
-    """Refuse to write a file that is there, or whose name has another ending or hides something.
-
-    Raises
-    ------
-    OutputError
-        In one line.
-    """
+    """Refuse to write a file that is there, or whose name has another ending or hides something."""
     if file.suffix.lower() != ending:
         given = one_line(str(file) if file.name else "")
         raise OutputError(f"given the file {given!r}, allowed: one that ends in {ending}")
@@ -301,10 +286,7 @@ def check_file(file: Path, ending: str) -> None:
 def put_files(part: Path, folder: Path) -> None:
     """Move all files of a folder of staging into another, in place of the command's own.
 
-    Raises
-    ------
-    OutputError
-        As :func:`check_outputs`; then nothing has been moved.
+    It raises what :func:`check_outputs` does; then nothing has been moved.
     """
     found = [path for path in sorted(part.rglob("*")) if path.is_file()]
     names = [path.relative_to(part).as_posix() for path in found]
@@ -324,21 +306,12 @@ def put_files(part: Path, folder: Path) -> None:
 
 
 def check_cache(folder: Path) -> None:
-    """Refuse a folder for intermediate results that is there and none of ours.
-
-    Raises
-    ------
-    OutputError
-        In one line.
-    """
+    """Refuse a folder for intermediate results that is there and none of ours."""
     tag = folder / CACHE_TAG
     if tag.is_file() and tag.read_bytes() == _TAG_TEXT.encode():
         return
     if os.path.lexists(folder) and not (folder.is_dir() and not any(folder.iterdir())):
-        raise OutputError(
-            f"{folder}: is there already, and no cache of this command; move it away, or write "
-            "elsewhere"
-        )
+        raise OutputError(f"{folder}: is there already, and no cache of this command; {_REMEDY}")
 
 
 def mark_cache(folder: Path) -> None:
@@ -365,6 +338,5 @@ def _read_record(folder: Path) -> Mapping[str, list[str]]:
         record = json.loads(path.read_text(encoding="utf-8"))["thesis_lib"]
         return {str(name): [str(digest) for digest in all_] for name, all_ in record.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        raise OutputError(
-            f"{path}: no record of what was written there; move it away, or write elsewhere"
-        ) from None
+        why = f"{path}: no record of what was written there; {_REMEDY}"
+        raise OutputError(why) from None

@@ -28,26 +28,14 @@ _UNBROKEN_CHARACTERS = str.maketrans(
 
 
 def render(module_file: str | Path, name: str, /, **values: Any) -> str:
-    """Fill in the template `name` that stands next to a module.
+    """Fill in the template ``templates/NAME.md`` next to a module, which gives its ``__file__``.
 
-    Parameters
-    ----------
-    module_file : str or Path
-        ``__file__`` of the module; the template is ``templates/NAME.md`` next to it.
-    name : str
-        Its name without the suffix ``.md``, or a whole file name such as ``sketch.svg``.
-    **values
-        The values that the template names; one that is missing is an error.
-
-    Returns
-    -------
-    str
-        Markdown, or what else the template holds.
+    `name` may be a whole file name, too, such as ``sketch.svg``. A value that the template names
+    and that is missing is an error.
     """
     file = name if Path(name).suffix in (".md", ".svg", ".html", ".json") else f"{name}.md"
-    return (
-        _environment(Path(module_file).parent / TEMPLATE_FOLDER).get_template(file).render(**values)
-    )
+    folder = Path(module_file).parent / TEMPLATE_FOLDER
+    return _environment(folder).get_template(file).render(**values)
 
 
 @cache

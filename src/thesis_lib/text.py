@@ -17,15 +17,8 @@ from typing import Any
 
 import click
 
-HIDDEN_CATEGORIES = {
-    "Cc",
-    "Cf",
-    "Cn",
-    "Co",
-    "Cs",
-    "Zl",
-    "Zp",
-}  # Unicode's categories of what has no glyph
+# Unicode's categories of what has no glyph
+HIDDEN_CATEGORIES = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 MAX_MESSAGE_LENGTH = 400  # characters of a message
 
 
@@ -94,11 +87,8 @@ def duration(seconds: float) -> str:
 def listed(names: Iterable[str], command: str) -> str:
     """List all names, or name the command that shows them where there is no room."""
     all_ = ", ".join(names)
-    return (
-        f"there are {all_}"
-        if len(all_) <= MAX_MESSAGE_LENGTH - 100
-        else f"`{command}` names them all"
-    )
+    fits = len(all_) <= MAX_MESSAGE_LENGTH - 100
+    return f"there are {all_}" if fits else f"`{command}` names them all"
 
 
 def message(text: str) -> str:

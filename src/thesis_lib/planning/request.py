@@ -145,10 +145,6 @@ class PlanRequest(Study):
     step_deg: fields.Step = 10.0
     starts: fields.Starts = 3
 
-    def settings(self) -> list[setups.Setting]:
-        """None: layouts are found, not given."""
-        return []
-
     @property
     def structure(self) -> Structure:
         """The beam or the plate of the thesis, or a plate of another size."""
@@ -187,16 +183,15 @@ class PlanRequest(Study):
             return tuple(peak / 1000 for peak in self.amplitude_mm)
         return (float(self.amplitude_mm) / 1000,) * len(self.modes)
 
-    @property
-    def rules(self) -> Rules:
-        """The limits on places, in m and rad."""
+    def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
+        """Return what is measured with images in the proportion of one of the resolutions."""
         boxes = np.array(self.forbidden_boxes_mm, float).reshape(-1, 3, 2)
         spheres = np.array(self.forbidden_spheres_mm, float).reshape(-1, 4)
         sectors = np.array(self.forbidden_sectors_deg, float).reshape(-1, 4)
         least, most = self.distances_mm
         low, high = np.radians(self.azimuths_deg).tolist()
         bottom, top = np.radians(self.elevations_deg).tolist()
-        return Rules(
+        rules = Rules(
             distances=(least / 1000, most / 1000),
             azimuths=(low, high),
             elevations=(bottom, top),
@@ -208,11 +203,9 @@ class PlanRequest(Study):
             sectors=np.radians(sectors),
         )
 
-    def scene(self, body: Body | None = None, kind: int = 0) -> Scene:
-        """Return what is measured with images in the proportion of one of the resolutions."""
         width, height = self.resolutions_px[kind]
         focals = tuple(f / self.sensor_width_mm for f in self.focal_lengths_mm)
-        return Scene(body or self.measured, self.peaks_m, self.rules, focals, height / width)
+        return Scene(body or self.measured, self.peaks_m, rules, focals, height / width)
 
     def frame_rate(self, body: Body) -> float:
         """Return the lowest frame rate in Hz that the highest mode allows."""
@@ -240,20 +233,18 @@ class PlanRequest(Study):
 
     @model_validator(mode="after")
     def _check_together(self) -> PlanRequest:
+        turn, ordered = "at most 360° apart", "allowed: the least before the largest"
         for name in ("distances_mm", "azimuths_deg", "elevations_deg"):
             low, high = getattr(self, name)
             if low > high or (name == "azimuths_deg" and high > low + 360):
-                turn = ", at most 360° apart" if name == "azimuths_deg" else ""
-                self.refuse(name, f"allowed: [least, largest]{turn}")
+                apart = f", {turn}" if name == "azimuths_deg" else ""
+                self.refuse(name, f"allowed: [least, largest]{apart}")
         for box in self.forbidden_boxes_mm:
             if not (box[0] < box[1] and box[2] < box[3] and box[4] < box[5]):
-                self.refuse("forbidden_boxes_mm", "allowed: the least before the largest")
+                self.refuse("forbidden_boxes_mm", ordered)
         for west, east, bottom, top in self.forbidden_sectors_deg:
             if not (west <= east <= west + 360 and bottom <= top):
-                self.refuse(
-                    "forbidden_sectors_deg",
-                    "allowed: the least before the largest, azimuths at most 360° apart",
-                )
+                self.refuse("forbidden_sectors_deg", f"{ordered}, azimuths {turn}")
         if self.goal != "shape" and (self.body, self.in_view, self.objective) != AUDIBLE_TARGET:
             self.refuse("goal", SOUND_ONLY)
         if (self.point_mm is not None) != (self.goal == "sound-point"):
@@ -266,7 +257,5 @@ class PlanRequest(Study):
 
 
 def plan_request(values: Mapping[str, Any]) -> PlanRequest:
-    """Validate parameters of ``thesis plan``; errors as :func:`.registry.validate`."""
-    request = validate_values(PlanRequest, values)
-    assert isinstance(request, PlanRequest)
-    return request
+    """Validate parameters of ``thesis plan``."""
+    return validate_values(PlanRequest, values)

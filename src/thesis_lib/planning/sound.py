@@ -14,7 +14,13 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, plate_pistons
-from thesis_lib.acoustics.radiation import Medium, Pistons, radiation_matrix, transfer_pressure
+from thesis_lib.acoustics.radiation import (
+    FINER_PISTONS,
+    Medium,
+    Pistons,
+    radiation_matrix,
+    transfer_pressure,
+)
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions, search
@@ -74,9 +80,7 @@ def sounds_of(
                 place = np.array(point_mm) / 1000
                 one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
-            refuse_value(
-                "modes", mode, str(error).replace("use more and smaller pistons", "a lower mode")
-            )
+            refuse_value("modes", mode, str(error).replace(FINER_PISTONS, "a lower mode"))
         if goal in SILENT_TEXTS and np.isnan(one.largest).all():
             refuse_value("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
         found.append(one)
@@ -133,11 +137,8 @@ def simulate_sound_errors(
 ) -> tuple[Array, Array]:
     """Return errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
 
-    Returns
-    -------
-    tuple of ndarray
-        Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of
-        its size, (2, modes).
+    Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of its
+    size, (2, modes).
     """
     rms, band = [], []
     for sound, error in zip(sounds, wrong, strict=True):

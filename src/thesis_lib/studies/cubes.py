@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.files import shipped, whole_file
+from thesis_lib.files import shipped, whole_text
 from thesis_lib.text import Columns, damaged, has_hidden, one_line, read_table
 
 ERROR_VARIABLES = {  # name in the tables: variable, and plane if it has one
@@ -90,27 +90,21 @@ def summarise_errors(cube: xr.Dataset) -> pd.DataFrame:
     """
     if name := list_dimension(cube):
         return pd.DataFrame({column: cube[column].values for column in LISTED_VARIABLES[name]})
-    rows: list[dict[str, Any]] = []
+    tables = []
     for quantity, values in cube_errors(cube).items():
-        literal = values.isel(trial=0).transpose("setting", "mode").values
+        nominal = values.isel(trial=0).transpose("setting", "mode").values
         low, median, high = trial_band(values)
-        for s in range(cube.sizes["setting"]):
-            for m, mode in enumerate(cube["mode"].values):
-                rows.append(
-                    {
-                        "case": str(cube["case"].values[s]),
-                        "value": float(cube["value"].values[s]),
-                        "pair_order": str(cube["pair_order"].values[s]),
-                        "label": str(cube["label"].values[s]),
-                        "mode": int(mode),
-                        "error": quantity,
-                        "trial_0": float(literal[s, m]),
-                        "median": float(median[s, m]),
-                        "low": float(low[s, m]),
-                        "high": float(high[s, m]),
-                    }
-                )
-    return pd.DataFrame(rows)
+        rows: dict[str, Any] = {
+            key: np.repeat(cube[key].values, cube.sizes["mode"])
+            for key in ("case", "value", "pair_order", "label")
+        }
+        rows |= {"mode": np.tile(cube["mode"].values, cube.sizes["setting"]), "error": quantity}
+        found = zip(STATISTIC_NAMES, (nominal, median, low, high), strict=True)
+        tables.append(pd.DataFrame(rows | {name: each.ravel() for name, each in found}))
+    if not tables:
+        return pd.DataFrame()
+    numbers = dict.fromkeys(("value", *STATISTIC_NAMES), float)
+    return pd.concat(tables, ignore_index=True).astype(numbers)
 
 
 def trial_band(values: xr.DataArray) -> Any:
@@ -184,36 +178,26 @@ def summary_path(name: str) -> Path:
 def publish_errors(cube: xr.Dataset) -> Path:
     """Make this cube's errors the published ones; returns the file."""
     path = summary_path(cube.attrs["figure_set"])
-    table = summarise_errors(cube)
-    whole_file(
-        path, lambda part: table.to_csv(part, index=False, float_format="%.6g", na_rep="nan")
-    )
+    text = summarise_errors(cube).to_csv(index=False, float_format="%.6g", na_rep="nan")
+    whole_text(path, text)
     return path
 
 
 def read_published(name: str) -> pd.DataFrame | None:
     """Return the published summary of a figure set, if there is one.
 
-    Raises
-    ------
-    CubeError
-        In one line: the file, the line, what is wrong with it, and what restores it.
+    A CubeError names the file, the line, what is wrong with it, and what restores it.
     """
     path = summary_path(name)
     if not path.is_file():
         return None
-    table = pd.DataFrame(
-        read_table(path, LIST_COLUMNS.get(_first_column(path), ERROR_COLUMNS), CubeError)
-    )
+    with path.open("rb") as stream:
+        first = stream.readline(99).decode(errors="replace").split(",")[0]
+    table = pd.DataFrame(read_table(path, LIST_COLUMNS.get(first, ERROR_COLUMNS), CubeError))
     key = next(list(keys) for keys in PUBLISHED_KEYS if set(keys) <= set(table.columns))
     if (twice := table.duplicated(key)).any():
         raise CubeError(damaged(path, int(twice.idxmax()) + 2, "is there twice"))
     return table
-
-
-def _first_column(path: Path) -> str:
-    with path.open("rb") as stream:
-        return stream.readline(99).decode(errors="replace").split(",")[0]
 
 
 # How far rounded files and machines go, of the largest value, by bytes.
@@ -298,13 +282,10 @@ def difference_lines(
     cube: xr.Dataset, other: xr.Dataset | None = None, name: str = ""
 ) -> list[str]:
     """Describe how a cube's errors differ from those of another, or from the published run."""
-    if other is not None:
-        old = summarise_errors(other)
-    else:
-        name, published = "published", read_published(cube.attrs["figure_set"])
-        if published is None:
-            return ["nothing is published yet to compare with"]
-        old = published
+    name = name if other is not None else "published"
+    old = read_published(cube.attrs["figure_set"]) if other is None else summarise_errors(other)
+    if old is None:
+        return ["nothing is published yet to compare with"]
     table = compare_summaries(summarise_errors(cube), old)
     return comparison_lines(table, name, cube.attrs["trial_0"])
 
@@ -327,10 +308,11 @@ def error_lines(cube: xr.Dataset) -> list[str]:
     if "trial_0" not in table:
         return []
     title = f"{'trial 0':>7} | {'median (5–95 %)':>20} | {'published':>20}"
-    first = cube.attrs["trial_0"]
-    return _tabulate_errors(
-        table, first, title, lambda row: f"{percent_text(row.trial_0):>7} | {_bands(row)}"
-    )
+
+    def cells(row: Any) -> str:
+        return f"{percent_text(row.trial_0):>7} | {_bands(row)}"
+
+    return _tabulate_errors(table, cube.attrs["trial_0"], title, cells)
 
 
 def all_difference_lines(
@@ -356,13 +338,14 @@ def all_difference_lines(
         else:
             same += 1
     apart = ", those above apart" if differ else ""
-    return [
-        *lines,
-        *differ,
-        f"no difference from {name} in {same} variables and coordinates{apart}",
-        *(f"not compared, since {why}: {_names(names)}" for why, names in skipped.items()),
-        *_request_lines(cube, other),
-    ]
+    lines += [*differ, f"no difference from {name} in {same} variables and coordinates{apart}"]
+    lines += [f"not compared, since {why}: {_names(names)}" for why, names in skipped.items()]
+    new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
+    for key in sorted({*new, *old}):
+        if new.get(key) != old.get(key):
+            before, now = (one_line(json.dumps(one.get(key))) for one in (old, new))
+            lines.append(f"parameter {key}: {before} → {now}")
+    return lines
 
 
 def _compare_variable(name: str, cube: xr.Dataset, other: xr.Dataset) -> tuple[str, str]:
@@ -391,8 +374,7 @@ def _shared_part(cube: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
             list(zip(*(one[name].values.tolist() for name in keys), strict=True))
             for one in (cube, other)
         )
-        known = set(there)
-        common = sorted((row for row in here if row in known), key=str)
+        common = sorted({*here} & {*there}, key=str)
         cube = cube.isel(setting=[here.index(row) for row in common])
     for dim in ("mode", "quantity", "claim"):
         if dim in cube.variables and dim in other.variables and dim in cube.dims:
@@ -418,12 +400,3 @@ def _differing(new: np.ndarray, old: np.ndarray) -> np.ndarray:
 def _names(names: list[str]) -> str:
     more = len(names) - MAX_LISTED_NAMES
     return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
-
-
-def _request_lines(cube: xr.Dataset, other: xr.Dataset) -> Iterator[str]:
-    """Return in which parameters the two runs differ."""
-    new, old = (json.loads(one.attrs["parameters"]) for one in (cube, other))
-    for key in sorted({*new, *old}):
-        if new.get(key) != old.get(key):
-            before, now = (one_line(json.dumps(one.get(key))) for one in (old, new))
-            yield f"parameter {key}: {before} → {now}"

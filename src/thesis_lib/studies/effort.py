@@ -1,20 +1,18 @@
 """Time and memory of figure sets, as the published run took them."""
 
-import csv
 import json
 import sys
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-from thesis_lib.files import shipped, whole_file
+from thesis_lib.files import shipped, whole_text
 from thesis_lib.text import Columns, duration, read_table
 
 EFFORT_COLUMNS: Columns = {
     "figure_set": str,
     **dict.fromkeys(("seconds", "peak_memory_mb", "cube_mb"), float),
 }
-MINUTE_S = 60.0
 MAX_SIMILAR_RATIO = 1.5  # machines and what else they do differ by as much
 
 
@@ -33,7 +31,7 @@ class Effort:
     @property
     def kind(self) -> str:
         """Return the scale of the waiting time: ``seconds`` or ``minutes``."""
-        return "minutes" if self.seconds >= MINUTE_S else "seconds"
+        return "minutes" if self.seconds >= 60 else "seconds"
 
     @property
     def time(self) -> str:
@@ -89,47 +87,29 @@ def notebook_effort(notebook: Path) -> Effort:
     return Effort(*(float(kept[name]) for name in [*EFFORT_COLUMNS][1:]))
 
 
-def effort_path() -> Path:
-    """Return the path of the published run's measured efforts."""
+def _published_path() -> Path:
     return shipped() / "data" / "published" / "effort.csv"
 
 
-def read_efforts(path: Path | None = None) -> dict[str, Effort]:
-    """Return the published efforts by figure set; empty if there are none.
-
-    Raises
-    ------
-    EffortError
-        If the file is damaged, by name and line.
-    """
-    path = path or effort_path()
+def read_efforts() -> dict[str, Effort]:
+    """Return the published efforts by figure set, if any; an EffortError names a damaged line."""
+    path = _published_path()
     if not path.is_file():
         return {}
     table = read_table(path, EFFORT_COLUMNS, EffortError)
     return {name: Effort(*row) for name, *row in zip(*table.values(), strict=True)}
 
 
-def _is_similar(one: Effort, other: Effort) -> bool:
-    pairs = zip(astuple(one), astuple(other), strict=True)
-    return all(max(pair) <= MAX_SIMILAR_RATIO * min(pair) for pair in pairs)
-
-
-def write_efforts(efforts: Iterable[tuple[str, Effort]], path: Path | None = None) -> Path:
-    """Publish efforts; return the file.
+def write_efforts(efforts: Iterable[tuple[str, Effort]]) -> None:
+    """Publish efforts.
 
     A line stays as it is while nothing in it has changed much, so that two who publish what they
     measured on their own machines do not change the same lines.
     """
-    path = path or effort_path()
-    before = read_efforts(path)
-    rows = []
+    before, lines = read_efforts(), [",".join(EFFORT_COLUMNS)]
     for name, new in efforts:
-        one = before[name] if name in before and _is_similar(new, before[name]) else new
-        rows.append((name, f"{one.seconds:.1f}", f"{one.peak_memory_mb:.0f}", f"{one.cube_mb:.2f}"))
-
-    def fill(part: Path) -> None:
-        with part.open("w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream, lineterminator="\n").writerows([list(EFFORT_COLUMNS), *rows])
-
-    whole_file(path, fill)
-    return path
+        old = before.get(name, new)
+        pairs = zip(astuple(old), astuple(new), strict=True)
+        one = old if all(max(pair) <= MAX_SIMILAR_RATIO * min(pair) for pair in pairs) else new
+        lines.append(f"{name},{one.seconds:.1f},{one.peak_memory_mb:.0f},{one.cube_mb:.2f}")
+    whole_text(_published_path(), "\n".join(lines) + "\n")

@@ -77,11 +77,7 @@ class Fields(BaseModel):
     """Values as they are typed, all of them known, unchangeable; checks are built when used."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        allow_inf_nan=False,
-        validate_default=True,
-        defer_build=True,
+        extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True, defer_build=True
     )
 
     def refuse(self, field: str, why: str) -> None:
@@ -97,9 +93,8 @@ def describe_allowed(model: type[BaseModel], field: str) -> str:
 
 def describe_permitted(model: type[BaseModel], field: str) -> str:
     """Return what a field allows, with its unit, as it stands in a refusal."""
-    return f"allowed: {describe_allowed(model, field)}" + (
-        f", in {unit_of_field(field)}" if unit_of_field(field) else ""
-    )
+    unit = unit_of_field(field)
+    return f"allowed: {describe_allowed(model, field)}" + (f", in {unit}" if unit else "")
 
 
 def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -> str:
@@ -107,11 +102,13 @@ def first_problem(model: type[BaseModel], values: Any, error: ValidationError) -
     unknown = "extra_forbidden", "invalid_key"
     problems = error.errors(include_url=False)
     # A misspelt field comes first: it explains a missing one. A missing part comes last.
-    missing = [one["type"] == "missing" and len(one["loc"]) == 1 for one in problems]
-    ranks = [
-        (one["type"] not in unknown, last) for one, last in zip(problems, missing, strict=True)
-    ]
-    problem = problems[ranks.index(min(ranks))]
+    problem = min(
+        problems,
+        key=lambda one: (
+            one["type"] not in unknown,
+            one["type"] == "missing" and len(one["loc"]) == 1,
+        ),
+    )
     inside, holder, name, place = values, model, "", ""
     within: type[BaseModel] | None = model
     for part in problem["loc"]:  # where in the value; the rest is pydantic's own words
@@ -147,16 +144,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) -> str:
-    """Return in words what a type allows.
-
-    Parameters
-    ----------
-    kind : type
-        Of a field.
-    limits : sequence
-        Its bounds.
-    several : bool
-        Whether the words stand for the items of a list.
+    """Return in words what a type with bounds allows; of `several`, the items of a list.
 
     Examples
     --------
@@ -170,6 +158,7 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
     'a list of 2: a number from -360 to 360; a number above 0, at most 90'
     """
     origin, inside = get_origin(kind), get_args(kind)
+    lists = "lists" if several else "a list"
     if origin is Annotated:
         about = [one for one in inside[1:] if isinstance(one, FieldInfo)]
         if title := next((one.title for one in about if one.title), None):
@@ -179,9 +168,9 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
     if origin is list or (origin is tuple and inside[-1] is Ellipsis):
         different = "" if several or origin is tuple else "different "
         items = describe_type(inside[0], several=True)
-        return f"{_list(several)} of {_count(limits)}{different}{items}"
+        return f"{lists} of {_count(limits)}{different}{items}"
     if origin is tuple:
-        return f"{_list(several)} of {len(inside)}{_items(inside)}"
+        return f"{lists} of {len(inside)}{_items(inside)}"
     if origin is dict:
         names, values = (describe_type(one, several=True) for one in inside)
         return f"an object whose names are {names} and whose values are {values}"
@@ -201,21 +190,15 @@ def describe_type(kind: Any, limits: Sequence[Any] = (), several: bool = False) 
     return one + _between(limits)
 
 
-def _list(several: bool) -> str:
-    return "lists" if several else "a list"
-
-
 def _items(kinds: Sequence[Any]) -> str:
     """Return in words what a list of so many different items holds."""
     groups = [list(group) for _, group in groupby(kinds)]
     if len(groups) == 1:
         return f" {describe_type(kinds[0], several=True)}"
-    words = (
-        f"{len(group)} {describe_type(group[0], several=True)}"
-        if len(group) > 1
-        else describe_type(group[0])
-        for group in groups
-    )
+    words = [
+        describe_type(kind) if not more else f"{1 + len(more)} {describe_type(kind, several=True)}"
+        for kind, *more in groups
+    ]
     return f": {'; '.join(words)}"
 
 
@@ -240,15 +223,10 @@ def _count(limits: Sequence[Any]) -> str:
 
 
 _BOUND_KEYS = {
-    "gt": " above",
-    "gtlt": " and below",
-    "gtle": ", at most",
-    "ge": " from",
-    "gelt": ", below",
-    "gele": " to",
-    "lt": " below",
-    "le": " up to",
-}
+    "gt": " above", "gtlt": " and below", "gtle": ", at most",
+    "ge": " from", "gelt": ", below", "gele": " to",
+    "lt": " below", "le": " up to",
+}  # fmt: skip
 
 
 def _between(limits: Sequence[Any]) -> str:
@@ -345,12 +323,10 @@ FilmedMode = Annotated[Whole, Field(ge=1, le=5)]
 FrameRate = Annotated[Real, Field(ge=10, le=5000)]
 Peak = Annotated[Real, Field(gt=0, le=100)]
 Frames = Annotated[
-    Whole,
-    Field(ge=8, le=500, description="frames of the steady vibration in each recording"),
+    Whole, Field(ge=8, le=500, description="frames of the steady vibration in each recording")
 ]
 Exposure = Annotated[
-    Positive,
-    Field(description="exposure time of a frame, at most the time between frames"),
+    Positive, Field(description="exposure time of a frame, at most the time between frames")
 ]
 BriefExposure = Annotated[
     Exposure,
@@ -366,6 +342,5 @@ ShotNoise = Annotated[
     Real, Field(ge=0, le=50, description="variance of the noise over the grey level")
 ]
 ReadNoise = Annotated[
-    Real,
-    Field(ge=0, le=50, description="standard deviation of the dark noise in grey levels"),
+    Real, Field(ge=0, le=50, description="standard deviation of the dark noise in grey levels")
 ]

@@ -7,12 +7,12 @@ import json
 import shlex
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.acoustics.planes import Plane, plate_pistons
-from thesis_lib.acoustics.radiation import Medium, check_pistons
+from thesis_lib.acoustics.radiation import FINER_PISTONS, Medium, check_pistons
 from thesis_lib.facts import setups
 from thesis_lib.studies import fields
 from thesis_lib.text import listed, one_line
@@ -21,16 +21,9 @@ from thesis_lib.vibration.structure import Plate, Structure, resonance_frequency
 CHOOSING_FIELDS = {"cube", "trials", "repeats", "seed", "modes", "cases", "layouts"}
 """Parameters that only choose of what the thesis has, or draw."""
 SHARED_FIELDS = (
-    "focal_length_mm",
-    "sensor_width_mm",
-    "amplitude_mm",
-    "rest",
-    "azimuth_zero",
-    "principal_offset_px",
-    "estimator",
-    "noise_px",
-    "modes",
-)
+    "focal_length_mm", "sensor_width_mm", "amplitude_mm", "rest", "azimuth_zero",
+    "principal_offset_px", "estimator", "noise_px", "modes",
+)  # fmt: skip
 """Parameters that mean the same in all figure sets: they are listed after a set's own."""
 
 
@@ -107,6 +100,9 @@ class Study(fields.Fields):
         return self
 
 
+AnyStudy = TypeVar("AnyStudy", bound=Study)
+
+
 def distance_limit(reach: float | str) -> str:
     """Return what a distance from a structure must exceed, as refused; `reach` is in mm."""
     number = reach if isinstance(reach, str) else f"{reach:.4g}"
@@ -124,20 +120,18 @@ def check_names(model: type[Study], names: Iterable[str]) -> None:
             raise ParameterError(f"{model.name}: no parameter {one_line(str(name))}{words}")
 
 
-def validate_values(model: type[Study], values: Mapping[str, Any]) -> Study:
+def validate_values(model: type[AnyStudy], values: Mapping[str, Any]) -> AnyStudy:
     """Return a model's parameters from plain values, refused in one line."""
     if not isinstance(values, Mapping):  # of a file that is not ours
         given = fields.format_given(values)
-        raise ParameterError(
-            f"{model.name}: given {given}, allowed: an object of parameters by name"
-        )
+        why = f"{model.name}: given {given}, allowed: an object of parameters by name"
+        raise ParameterError(why)
     check_names(model, values)
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise ParameterError(
-            f"{model.name}: {fields.first_problem(model, values, error)}"
-        ) from None
+        problem = fields.first_problem(model, values, error)
+        raise ParameterError(f"{model.name}: {problem}") from None
 
 
 def describe_parameters(model: type[Study]) -> list[dict[str, str]]:
@@ -255,14 +249,10 @@ class SoundPlanes(PlateMarkers):
     @property
     def planes(self) -> tuple[Plane, Plane]:
         """The planes XZ and YZ."""
-        half, bottom, top = (
-            length / 1000
-            for length in (self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm)
-        )
-        return (
-            Plane("XZ", half, bottom, top, self.plane_shape),
-            Plane("YZ", half, bottom, top, self.plane_shape),
-        )
+        lengths_mm = self.plane_half_width_mm, self.plane_bottom_mm, self.plane_top_mm
+        half, bottom, top = (length / 1000 for length in lengths_mm)
+        xz, yz = (Plane(name, half, bottom, top, self.plane_shape) for name in ("XZ", "YZ"))
+        return xz, yz
 
     @model_validator(mode="after")
     def _check_sound(self) -> SoundPlanes:
@@ -273,10 +263,9 @@ class SoundPlanes(PlateMarkers):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the page warns
-                check_pistons(
-                    plate_pistons(plate), resonance_frequency(plate, highest), self.medium
-                )
+                omega = resonance_frequency(plate, highest)
+                check_pistons(plate_pistons(plate), omega, self.medium)
         except ValueError as error:
-            known, here = "use more and smaller pistons", "take lower modes or a finer grid"
-            fields.refuse_value("modes", highest, str(error).replace(known, here))
+            why = str(error).replace(FINER_PISTONS, "take lower modes or a finer grid")
+            fields.refuse_value("modes", highest, why)
         return self

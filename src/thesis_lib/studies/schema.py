@@ -36,9 +36,8 @@ VARIABLES_FILE = "variables.toml"
 class Variable:
     """Meaning and unit of a variable's values."""
 
-    dims: tuple[str, ...]  #: Its dimensions
-    #: Unit, "1" if it has none, and words
-    units: str
+    dims: tuple[str, ...]
+    units: str  #: "1" if it has none
     long_name: str
 
     @property
@@ -53,8 +52,7 @@ class Variable:
 
 @cache
 def _read_tables(path: Path) -> dict[str, dict[str, list[str]]]:
-    tables: dict[str, dict[str, list[str]]] = tomllib.loads(path.read_text(encoding="utf-8"))
-    return tables
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def read_variables(module_file: str, table: str) -> dict[str, Variable]:
@@ -172,14 +170,9 @@ def extreme_settings(plate_cube: xr.Dataset) -> dict[str, list[tuple[int, int]]]
 
 def field_coordinates(planes: tuple[Plane, ...], cases: list[str]) -> dict[str, Any]:
     """Return the coordinates of fields on planes, and of the extreme settings of each case."""
-    values = {
-        "case_name": cases,
-        "plane": [plane.name for plane in planes],
-        "extreme": ["best", "worst"],
-        "u": planes[0].u,
-        "z": planes[0].z,
-    }
-    return label_values(values, FIELD_COORDINATES)
+    names = [plane.name for plane in planes]
+    values = cases, names, ["best", "worst"], planes[0].u, planes[0].z
+    return label_values(dict(zip(FIELD_COORDINATES, values, strict=True)), FIELD_COORDINATES)
 
 
 def of_settings(
@@ -214,11 +207,6 @@ def rendered_modes(
     words = {"long_name": "recording, 0 for the one whose tracks are stored", "units": "1"}
     coords["trial"] = ("trial", np.arange(1 + count), words)
     return coords
-
-
-def replicate_attribute(others: xr.Dataset | None) -> dict[str, str]:
-    """Return the attribute of a rendered cube that says how many other recordings it has."""
-    return {"draws": f"{0 if others is None else others.sizes['recording']} recordings"}
 
 
 def study_coordinates(
@@ -324,11 +312,10 @@ def with_origin(data: xr.Dataset, source: str) -> xr.Dataset:
     """Return the data with attributes that say where they come from, and with which versions."""
     packages = ("numpy", "xarray", "h5netcdf", "h5py")
     versions = {name: importlib.metadata.version(name) for name in packages}
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return data.assign_attrs(
         Conventions="CF-1.11",
         source=source,
         versions=json.dumps({"python": platform.python_version(), **versions}),
         commit=_commit().ljust(16),  # of one length: bytes after it stay in place
-        created=now.isoformat(),
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )

@@ -46,13 +46,11 @@ MANTISSA_BITS = {  # of a rounded mantissa
     np.dtype(np.float32): 13,  # to 2⁻¹⁴, 0.006 %: what is drawn
     np.dtype(np.float64): 23,  # to 2⁻²⁴, as in single precision: what is compared
 }
-MIN_FIELD_STEPS = (
-    2**11
-)  # at least, of a large field's largest value: each is within 0.024 % of that
+# At least, of a large field's largest value: each is within 0.024 % of that
+MIN_FIELD_STEPS = 2**11
 _ROUNDED_ATTRIBUTE = "_QuantizeBitRoundNumberOfSignificantBits"
 _SMALL_BYTES = 4096  # up to here compressing costs more than it saves: HDF5 then keeps an index
 _HDF5_LOCK = threading.RLock()  # the HDF5 library crashes if two threads use it at once
-_TEXT_OPTIONS: Any = {"decode_vlen_strings": True}  # to str, as xarray has it
 _MAX_PACKING_RATIO = 100  # times that what a file holds may be larger than it
 _STEPPED_BYTES = 2**19  # above it, drawn numbers are stored as multiples of a step
 
@@ -64,10 +62,6 @@ def write_netcdf(
 
     Parameters
     ----------
-    cube : xarray.Dataset
-        What to write.
-    path : pathlib.Path
-        Where to.
     compact : bool
         Whether to compress what is large. It is then rounded: to :data:`MANTISSA_BITS`, and
         large fields to multiples of a step, the largest value being at least
@@ -78,8 +72,10 @@ def write_netcdf(
     encoding: dict[Any, dict[str, Any]] = {}
     if compact:
         for name, values in cube.variables.items():
-            if storage := _compression(values):
-                encoding[name] = storage | {"chunksizes": values.shape}
+            if values.dtype.kind in "fu" and values.nbytes > _SMALL_BYTES:
+                # level 9 takes 15 × as long as 4 for 5 %
+                packing = {"compression": "gzip", "compression_opts": 9, "shuffle": True}
+                encoding[name] = packing | {"chunksizes": values.shape}
         for name, data in cube.data_vars.items():
             if name not in encoding or data.dtype not in MANTISSA_BITS:
                 continue
@@ -95,14 +91,7 @@ def write_netcdf(
         whole_file(path, lambda part: part.write_bytes(image.getvalue()))
 
 
-def _compression(values: xr.Variable | xr.DataArray, level: int = 9) -> dict[str, Any]:
-    """Return a variable's storage in a compact cube; level 9 takes 15 × as long as 4 for 5 %."""
-    if values.dtype.kind not in "fu" or values.nbytes <= _SMALL_BYTES:
-        return {}
-    return {"compression": "gzip", "compression_opts": level, "shuffle": True}
-
-
-def _step(values: xr.Variable | xr.DataArray) -> np.float32 | None:
+def _step(values: xr.DataArray) -> np.float32 | None:
     """Return the power of two whose multiples a large field is stored as.
 
     Trials are left out, since the ledger computes with them.
@@ -230,11 +219,6 @@ def read_cache(path: Path) -> xr.Dataset | None:
     return None
 
 
-def trust_file(path: Path) -> None:
-    """Trust from now on what has been written to a file."""
-    whole_text(_digest(path), f"{sha256(path)}\n")
-
-
 def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = "") -> xr.Dataset:
     """Return what a file holds, if it has the key; else compute, write and read it.
 
@@ -247,7 +231,7 @@ def load_or_compute(path: Path, compute: Callable[[], xr.Dataset], key: str = ""
     cube = compute()
     cube = cube.assign_attrs(run_time_s=time.perf_counter() - begun)
     write_netcdf(cube.assign_attrs({"key": key} if key else {}), path)
-    trust_file(path)
+    whole_text(_digest(path), f"{sha256(path)}\n")  # trusted from now on
     return open_netcdf(path)
 
 
@@ -256,17 +240,9 @@ def cached_study(
 ) -> xr.Dataset:
     """Return a study's cube, computed once for its parameters and the code that it rests on.
 
-    Notebooks that need the same cube share it through ``build/cache``.
-
-    Parameters
-    ----------
-    study : Study
-        What is asked for.
-    compute : callable
-        Makes it, from the study.
-    key, library : str
-        Digests of all that determines it besides the request, and of the code alone; empty if that
-        is the whole library.
+    Notebooks that need the same cube share it through ``build/cache``. `key` and `library` are
+    digests of all that determines it besides the request, and of the code alone; empty if that is
+    the whole library.
     """
     path = cache_path(study, key or digest_of(library_files()))
     cube = load_or_compute(path, lambda: compute(study))

@@ -69,16 +69,9 @@ def runs_of_trials(trials: int, trial_bytes: int) -> Iterator[slice]:
 def compute_blocks(
     work: Callable[[Block], Result], blocks: Iterable[Block], scheduler: str = ""
 ) -> Iterator[tuple[Block, Result]]:
-    """Yield blocks and what `work` makes of them, in their order.
+    """Yield blocks and what `work`, which can be sent to a worker, makes of them, in their order.
 
-    Parameters
-    ----------
-    work : callable
-        What can be sent to a worker and computes a block.
-    blocks : iterable of Block
-        What is computed.
-    scheduler : str
-        As in :func:`check_address`; empty computes here, one after another.
+    Without a `scheduler`, as in :func:`check_address`, they are computed here, one after another.
 
     Raises
     ------

@@ -357,9 +357,7 @@ SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
 
 def camera_study(name: str, values: Mapping[str, Any] | None = None) -> CameraStudy:
     """Return the parameters of one of the camera studies, of chapters 3, 4 and 6 or of a shape."""
-    study = validate_values({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
-    assert isinstance(study, CameraStudy)
-    return study
+    return validate_values({**CAMERA_STUDIES, **SHAPE_STUDIES}[name], values or {})
 
 
 CHAPTER_NAMES = {"beam": "ch3", "plate": "ch4", "shape": "shapes", "sound": "ch6"}
