@@ -11,7 +11,7 @@ a sum. M grows with the square of the pixels across, so the best layout does not
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy  # its parts are imported when they are used
@@ -25,30 +25,6 @@ from thesis_lib.vision.triangulation import UPPER_INDICES, image_jacobian, trian
 
 ROUNDING_VARIANCE_PX2 = 1 / 6  # px²: variance of a rounded motion, averaged over amplitudes
 AMPLITUDE_RANGE = (0.5, 1.5)  # from and to how many times the deflection asked for is averaged
-
-
-@dataclass(frozen=True)
-class Simulated:
-    """What a simulation found of a layout, in % of each mode's largest deflection of a marker."""
-
-    mean: Array  #: Rms errors over the markers, shape (modes, trials)
-    point: Array  #: Rms errors over the trials, shape (modes, markers)
-
-    def error(self, objective: str, at: NDArray[np.int_]) -> Array:
-        """Return the rms over the trials of the error that counts, by mode.
-
-        Of the mean over the markers, or of the marker `at` (modes,) which is predicted worst: the
-        largest of many scattered errors would be too high.
-        """
-        if objective == "mean":
-            return np.asarray(np.sqrt(np.mean(self.mean**2, axis=1)))
-        return self.point[np.arange(len(at)), at]
-
-    def band(self, objective: str) -> Array:
-        """Return 5 and 95 % of the trials' mean error, (2, modes); NaN for the worst."""
-        if objective == "mean":
-            return np.asarray(np.quantile(self.mean, [0.05, 0.95], axis=1))
-        return np.full((2, len(self.mean)), np.nan)
 
 
 def percent_factor(scene: Scene) -> Array:
@@ -111,19 +87,30 @@ def average_predicted(scene: Scene, layout: Array, width: int) -> float:
     return float(objective_error(point * percent_factor(scene), "mean").max())
 
 
-def simulate_layout(
-    scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
-) -> Simulated:
-    """Return the studies' simulation of a layout: whole pixels on randomly shifted grids."""
-    wrong = draw_errors(scene, layout, width, trials, seed, estimator)
-    wrong = wrong * percent_factor(scene)[:, None]
-    return Simulated(np.sqrt(np.mean(wrong**2, axis=2)), np.sqrt(np.mean(wrong**2, axis=1)))
+def simulate_errors(
+    scene: Scene, drawn: Array, objective: str, predicted: Array
+) -> tuple[Array, Array]:
+    """Return errors of drawn deflection errors (modes, trials, markers) in m, in %.
+
+    The rms over the trials, (modes,), and the quantiles 5 and 95 %, (2, modes): of the mean over
+    the markers, or of the marker that is `predicted` (modes, markers) worst, without quantiles. The
+    largest of many scattered errors would be too high.
+    """
+    wrong = drawn * percent_factor(scene)[:, None]
+    if objective == "mean":
+        mean = np.sqrt(np.mean(wrong**2, axis=2))
+        return np.sqrt(np.mean(mean**2, axis=1)), np.quantile(mean, [0.05, 0.95], axis=1)
+    point, at = np.sqrt(np.mean(wrong**2, axis=1)), positions.first_most(predicted)
+    return point[np.arange(len(at)), at], np.full((2, len(at)), np.nan)
 
 
 def draw_errors(
     scene: Scene, layout: Array, width: int, trials: int, seed: int, estimator: str
 ) -> Array:
-    """Return errors of the deflections in that simulation, shape (modes, trials, markers), in m."""
+    """Simulate a layout as studies do: whole pixels on randomly shifted grids.
+
+    The errors of the deflections have the shape (modes, trials, markers), in m.
+    """
     body = scene.body
     points = np.concatenate([body.points[:, None], body.deflected(scene.peaks)], axis=1)
     shifts = rounding.grid_shifts(seed, trials, len(layout))[1:]
@@ -231,8 +218,6 @@ def exchange_cameras(
         Which of them are :func:`too_near` each other.
     start : sequence of int
         Layout to begin with; -1 for a camera that is still to be placed.
-    objective : str
-        ``mean`` or ``worst``.
     whose : ndarray of bool, shape (cameras, candidates), optional
         Which candidates a camera may take; without it, all.
 

@@ -5,8 +5,6 @@ A plan is given as a labelled cube, and as a table of cameras.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import time
 from collections.abc import Callable, Sequence
@@ -15,6 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from pydantic_core import PydanticCustomError
 
@@ -67,12 +66,10 @@ def _text(request: PlanRequest, field: str) -> str:
 
 def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
     """Explain which limits allow no place."""
-    step = np.radians(request.step_deg)
-    found = binding_limits(scene, step)
-    if found:
+    step, nowhere = np.radians(request.step_deg), "plan: no camera may stand anywhere; binding:"
+    if found := binding_limits(scene, step):
         text = " or ".join(_text(request, field) for field in found)
-        why = f"binding: {text} (any of these eased alone leaves places)"
-        return ImpossibleError(f"plan: no camera may stand anywhere; {why}")
+        return ImpossibleError(f"{nowhere} {text} (any of these eased alone leaves places)")
     bare = scene
     for field in OPTION_FIELDS:
         if field not in ("tilt_deg", "in_view"):
@@ -82,10 +79,8 @@ def explain_nowhere(scene: Scene, request: PlanRequest) -> ImpossibleError:
             f"plan: markers are never in view; binding: {_text(request, 'tilt_deg')} and "
             f"{_text(request, 'in_view')}"
         )
-    return ImpossibleError(
-        "plan: no camera may stand anywhere; binding: several limits together, of which to ease "
-        "one alone is not enough"
-    )
+    why = "several limits together, of which to ease one alone is not enough"
+    return ImpossibleError(f"{nowhere} {why}")
 
 
 def no_room(scene: Scene, grid: Array, count: int, request: PlanRequest) -> ImpossibleError:
@@ -121,9 +116,11 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
     start = _grid_cost(scene, n, request)
     for field in ("separation_mm", *OPTION_FIELDS):
         free = ease_limit(scene, field)
-        if field == "in_view" or _same(free, scene):
-            continue
-        eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
+        if field != "in_view" and any(
+            not np.array_equal(limit, getattr(scene.rules, name))
+            for name, limit in vars(free.rules).items()
+        ):
+            eased[field] = best.error * np.sqrt(_grid_cost(free, n, request) / start)
     most = min(eased, key=lambda field: eased[field], default="")
     text = (
         f"plan: target_percent: given {target:g} %, but the best of these plans ({n} cameras, "
@@ -132,16 +129,9 @@ def explain_unreached(best: Option, request: PlanRequest) -> ImpossibleError:
         f"{int(np.ceil(n * ratio**2))} cameras)"
     )
     if most and eased[most] < 0.99 * best.error:
-        least = f"(without it about {eased[most]:.3g} %)"
-        text += f"; of the limits on places {_text(request, most)} costs most {least}"
+        text += f"; of the limits on places {_text(request, most)} costs most "
+        text += f"(without it about {eased[most]:.3g} %)"
     return ImpossibleError(text)
-
-
-def _same(one: Scene, other: Scene) -> bool:
-    return all(
-        np.array_equal(getattr(one.rules, name), getattr(other.rules, name))
-        for name in one.rules.__dataclass_fields__
-    )
 
 
 def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
@@ -152,9 +142,6 @@ def _grid_cost(scene: Scene, n: int, request: PlanRequest) -> float:
     known = place_information(scene, grid)
     chosen, _ = exchange_cameras(known, too_near(scene, grid), [-1] * n, request.objective)
     return np.inf if -1 in chosen else errors.combined_cost(known[:, chosen], request.objective)
-
-
-_MAXIMUM_POWER = 40  # power of the variances that weigh markers in the bound of the largest
 
 
 @dataclass(frozen=True)
@@ -220,16 +207,7 @@ class Plan:
 def plan(
     request: PlanRequest, body: Body | None = None, tell: Callable[[str], object] = lambda _: None
 ) -> Plan:
-    """Find the best layouts for a request.
-
-    Parameters
-    ----------
-    request : PlanRequest
-        Validated parameters.
-    body : Body, optional
-        What is measured, if it is not the request's beam or plate.
-    tell : callable
-        Is told, line by line, how far it is.
+    """Find the best layouts for a request; a body takes the place of its beam or plate.
 
     Raises
     ------
@@ -246,7 +224,10 @@ def plan(
     rate = request.frame_rate(body)
     options: list[Option] = []
     total = 0
-    for kinds in _aspects(request).values():
+    aspects: dict[Fraction, list[int]] = {}  # resolutions of one shape share their layouts
+    for kind, (width, height) in enumerate(request.resolutions_px):
+        aspects.setdefault(Fraction(height, width), []).append(kind)
+    for kinds in aspects.values():
         scene = request.scene(body, kinds[0])
         grid = candidate_positions(scene, np.radians(request.step_deg))
         if not len(grid):
@@ -285,13 +266,11 @@ def for_sound(options: Sequence[Option], request: PlanRequest) -> list[Option]:
 
 
 def _verified(one: Option, request: PlanRequest) -> Verified:
-    drawn = max(request.trials, 1), request.seed, request.estimator
-    asked = one.scene, one.layout, one.resolution[0], *drawn
+    draws = max(request.trials, 1), request.seed, request.estimator
+    wrong = errors.draw_errors(one.scene, one.layout, one.resolution[0], *draws)
     if request.goal != "shape":
-        wrong = errors.draw_errors(*asked)
         return Verified(*sound.simulate_sound_errors(request.sounds, wrong, request.goal))
-    found, at = errors.simulate_layout(*asked), positions.first_most(one.point)
-    return Verified(found.error(request.objective, at), found.band(request.objective))
+    return Verified(*errors.simulate_errors(one.scene, wrong, request.objective, one.point))
 
 
 def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
@@ -309,14 +288,6 @@ def pareto(costs: Sequence[float], errors_: Sequence[float]) -> list[int]:
             front.append(i)
             least = errors_[i]
     return front
-
-
-def _aspects(request: PlanRequest) -> dict[Fraction, list[int]]:
-    """Return the resolutions by height over width: those of one shape share their layouts."""
-    groups: dict[Fraction, list[int]] = {}
-    for kind, (width, height) in enumerate(request.resolutions_px):
-        groups.setdefault(Fraction(height, width), []).append(kind)
-    return groups
 
 
 def _options(
@@ -344,7 +315,10 @@ def _options(
         if layout is None:
             continue
         value = layout_cost(scene, layout, request.objective)
-        bound = errors.lower_bound(known, len(layout), _weights(scene, layout, request.objective))
+        # the bound weighs markers alike, or those with the largest errors most
+        variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))
+        power = (variance / variance.max()) ** (40 if request.objective == "worst" else 0)
+        bound = errors.lower_bound(known, len(layout), power / power.sum())
         for kind in kinds:
             width, height = request.resolutions_px[kind]
             point = errors.predict_errors(scene, layout, width)
@@ -352,18 +326,9 @@ def _options(
             price = len(layout) * request.prices[kind] if request.prices else pixels
             expected, least = (factor * np.sqrt(each) / width for each in (value, bound))
             own = errors.objective_error(point, request.objective)
-            size = (width, height)
-            options.append(
-                Option(layout, size, kind, rate, price, expected, point, own, least, scene)
-            )
+            found = kind, rate, price, expected, point, own, least, scene
+            options.append(Option(layout, (width, height), *found))
     return options
-
-
-def _weights(scene: Scene, layout: Array, objective: str) -> Array:
-    """Return the markers' weights for :func:`lower_bound`: equal, or at the largest errors."""
-    variance = errors.normal_variances(place_information(scene, layout).sum(axis=1))
-    power = (variance / variance.max()) ** (_MAXIMUM_POWER if objective == "worst" else 0)
-    return np.asarray(power / power.sum())
 
 
 def _cheapest(
@@ -372,8 +337,7 @@ def _cheapest(
     target = request.target_percent
     if target is None:
         return front[-1]
-    order = sorted(range(len(options)), key=lambda i: (options[i].cost, options[i].error))
-    for i in order:
+    for i in sorted(range(len(options)), key=lambda i: (options[i].cost, options[i].error)):
         if max(options[i].error, float(verified[i].simulated.max())) <= target:
             return i
     raise explain_unreached(options[front[-1]], request)
@@ -390,19 +354,17 @@ VARIABLES = read_variables(__file__, "plan")
 def camera_table(cube: xr.Dataset, option: int) -> str:
     """Return the cameras of an option as CSV."""
     one = cube.isel(option=option)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(CAMERA_COLUMNS)
+    rows = []
     for i in range(int(one["n_cameras"])):
         camera = one.isel(camera=i)
-        lengths = (1000 * camera["camera_position"].values).tolist()
-        angles = [float(camera["camera_azimuth"]), float(camera["camera_elevation"])]
-        lens = [1000 * float(camera["camera_distance"]), 1000 * float(camera["focal_length"])]
-        place = [f"{round(value, 3) + 0.0:.3f}" for value in (*lengths, *angles)]
+        lengths = 1000 * camera["camera_position"].values
+        angles = float(camera["camera_azimuth"]), float(camera["camera_elevation"])
+        place = [f"{round(value, 3) + 0.0:.3f}" for value in (*lengths.tolist(), *angles)]
+        distance, focal = (1000 * float(camera[f]) for f in ("camera_distance", "focal_length"))
         size = int(one["width_px"]), int(one["height_px"])
         rate = f"{float(one['frame_rate']):g}"
-        writer.writerow([i + 1, *place, f"{lens[0]:.3f}", f"{lens[1]:g}", *size, rate])
-    return text.getvalue()
+        rows.append([i + 1, *place, f"{distance:.3f}", f"{focal:g}", *size, rate])
+    return pd.DataFrame(rows, columns=CAMERA_COLUMNS).to_csv(index=False, lineterminator="\n")
 
 
 def as_cube(made: Plan) -> xr.Dataset:
@@ -410,9 +372,16 @@ def as_cube(made: Plan) -> xr.Dataset:
     options, body = made.options, made.body
     best = options[made.chosen]
     most = max(len(one.layout) for one in options)
+    # azimuth and elevation in degrees, distance and focal length in m, position in m
     places = np.full((len(options), most, 7), np.nan)
     for row, one in zip(places, options, strict=True):
-        row[: len(one.layout)] = _camera_rows(one, made)
+        azimuth, elevation, distance, focal = one.layout.T
+        turned = np.mod(np.degrees(azimuth) + 180, 360) - 180
+        focal = focal * made.request.sensor_width_mm / 1000
+        centres = positions.camera_centres(one.scene, one.layout)
+        row[: len(one.layout)] = np.column_stack(
+            [turned, np.degrees(elevation), distance, focal, centres]
+        )
     verified = made.verified
     values: dict[str, Any] = {
         "n_cameras": [len(one.layout) for one in options],
@@ -459,15 +428,6 @@ def as_cube(made: Plan) -> xr.Dataset:
         cube.attrs["goal"] = made.request.goal
         cube = cube.assign(label_values({"shape_plan_error": instead}, OF_SOUND))
     return cube
-
-
-def _camera_rows(option: Option, made: Plan) -> Array:
-    """Return azimuth and elevation in degrees, distance and focal length in m, position in m."""
-    azimuth, elevation, distance, focal = option.layout.T
-    turned = np.mod(np.degrees(azimuth) + 180, 360) - 180
-    focal = focal * made.request.sensor_width_mm / 1000
-    places = positions.camera_centres(option.scene, option.layout)
-    return np.column_stack([turned, np.degrees(elevation), distance, focal, places])
 
 
 def _outline(made: Plan) -> Array:

@@ -78,17 +78,7 @@ class Body:
 
 
 def body_of(structure: Structure, name: str, modes: Sequence[int]) -> Body:
-    """Make a body of a beam or plate: its centre is the origin, its normals are +Z.
-
-    Parameters
-    ----------
-    structure : Structure
-        Beam or plate.
-    name : str
-        What it is called.
-    modes : sequence of int
-        Numbers of the modes, from 1.
-    """
+    """Make a body of a beam or plate: its centre is the origin, its normals are +Z."""
     markers = structure.markers
     half = np.array(structure.extent) / 2
     flat = np.zeros((1, markers.shape[1]))
@@ -138,12 +128,6 @@ def length_at(index: NDArray[np.int_], limits: Limits) -> Array:
     """Return lengths by number: 0 is the least, then whole millimetres, the largest last."""
     first = np.floor(np.round(limits[0] * PER_METRE, _STEP_DIGITS))
     return np.clip((first + index) / PER_METRE, *limits)
-
-
-def count_lengths(limits: Limits) -> int:
-    """Return the largest number of lengths that :func:`length_at` distinguishes."""
-    low, high = np.round(np.array(limits) * PER_METRE, _STEP_DIGITS)
-    return int(np.ceil(high) - np.floor(low)) + 1
 
 
 def first_least(costs: Array) -> int:
@@ -232,16 +216,12 @@ def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArra
     return replace(rig, K=K, centres=camera_centres(scene, places))
 
 
-@dataclass(frozen=True)
-class Sights:
-    """What is seen in some directions from the centre, whatever the distance."""
+Sights = tuple[Array, Array, Array]
+"""What is seen in some directions from the centre, whatever the distance; (directions, markers).
 
-    #: Distance in m from which on a marker's whole motion is in the image, shape
-    #: (directions, markers)
-    inside: Array
-    #: How far a marker is from the centre along the direction, in m, shape (directions, markers)
-    towards: Array
-    facing: Array  #: Cosine between its normal and the direction, shape (directions, markers)
+The distance in m from which on a marker's whole motion is in the image; how far the marker is from
+the centre along the direction, in m; and the cosine between its normal and the direction.
+"""
 
 
 def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
@@ -255,7 +235,7 @@ def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     )
     inside = np.max(focal[:, None, None] * aside - beyond, axis=1)
     towards = -R[:, 2] @ (body.points - body.centre[:, None])
-    return Sights(inside, towards, -R[:, 2] @ body.normals)
+    return inside, towards, -R[:, 2] @ body.normals
 
 
 def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
@@ -265,11 +245,12 @@ def marker_margins(scene: Scene, seen: Sights, distance: Array) -> Array:
     image, in m; and the cosine of the marker's tilt less that of the limit. Not below 0 where
     the marker is seen and can be read.
     """
+    inside, towards, facing = seen
     rest = scene.body.points - scene.body.centre[:, None]
     d = distance[:, None]
-    away = np.sqrt(d * (d - 2 * seen.towards) + np.sum(rest**2, axis=0))
-    cosine = (d * seen.facing - np.sum(rest * scene.body.normals, axis=0)) / away
-    return np.stack([d - seen.inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
+    away = np.sqrt(d * (d - 2 * towards) + np.sum(rest**2, axis=0))
+    cosine = (d * facing - np.sum(rest * scene.body.normals, axis=0)) / away
+    return np.stack([d - inside, cosine - np.cos(scene.rules.tilt) + LIMIT_SLACK])
 
 
 def region_clearances(scene: Scene, places: Array) -> Array:
@@ -302,7 +283,7 @@ def visible_markers(scene: Scene, places: Array) -> Mask:
 
 
 def _parts(scene: Scene, count: int) -> list[slice]:
-    """Yield slices of so many places that fit into memory."""
+    """Return slices of so many places that fit into memory."""
     step = max(1, _MAX_IMAGES // (2 * scene.body.points.shape[1]))
     return [slice(i, i + step) for i in range(0, count, step)]
 
@@ -334,8 +315,7 @@ def are_apart(scene: Scene, places: Array, others: Array) -> Mask:
     """Return which positions are far enough from all others, shape (places,)."""
     from scipy.spatial.distance import cdist  # late: the list of figure sets needs no SciPy
 
-    centres, other_centres = camera_centres(scene, places), camera_centres(scene, others)
-    gap = cdist(centres, other_centres)
+    gap = cdist(camera_centres(scene, places), camera_centres(scene, others))
     return np.asarray(np.all(gap >= scene.rules.least_gap, axis=1))
 
 
@@ -346,12 +326,8 @@ def direction_grid(scene: Scene, step: float) -> Array:
     count = int(np.ceil((2 * np.pi if turn else high - low) / step - 1e-6))
     azimuth = np.linspace(low, low + 2 * np.pi if turn else high, count + 1)[: -1 if turn else None]
     elevation = np.linspace(bottom, top, int(np.ceil((top - bottom) / step - 1e-6)) + 1)
-    return _grid(azimuths(azimuth, (low, high)), angles(elevation, (bottom, top)))
-
-
-def _grid(*axes: Array) -> Array:
-    """Return all combinations, shape (combinations, axes)."""
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    axes = azimuths(azimuth, (low, high)), angles(elevation, (bottom, top))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def candidate_positions(scene: Scene, step: float) -> Array:
@@ -391,7 +367,8 @@ def places_at(grid: Array, distance: Array | float, focal: Array | float) -> Arr
 def nearest_distances(scene: Scene, grid: Array, focal: Array | float) -> Array:
     """Return each direction's least allowed distance by halving; else the largest."""
     limits, focal = scene.rules.distances, np.broadcast_to(focal, len(grid))
-    last = count_lengths(limits) - 1
+    low_mm, high_mm = np.round(np.array(limits) * PER_METRE, _STEP_DIGITS)
+    last = int(np.ceil(high_mm) - np.floor(low_mm))  # the number of the largest length
     found = np.full(len(grid), last)
     for part in _parts(scene, len(grid)) if last else []:
         seen, high = lens_sights(scene, grid[part], focal[part]), found[part]

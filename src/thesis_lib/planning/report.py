@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from thesis_lib.vision.pinhole import hemisphere_rotations
 from thesis_lib.web.html import VIEWER_CSS, join_modules, render_html, render_lines, static_html
 
 LAYOUT_VIEWS = ("from a corner", 155.0, 28.0), ("from above", 180.0, 90.0), ("along Y", 180.0, 0.0)
-_LINE_SYMBOLS = "osD^vP*X"
 NO_SCRIPT_TEXT = (
     "This figure needs JavaScript to be turned; the ones beside it show the same cameras."
 )
@@ -38,8 +38,8 @@ NO_SCRIPT_TEXT = (
 
 def layout_figure(cube: xr.Dataset, option: int) -> Figure:
     """Return the cameras of an option from three sides, with lines of sight."""
+    size, ratios = (7.6, 3.1), [1.3, 1, 1]
     with in_style():
-        size, ratios = (7.6, 3.1), [1.3, 1, 1]
         drawing, axes = subplots(1, 3, figsize=size, layout="constrained", width_ratios=ratios)
         for axis, (words, azimuth, elevation) in zip(axes, LAYOUT_VIEWS, strict=True):
             layout_panel(axis, cube.isel(option=option), azimuth, elevation)
@@ -86,16 +86,11 @@ def layout_panel(axes: Axes, part: xr.Dataset, azimuth: float, elevation: float)
     axes.axis("off")
 
 
-def front_figure(cube: xr.Dataset, target: float | None = None) -> Figure:
-    """Return the error against cost of every option, and the front of those that nothing beats."""
-    with in_style():
-        drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
-        front_panel(axes, cube, target)
-    return drawing
-
-
 def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> None:
-    """Draw the same in axes: colours are numbers of cameras, symbols resolutions."""
+    """Draw the error against cost of every option, and the front of those that nothing beats.
+
+    Colours are numbers of cameras, symbols resolutions.
+    """
     priced = cube.attrs.get("cost_is") == "price"
     cost = cube["cost"].values / (1.0 if priced else 1e6)
     predicted, simulated = (
@@ -107,15 +102,15 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
     line: Any = {"color": style.REFERENCE_COLOR, "linewidth": 1.2, "where": "post"}
     axes.step(cost[front], predicted[front], label="nothing cheaper is as accurate", **line)
     numbers = np.unique(counts)
-    symbols = {w: _LINE_SYMBOLS[j % 8] for j, w in enumerate(np.unique(widths))}
-    inks = style.ordered_colors(len(numbers))
-    for n, ink in zip(numbers, inks, strict=True):
+    symbols = dict(zip(np.unique(widths), cycle("osD^vP*X"), strict=False))
+    inks = dict(zip(numbers, style.ordered_colors(len(numbers)), strict=True))
+    for n, ink in inks.items():
         for width, symbol in symbols.items():
             at = (counts == n) & (widths == width)
             axes.plot(cost[at], predicted[at], symbol, color=ink, markersize=6)
     heights = {width: int(cube["height_px"].values[widths == width][0]) for width in symbols}
     dots: dict[str, dict[str, Any]] = {
-        f"{n} cameras": {"color": ink, "marker": "s"} for n, ink in zip(numbers, inks, strict=True)
+        f"{n} cameras": {"color": ink, "marker": "s"} for n, ink in inks.items()
     }
     dots |= {f"{w}×{heights[w]} px": {"marker": symbol} for w, symbol in symbols.items()}
     style.name_styles(axes, {label: {"ls": "none", "ms": 5, **own} for label, own in dots.items()})
@@ -136,25 +131,23 @@ def front_panel(axes: Axes, cube: xr.Dataset, target: float | None = None) -> No
 def layout_view(plans: Sequence[tuple[str, xr.Dataset, int]]) -> str:
     """Return plans as a self-contained HTML fragment.
 
-    Parameters
-    ----------
-    plans : sequence of (str, xarray.Dataset, int)
-        Name, options with their cameras, as in a plan's cube, and which option is shown first.
+    Each has a name, options with their cameras, as in a plan's cube, and the option shown first.
     """
-    data = {"plans": [_describe_plan(*one) for one in plans], "tints": list(style.CYCLE_COLORS)}
+    described = []
+    for name, cube, chosen in plans:
+        outline = _finite(cube["outline"].values)
+        described.append(
+            {
+                "name": name,
+                "chosen": chosen,
+                "centre": ((outline.max(axis=0) + outline.min(axis=0)) / 2).tolist(),
+                "outline": outline.tolist(),
+                "markers": cube["marker"].values.tolist() if "marker" in cube else [],
+                "options": [_describe_option(cube, i) for i in range(cube.sizes["option"])],
+            }
+        )
+    data = {"plans": described, "tints": list(style.CYCLE_COLORS)}
     return static_html(join_modules("layout"), VIEWER_CSS, {"data": data}, NO_SCRIPT_TEXT)
-
-
-def _describe_plan(name: str, cube: xr.Dataset, chosen: int) -> dict[str, Any]:
-    outline = _finite(cube["outline"].values)
-    return {
-        "name": name,
-        "chosen": chosen,
-        "centre": ((outline.max(axis=0) + outline.min(axis=0)) / 2).tolist(),
-        "outline": outline.tolist(),
-        "markers": cube["marker"].values.tolist() if "marker" in cube else [],
-        "options": [_describe_option(cube, i) for i in range(cube.sizes["option"])],
-    }
 
 
 def _describe_option(cube: xr.Dataset, index: int) -> dict[str, Any]:
@@ -190,23 +183,9 @@ def write_plan(
     structure: Path | None = None,
     tell: Callable[[str], object] = lambda _: None,
 ) -> list[str]:
-    """Make a plan and write its four files into a folder.
+    """Make a plan, write its four files when all are made, and return its summary line by line.
 
-    Parameters
-    ----------
-    request : PlanRequest
-        Validated parameters.
-    folder : pathlib.Path
-        Where to write; nothing is written there before all is made.
-    structure : pathlib.Path, optional
-        File with the structure, instead of the request's beam or plate.
-    tell : callable
-        Called with lines about the progress.
-
-    Returns
-    -------
-    list of str
-        The summary, line by line.
+    A file with the structure takes the place of the request's beam or plate.
     """
     check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     start = time.perf_counter()
@@ -312,7 +291,10 @@ def summarise_plan(plan_: Plan, file: str = "") -> list[str]:
 def build_page(plan_: Plan, cube: xr.Dataset, lines: Sequence[str], picture: str) -> str:
     """Return the plan as one page that loads nothing."""
     header, *rows = csv.reader(io.StringIO(camera_table(cube, plan_.chosen)))
-    front = style.figure_svg(front_figure(cube, plan_.request.target_percent))
+    with in_style():
+        drawing, axes = subplots(figsize=(7.2, 3.8), layout="constrained")
+        front_panel(axes, cube, plan_.request.target_percent)
+    front = style.figure_svg(drawing)
     notes = ["on the front" if i in plan_.front else "" for i in range(len(plan_.options))]
     notes[plan_.chosen] = "proposed"
     return render_html(

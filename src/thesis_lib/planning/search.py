@@ -28,12 +28,9 @@ _SEARCH_DIRECTIONS = np.array([way for steps in _STEP_PAIRS for way in itertools
 
 
 class Once:
-    """A function of rows that is computed once for each of them.
+    """A function of an array (rows, columns) that is computed once for each row.
 
-    Parameters
-    ----------
-    function : callable
-        Of an array (rows, columns), with one value or array for every row, whatever the others.
+    It has one value or array for every row, whatever the others.
     """
 
     def __init__(self, function: Callable[[Array], NDArray[Any]]) -> None:
@@ -55,13 +52,7 @@ class Once:
 
 
 class Surroundings:
-    """What cameras of a scene find about them: small steps lead to the same places over and over.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is measured, and the rules.
-    """
+    """What cameras of a scene find about them: small steps lead to the same places again."""
 
     def __init__(self, scene: positions.Scene) -> None:
         self.scene = scene
@@ -136,11 +127,8 @@ def settle_layout(about: Surroundings, layout: Array, objective: str) -> Array:
     best = about.cost(layout, objective)
     for step in SEARCH_STEPS_RAD:
         # one by one they do not leave an arrangement that is better only if all are turned
-        for turn, reach in (
-            (0.0, step),
-            (step, SEARCH_STEPS_RAD[-1]),
-            (-step, SEARCH_STEPS_RAD[-1]),
-        ):
+        least = SEARCH_STEPS_RAD[-1]
+        for turn, reach in ((0.0, step), (step, least), (-step, least)):
             for _ in range(_MAX_ROUNDS):
                 start = turn_layout(about.scene, layout, turn) if turn else layout
                 moved = _move_best(about, start, reach, objective)
@@ -161,26 +149,22 @@ def _move_best(about: Surroundings, layout: Array, step: float, objective: str) 
     return found if -1 not in chosen and errors.is_spaced(about.scene, found) else None
 
 
-def layout_images(scene: positions.Scene, layout: Array) -> list[Array]:
-    """Turn a layout by quarters, and mirror it at the planes through the centre."""
-    out = []
-    for quarter, aside, up in itertools.product(range(4), (1, -1), (1, -1)):
-        image = layout * [aside, up, 1, 1] + [quarter * np.pi / 2, 0, 0, 0]
-        image[:, 0] = positions.azimuths(image[:, 0], scene.rules.azimuths)
-        image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
-        out.append(image)
-    return out
-
-
 def choose_layout(scene: positions.Scene, layouts: Sequence[Array], objective: str) -> Array | None:
-    """Choose the best layout; of equal ones and their images, that of the least rank."""
+    """Choose the best layout; of equal ones and their images, that of the least rank.
+
+    Images are turned by quarters, and mirrored at the planes through the centre.
+    """
     costs = [layout_cost(scene, one, objective) for one in layouts]
     most = min(costs, default=0.0) * (1 + positions.MAX_TIE_RATIO)
     best = [one for one, value in zip(layouts, costs, strict=True) if value <= most]
-    images = itertools.chain.from_iterable(layout_images(scene, one) for one in best)
-    turned = [image for image in images if errors.is_allowed(scene, image)]
-    alike = [image for image in turned if layout_cost(scene, image, objective) <= most]
-    return min(map(positions.by_rule, best + alike), key=positions.rank_layout, default=None)
+    alike = list(best)
+    for layout, quarter, aside, up in itertools.product(best, range(4), (1, -1), (1, -1)):
+        image = layout * [aside, up, 1, 1] + [quarter * np.pi / 2, 0, 0, 0]
+        image[:, 0] = positions.azimuths(image[:, 0], scene.rules.azimuths)
+        image[:, 1] = positions.angles(image[:, 1], scene.rules.elevations)
+        if errors.is_allowed(scene, image) and layout_cost(scene, image, objective) <= most:
+            alike.append(image)
+    return min(map(positions.by_rule, alike), key=positions.rank_layout, default=None)
 
 
 def best_layouts(
@@ -199,14 +183,10 @@ def best_layouts(
 
     Parameters
     ----------
-    scene : Scene
-        What is measured, and the rules.
     grid : ndarray, shape (candidates, 4)
         Places to choose from.
     counts : sequence of int
         Numbers of cameras, ascending.
-    objective : str
-        ``mean`` or ``worst``.
     starts, seed : int
         How many random layouts, and the seed they are drawn with.
     tell : callable
@@ -263,7 +243,7 @@ def _random(rng: np.random.Generator, near: Mask, count: int) -> list[int]:
     chosen: list[int] = []
     for _ in range(count):
         open_ = np.flatnonzero(~np.any(near[chosen], axis=0))
-        chosen.append(int(rng.choice(open_)) if len(open_) else -1)
-        if chosen[-1] < 0:
-            return chosen + [-1] * (count - len(chosen))
-    return chosen
+        if not len(open_):
+            break
+        chosen.append(int(rng.choice(open_)))
+    return chosen + [-1] * (count - len(chosen))

@@ -35,6 +35,8 @@ NEEDED_FIELDS = dict.fromkeys("xyz", ("point",)) | {
 NORMAL_COLUMNS = ("nx", "ny", "nz")
 MAX_POINTS = 1000
 MAX_SIZE_M = 100.0  # m, as far as cameras may stand
+MARKERS_ONLY = "the markers, not all nodes of a mesh"
+NEEDED_FILE = "a netCDF file with x, y, z, shape and frequency"
 
 
 class MeshError(ParameterError):
@@ -61,7 +63,15 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     values = {name: _values(path, mesh, name, dims) for name, dims in NEEDED_FIELDS.items()}
     values |= {name: _values(path, mesh, name, ("point",)) for name in has}
     points = np.stack([values["x"], values["y"], values["z"]])
-    _check_points(path, points)
+    if points.shape[1] > MAX_POINTS:
+        allowed = f"at most {MAX_POINTS}: {MARKERS_ONLY}"
+        raise _refusal(path, f"has {points.shape[1]} points", allowed)
+    size = float(np.max(np.abs(points)))
+    if size > MAX_SIZE_M:
+        allowed = f"at most {MAX_SIZE_M:g} m (metres, not mm)"
+        raise _refusal(path, f"has a coordinate of {size:g} m", allowed)
+    if len(np.unique(points, axis=1).T) < points.shape[1]:
+        raise _refusal(path, "has two points at one place", "different places")
     normals = np.stack([values[n] for n in NORMAL_COLUMNS]) if has else np.zeros_like(points)
     if not has:
         normals[2] = 1.0
@@ -72,7 +82,12 @@ def read_body(path: Path, modes: Sequence[int]) -> Body:
     shapes, hertz = values["shape"], values["frequency"]
     if np.any(hertz < 0):
         raise _refusal(path, f"frequency is {hertz.min():g} Hz", "numbers from 0")
-    numbers = _numbers(path, mesh)
+    given = mesh["mode"].values  # 0, 1, … where the file does not number them
+    if "mode" not in mesh.variables:
+        given = given + 1
+    elif given.dtype.kind not in "iu" or len(set(given.tolist())) < len(given):
+        raise _refusal(path, "has numbers in mode that repeat or are not whole", "1, 2, …")
+    numbers = given.tolist()
     missing = [mode for mode in modes if mode not in numbers]
     if missing:
         allowed = f"modes that {path} has: {one_line(', '.join(map(str, numbers)))}"
@@ -93,21 +108,20 @@ def _refusal(path: Path, problem: str, needed: str) -> MeshError:
 def _open_table(path: Path) -> xr.Dataset:
     if not path.is_file():
         kind = "is a folder" if path.is_dir() else "is not there"
-        raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency")
+        raise _refusal(path, kind, NEEDED_FILE)
     try:
         with xr.open_dataset(path, decode_times=False, create_default_indexes=False) as file:
-            mesh = file[
-                [n for n in (*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode") if n in file.variables]
-            ]
+            ours = {*NEEDED_FIELDS, *NORMAL_COLUMNS, "mode"}
+            mesh = file[[name for name in file.variables if name in ours]]
             if mesh.nbytes > storage.HELD_BYTES:
                 held = f"says that it holds {mesh.nbytes / 1e6:.3g} MB"
-                raise _refusal(path, held, "the markers, not all nodes of a mesh")
+                raise _refusal(path, held, MARKERS_ONLY)
             return mesh.load()
     except MeshError:
         raise
     except Exception as error:  # the netCDF and HDF libraries raise what they like
         kind = f"is not readable as netCDF ({type(error).__name__})"
-        raise _refusal(path, kind, "a netCDF file with x, y, z, shape and frequency") from None
+        raise _refusal(path, kind, NEEDED_FILE) from None
 
 
 def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> Array:
@@ -126,43 +140,11 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
     return values
 
 
-def _check_points(path: Path, points: Array) -> None:
-    if points.shape[1] > MAX_POINTS:
-        allowed = f"at most {MAX_POINTS}: the markers, not all nodes of a mesh"
-        raise _refusal(path, f"has {points.shape[1]} points", allowed)
-    size = float(np.max(np.abs(points)))
-    if size > MAX_SIZE_M:
-        allowed = f"at most {MAX_SIZE_M:g} m (metres, not mm)"
-        raise _refusal(path, f"has a coordinate of {size:g} m", allowed)
-    if len(np.unique(points, axis=1).T) < points.shape[1]:
-        raise _refusal(path, "has two points at one place", "different places")
-
-
-def _numbers(path: Path, mesh: xr.Dataset) -> list[int]:
-    given = mesh["mode"].values  # 0, 1, … where the file does not number them
-    if "mode" not in mesh.variables:
-        return list(range(1, len(given) + 1))
-    if given.dtype.kind not in "iu" or len(set(given.tolist())) < len(given):
-        raise _refusal(path, "has numbers in mode that repeat or are not whole", "1, 2, …")
-    return [int(number) for number in given]
-
-
 def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
-    """Return the markers and mode shapes.
+    """Return the markers and mode shapes of a beam, plate or panel.
 
-    Parameters
-    ----------
-    structure : Structure
-        Beam, plate or panel.
-    modes : sequence of int
-        Numbers of the modes, from 1.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``x``, ``y``, ``z`` of each ``point`` in m from the middle of the box around the structure,
-        ``frequency(mode)`` in Hz, and ``shape(mode, point)``, which is 1 where the structure moves
-        most.
+    ``x``, ``y``, ``z`` of each ``point`` are in m from the middle of the box around the structure,
+    ``frequency(mode)`` is in Hz, and ``shape(mode, point)`` is 1 where the structure moves most.
     """
     body, kind = body_of(structure, "", modes), type(structure).__name__
     places = {

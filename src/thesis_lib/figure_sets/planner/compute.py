@@ -8,7 +8,7 @@ import xarray as xr
 
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
-from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTION, THESIS_QUESTIONS, Planner
+from thesis_lib.figure_sets.planner.figure_set import READABLE_QUESTIONS, THESIS_QUESTIONS, Planner
 from thesis_lib.planning import errors, planner, positions, sound
 from thesis_lib.studies.schema import label_values, read_variables
 
@@ -50,7 +50,7 @@ def run(study: Planner) -> xr.Dataset:
         label_values(dict(zip(OF_THESIS, np.moveaxis(own, 1, 0), strict=True)), OF_THESIS)
     )
     cube = cube.assign(label_values(_summary(cube, study), VARIABLES))
-    return cube.assign(_for_sound(study, plans[READABLE_QUESTION]))
+    return cube.assign(_for_sound(study, plans[READABLE_QUESTIONS["plate"]]))
 
 
 def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
@@ -72,10 +72,8 @@ def _whole(cube: xr.Dataset, made: planner.Plan, study: Planner) -> xr.Dataset:
     cube = cube.where(~missing)
     for name in ("outline", "frequency"):
         cube[name] = cube[name].isel(option=0, drop=True)
-    for name in ("n_cameras", "width_px", "height_px"):
-        column = {"n_cameras": [n for _, n in wanted], "width_px": [w for w, _ in wanted]}.get(name)
-        if column:
-            cube[name] = ("option", column, cube[name].attrs)
+    for name, column in zip(("width_px", "n_cameras"), zip(*wanted, strict=True), strict=True):
+        cube[name] = ("option", list(column), cube[name].attrs)
     return cube
 
 
@@ -92,15 +90,13 @@ def _of_thesis(study: Planner, made: planner.Plan, body: str) -> Array:
             continue
         at = (slice(None), cases.index(case), counts.index(number))
         point = errors.predict_errors(scene, layout, width)
-        drawn = errors.simulate_layout(
-            scene, layout, width, study.trials, study.seed, "least-squares"
-        )
-        best = positions.first_most(point)
+        draws = study.trials, study.seed, "least-squares"
+        drawn = errors.draw_errors(scene, layout, width, *draws)
         expected = factor * np.sqrt(cost)
         found[at] = (
             expected,
             np.max(errors.objective_error(point, "mean")),
-            np.max(drawn.error("mean", best)),
+            np.max(errors.simulate_errors(scene, drawn, "mean", point)[0]),
             errors.average_predicted(scene, layout, width) / expected,
             np.mean(positions.visible_markers(readable, layout)),
         )
@@ -152,8 +148,6 @@ def _summary(cube: xr.Dataset, study: Planner) -> dict[str, Any]:
         rate = np.nan if best is None else float(one["cost"][best]) / 1e6
         rows.append((f"{name}, cheapest for the target", rate, "million pixels/s"))
     ratio = cube["simulated_error"] / cube["predicted_error"]
-    rows += [
-        ("simulated over predicted, least", float(ratio.min()), "1"),
-        ("simulated over predicted, largest", float(ratio.max()), "1"),
-    ]
+    rows.append(("simulated over predicted, least", float(ratio.min()), "1"))
+    rows.append(("simulated over predicted, largest", float(ratio.max()), "1"))
     return dict(zip(("quantity", "value", "unit"), zip(*rows, strict=True), strict=True))

@@ -16,7 +16,9 @@ from thesis_lib.studies import fields
 from thesis_lib.studies.request import Study
 
 THESIS_QUESTIONS = {"beam": "beam: as free as the thesis", "plate": "plate: as free as the thesis"}
-READABLE_QUESTION = "plate: markers that can be read"  # which is planned for its sound, too
+# That of the plate is planned for its sound, too
+READABLE_QUESTIONS = {body: f"{body}: markers that can be read" for body in THESIS_QUESTIONS}
+FREE_QUESTIONS = {body: f"{body}: nearer or farther, too" for body in THESIS_QUESTIONS}
 WALL_SECTOR_DEG = (90.0, 270.0, -90.0, 90.0)  # a sector: what a wall leaves
 BLOCKED_QUESTIONS = {"beam: a wall behind it": "wall", "plate: a machine beside it": "machine"}
 MACHINE_BOX_MM = (250.0, 5000.0, -5000.0, 5000.0, -5000.0, 5000.0)  # a box: what a machine takes
@@ -85,43 +87,26 @@ class Planner(Study):
         200, description="random shifts of the pixel grids in each simulation"
     )
 
-    def settings(self) -> list[setups.Setting]:
-        """None: layouts are found, not given."""
-        return []
-
     @property
     def questions(self) -> dict[str, PlanRequest]:
         """Return the requests to the planner, by name."""
-        near = {
-            body: float(setups.setup_table(body, "arrays")["distance_mm"])
-            for body in THESIS_QUESTIONS
-        }
-        asked: dict[str, tuple[str, dict[str, Any]]] = {}
+        asked: dict[str, dict[str, Any]] = {}
         for body, name in THESIS_QUESTIONS.items():
-            fixed = (near[body], near[body])
-            asked[name] = body, {"distances_mm": fixed, "tilt_deg": 90.0}
-            asked[f"{body}: markers that can be read"] = body, {"distances_mm": fixed}
-            asked[f"{body}: nearer or farther, too"] = body, {"distances_mm": free_room(body)}
-        wall, machine = (
-            {"forbidden_sectors_deg": [WALL_SECTOR_DEG]},
-            {"forbidden_boxes_mm": [MACHINE_BOX_MM]},
-        )
-        asked["beam: a wall behind it"] = "beam", {"distances_mm": free_room("beam"), **wall}
-        asked["plate: a machine beside it"] = (
-            "plate",
-            {"distances_mm": free_room("plate"), **machine},
-        )
-        return {name: self._question(body, more) for name, (body, more) in asked.items()}
+            near = float(setups.setup_table(body, "arrays")["distance_mm"])
+            asked[name] = {"distances_mm": (near, near), "tilt_deg": 90.0}
+            asked[READABLE_QUESTIONS[body]] = {"distances_mm": (near, near)}
+            asked[FREE_QUESTIONS[body]] = {}
+        wall, machine = BLOCKED_QUESTIONS
+        asked[wall] = {"forbidden_sectors_deg": [WALL_SECTOR_DEG]}
+        asked[machine] = {"forbidden_boxes_mm": [MACHINE_BOX_MM]}
+        return {name: self._question(name.partition(":")[0], more) for name, more in asked.items()}
 
     def thesis_layouts(self, body: str) -> dict[tuple[str, int], Array]:
         """Return places of the thesis's growing arrays, by case and number of cameras."""
-        order, near = (
-            setups.assumed_values(body)["pair_order"],
-            setups.setup_table(body, "arrays")["distance_mm"],
-        )
-        grown = setups.array_settings(
-            list(setups.camera_pairs()), order, {}, near, self.resolutions_px[0]
-        )
+        order = setups.assumed_values(body)["pair_order"]
+        near = setups.setup_table(body, "arrays")["distance_mm"]
+        cases = list(setups.camera_pairs())
+        grown = setups.array_settings(cases, order, {}, near, self.resolutions_px[0])
         focal = self.focal_length_mm / self.sensor_width_mm
         return {
             (one.case, len(one.directions_deg)): places_at(
@@ -137,6 +122,7 @@ class Planner(Study):
             "amplitude_mm": amplitude,
             "target_percent": None,
             "focal_lengths_mm": [self.focal_length_mm],
+            "distances_mm": free_room(body),
             "elevations_deg": (self.elevation_deg, 90.0),
         }
         same = set(type(self).model_fields) & set(PlanRequest.model_fields) - {*common, "cube"}

@@ -19,7 +19,7 @@ from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.templates import render
 
-FRONT_QUESTION = "beam: nearer or farther, too"  # of which the front is drawn
+FRONT_QUESTION = figure_set.FREE_QUESTIONS["beam"]  # of which the front is drawn
 SHOWN_CAMERAS = 4  # of the layouts that are drawn, or the nearest number
 
 
@@ -69,7 +69,7 @@ def with_readable(cube: xr.Dataset) -> str:
     """Compare the plan whose markers can be read with the thesis's best layouts, in words."""
     worse, shares = [], []
     for body in figure_set.THESIS_QUESTIONS:
-        plan = coarse_options(cube, f"{body}: markers that can be read")["expected_error"].values
+        plan = coarse_options(cube, figure_set.READABLE_QUESTIONS[body])["expected_error"].values
         for planned, own in zip(plan, _best_of_thesis(cube, body), strict=True):
             if own is not None and np.isfinite(planned):
                 worse.append(bool(planned > own["thesis_expected"]))
@@ -178,22 +178,11 @@ def gain(cube: xr.Dataset) -> Figure:
             words, look = f"case {own['thesis_case'].item()}", {"ms": 3.5, "lw": 0.8}
             panel.plot(n, own, "o--", color=style.cycle_color(i), label=words, **look)
         one = coarse_options(cube, question)
-        read = coarse_options(cube, f"{body}: markers that can be read")
-        lines: tuple[tuple[Any, str, dict[str, Any]], ...] = (
-            (one["expected_error"], "o-", {"label": "planned, read from any side", "lw": 2}),
-            (one["bound"], "_", {"label": "bound", "ms": 12}),
-            (
-                read["expected_error"],
-                "s-",
-                {
-                    "label": f"planned, read up to {tilt:g}°",
-                    "color": style.REFERENCE_COLOR,
-                    "ms": 4,
-                },
-            ),
-        )
-        for values, line, look in lines:
-            panel.plot(n, values, line, **{"color": style.BLACK_COLOR, **look})
+        read = coarse_options(cube, figure_set.READABLE_QUESTIONS[body])["expected_error"]
+        anywhere, tilted = "planned, read from any side", f"planned, read up to {tilt:g}°"
+        panel.plot(n, one["expected_error"], "o-", color=style.BLACK_COLOR, label=anywhere, lw=2)
+        panel.plot(n, one["bound"], "_", color=style.BLACK_COLOR, label="bound", ms=12)
+        panel.plot(n, read, "s-", color=style.REFERENCE_COLOR, label=tilted, ms=4)
         style.log_axes(panel, n.tolist(), [2, 5, 10, 20, 50])
         panel.set(title=body, xlabel="number of cameras", ylabel="error of the worst mode, %")
     once = axes[1].get_legend_handles_labels()
