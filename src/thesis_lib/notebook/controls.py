@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import ipywidgets
@@ -61,44 +62,22 @@ class Controls:
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
-    """Return controls of a figure set for the end of its notebook.
+    """Return controls of a figure set for the end of its notebook, whose ``globals()`` are given.
 
-    Parameters
-    ----------
-    name : str
-        Name of the figure set.
-    namespace : mapping
-        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
-        cube becomes its ``result``, so that any cell can be run again to show it.
-
-    Returns
-    -------
-    LiveView or None
-        None if the notebook writes its cube to a file, for then nobody is looking.
+    Its parameters are what the controls begin with, and a new cube becomes its ``result``, so that
+    any cell can be run again to show it.
     """
-    if namespace.get("cube"):
+    if namespace.get("cube"):  # written to a file: nobody is looking
         return None
-    fields = STUDIES[name].model_fields
-    request = validate_request(
-        name, {field: namespace[field] for field in fields if field in namespace}
-    )
+    given = {key: namespace[key] for key in STUDIES[name].model_fields if key in namespace}
+    request = validate_request(name, given)
 
-    def keep(cube: xr.Dataset) -> None:
-        namespace["result"] = cube
-
+    keep = partial(namespace.__setitem__, "result")
     return LiveView(stack_controls(request, controls(request, keep)))
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
-    """Return controls that begin with the values of a request.
-
-    Parameters
-    ----------
-    request : Study
-        A validated request.
-    keep : callable
-        Is given each new cube.
-    """
+    """Return controls that begin with the values of a request; `keep` is given each new cube."""
     made = Controls(
         _build_inputs(request),
         ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),
@@ -108,10 +87,14 @@ def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: No
     )
 
     def check_values(_: object = None) -> None:
+        words = refusal = ""
         try:
-            _show_command(made, study_command(validate_request(request.name, made.values)))
+            command = study_command(validate_request(request.name, made.values))
+            words = f"The same by command: <code>{html.escape(command)}</code>"
         except ParameterError as error:
-            _show_command(made, "", str(error))
+            refusal = f'<span role="alert">{html.escape(str(error))}</span>'
+        made.button.disabled = bool(refusal)
+        made.message.value, made.command.value = refusal, words
 
     def click(_: object) -> None:
         check_values()
@@ -193,21 +176,13 @@ def _read_value(widget: ipywidgets.ValueWidget) -> Any:
     return list(widget.value) if isinstance(widget.value, tuple) else widget.value
 
 
-def _show_command(made: Controls, words: str, refusal: str = "") -> None:
-    """Show the command, or why there is none."""
-    made.button.disabled = bool(refusal)
-    made.message.value = f'<span role="alert">{html.escape(refusal)}</span>' if refusal else ""
-    made.command.value = f"The same by command: <code>{html.escape(words)}</code>" if words else ""
-
-
 def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], object]) -> None:
     """Run a request and show what came of it: what changed, the viewer, the table."""
     made.button.disabled = True
     made.output.outputs = ()
     known = effort.read_efforts().get(request.name)
-    made.output.append_stdout(
-        f"running {request.name}{f', about {known.time}' if known else ''} …\n"
-    )
+    takes = f", about {known.time}" if known else ""
+    made.output.append_stdout(f"running {request.name}{takes} …\n")
     start = time.perf_counter()
     try:
         cube = notebook.study(request.name, request.model_dump(mode="json"))
@@ -215,15 +190,12 @@ def _run_request(made: Controls, request: Study, keep: Callable[[xr.Dataset], ob
         seconds = time.perf_counter() - start
         made.output.append_stdout(f"done in {seconds:.1f} s; the new cube is `result`\n\n")
         made.output.append_stdout("\n".join(cubes.difference_lines(cube)) + "\n")
-        for shown in _list_results(cube):
-            made.output.append_display_data(shown)
+        if cubes.list_dimension(cube):
+            made.output.append_display_data(cubes.summarise_errors(cube))
+        else:
+            made.output.append_display_data(LiveView(notebook.viewer(cube)))
+            made.output.append_display_data(error_table(cube))
     except Exception as error:  # a kernel shows nothing of what a button raises
         made.output.append_stderr(f"{type(error).__name__}: {error}\n")
     finally:
         made.button.disabled = False
-
-
-def _list_results(cube: xr.Dataset) -> list[Any]:
-    if cubes.list_dimension(cube):
-        return [cubes.summarise_errors(cube)]
-    return [LiveView(notebook.viewer(cube)), error_table(cube)]

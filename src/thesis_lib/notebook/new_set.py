@@ -19,21 +19,19 @@ def parameter_cell(model: type[Study]) -> str:
 
     A meaning that is too long for its line is shortened; ``thesis list`` prints all of it.
     """
-    return "\n".join(_assignment(row) for row in describe_parameters(model))
-
-
-def _assignment(row: dict[str, str]) -> str:
-    default = json.loads(row["default"])
-    start = f"{row['name']}: {type(default).__name__} = "
-    value = _literal(default)
-    if len(start + value) > MAX_VALUE_LENGTH:
-        value = _literal(default, lines=True)
-    room = MAX_LINE_LENGTH - len((start + value).rpartition("\n")[2]) - len("  # ")
-    parts = [row["unit"].replace("°", "degrees"), row["meaning"]]
-    if row["allowed"].startswith('"'):  # a choice
-        parts.insert(0, row["allowed"])
-    meaning = ", ".join(filter(None, parts))
-    return f"{start}{value}  # {shorten(meaning, room, placeholder=' …')}"
+    lines = []
+    for row in describe_parameters(model):
+        default = json.loads(row["default"])
+        start = f"{row['name']}: {type(default).__name__} = "
+        value = _literal(default)
+        if len(start + value) > MAX_VALUE_LENGTH:
+            value = _literal(default, lines=True)
+        room = MAX_LINE_LENGTH - len((start + value).rpartition("\n")[2]) - len("  # ")
+        choice = row["allowed"] if row["allowed"].startswith('"') else ""
+        parts = choice, row["unit"].replace("°", "degrees"), row["meaning"]
+        meaning = ", ".join(filter(None, parts))
+        lines.append(f"{start}{value}  # {shorten(meaning, room, placeholder=' …')}")
+    return "\n".join(lines)
 
 
 def _literal(value: Any, lines: bool = False) -> str:
@@ -72,23 +70,14 @@ class NewSetError(ValueError):
 def write_set(name: str, title: str = "") -> list[Path]:
     """Begin a figure set, in the book if `name` is a name, elsewhere if it is a path.
 
-    Returns
-    -------
-    list of Path
-        What was written: the folder, the notebook, and in the book its table of contents.
-
-    Raises
-    ------
-    NewSetError
-        If the name is not one, or something of that name is there.
+    Returned is what was written: folder, notebook, and in the book its table of contents. A
+    NewSetError refuses what is no name, or one of something that is there.
     """
     place = Path(name)
     inside = place.name == name
     if not NAME_PATTERN.fullmatch(place.name):
-        raise NewSetError(
-            f"new-set: given {place.name}, allowed: small letters, digits and hyphens, "
-            "as in beam-ends"
-        )
+        allowed = "small letters, digits and hyphens, as in beam-ends"
+        raise NewSetError(f"new-set: given {place.name}, allowed: {allowed}")
     folder = place
     if inside:
         folder = project_root() / "src/thesis_lib/figure_sets" / name.replace("-", "_")
@@ -112,14 +101,11 @@ def write_set(name: str, title: str = "") -> list[Path]:
             (part / file).write_text(source, encoding="utf-8")
         part.rename(folder)
     whole_text(notebook, text)
-    return [folder, notebook, *([_add_to_contents(place.name)] if inside else [])]
-
-
-def _add_to_contents(name: str) -> Path:
-    """Add a set's page to the end of the part *Beyond the thesis* of the table of contents."""
-    contents = project_root() / "book" / "_toc.yml"
-    before, part, after = contents.read_text(encoding="utf-8").partition(CONTENTS_PART)
+    if not inside:
+        return [folder, notebook]
+    contents = project_root() / "book" / "_toc.yml"  # the page comes to the end of its part
+    before, heading, after = contents.read_text(encoding="utf-8").partition(CONTENTS_PART)
     end = after.find("\n  - caption:")
-    after = f"{after[:end]}\n      - file: executed/{name}{after[end:]}"
-    whole_text(contents, before + part + after)
-    return contents
+    after = f"{after[:end]}\n      - file: executed/{place.name}{after[end:]}"
+    whole_text(contents, before + heading + after)
+    return [folder, notebook, contents]

@@ -54,7 +54,15 @@ def checked(name: str, namespace: Mapping[str, Any]) -> Any:
     injected = _find_injected(namespace.get("In", []))
     check_names(model, injected)
     values = {key: namespace[key] for key in model.model_fields if key in namespace}
-    return validate_values(model, {**values, **_parse_lists(name, values, injected)})
+    for key in injected:  # papermill's ``-p`` passes lists and objects on as text
+        value = values[key]
+        if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
+            try:
+                values[key] = parse_json(value)
+            except KeyError as error:
+                why = f"{one_line(repr(error.args[0]))} is given twice, allowed: once"
+                raise ParameterError(f"{name}: {key}: {why}") from None
+    return validate_values(model, values)
 
 
 def cube_of(asked: Study) -> xr.Dataset:
@@ -83,22 +91,6 @@ def _find_injected(inputs: Iterable[str]) -> list[str]:
     ]
 
 
-def _parse_lists(name: str, values: Mapping[str, Any], injected: Iterable[str]) -> dict[str, Any]:
-    """Return injected lists and objects that papermill's ``-p`` passed on as text."""
-    parsed = {}
-    for key in injected:
-        value = values[key]
-        if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
-            try:
-                parsed[key] = parse_json(value)
-            except KeyError as error:
-                repeated = one_line(repr(error.args[0]))
-                raise ParameterError(
-                    f"{name}: {key}: {repeated} is given twice, allowed: once"
-                ) from None
-    return parsed
-
-
 def _read_scheduler(request: Study) -> str:
     """Return the scheduler of ``THESIS_SCHEDULER``, if the study can be cut into pieces."""
     try:
@@ -113,19 +105,12 @@ def _read_scheduler(request: Study) -> str:
 
 def viewer(cube: xr.Dataset) -> Viewer:
     """Return the interactive viewer, in a live notebook and in the static page alike."""
-    data = selection.viewer_data(cube)
-    first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
-    return Viewer(data=data, form=_build_form(cube), **first)
-
-
-def _build_form(cube: xr.Dataset) -> dict[str, Any]:
-    """Return parameters that its page can change, if that is one of the sets that pages compute."""
+    data, form = selection.viewer_data(cube), dict[str, Any]()
     name = str(cube.attrs["figure_set"])
-    return (
-        form_of(registry.validate_request(name, json.loads(cube.attrs["parameters"])))
-        if name in in_page.COMPUTED_SETS
-        else {}
-    )
+    if name in in_page.COMPUTED_SETS:  # whose parameters the page can change
+        form = form_of(registry.validate_request(name, json.loads(cube.attrs["parameters"])))
+    first = {"case": data["cases"][0]["name"], "mode": data["modes"][0]["mode"]}
+    return Viewer(data=data, form=form, **first)
 
 
 @dataclass(frozen=True)
@@ -148,8 +133,7 @@ def figures(cube: xr.Dataset) -> None:
     """Display the figure of each case and mode, one after the other."""
     for (case, mode), caption in panels.case_captions(cube).items():
         drawing = figure_sets.draw_figure(cube, case, mode)
-        about = _describe_figure(cube, drawing, caption) | {"case": case, "mode": mode}
-        display(Shown(_render_figure(drawing), about))
+        display(_show_figure(cube, drawing, caption, case=case, mode=mode))
 
 
 def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
@@ -159,7 +143,7 @@ def picture(cube: xr.Dataset, name: str, *which: int) -> Shown | None:
         return None
     of = str(cube.attrs["figure_set"])
     caption, style = figure_sets.read_caption(of, name, *which), figure_sets.picture_style(of)
-    return Shown(_render_figure(drawing, style), _describe_figure(cube, drawing, caption))
+    return _show_figure(cube, drawing, caption, style)
 
 
 def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
@@ -167,21 +151,16 @@ def text(cube: xr.Dataset, name: str, *which: int) -> Markdown:
     return Markdown(figure_sets.fill_text(cube, name, *which))
 
 
-def _render_figure(drawing: Figure, style: Any = None) -> str:
-    """Return a figure's SVG, to stand in a page."""
-    text = figure_svg(drawing, style)
-    return text[text.index("<svg") :]
-
-
-def _describe_figure(cube: xr.Dataset, drawing: Figure, caption: panels.Caption) -> dict[str, Any]:
-    """Return the words of a drawing, which say whether it is the thesis's only in kind."""
+def _show_figure(
+    cube: xr.Dataset, drawing: Figure, caption: panels.Caption, style: Any = None, **which: Any
+) -> Shown:
+    """Return a drawing with its words, which say whether it is the thesis's only in kind."""
+    svg = figure_svg(drawing, style)
     ours = cube.attrs["in_the_thesis"] or registry.FIGURE_SETS[cube.attrs["figure_set"]].reads()
     after = "" if ours or not caption.text else "With the parameters of this run, after: "
     alt = caption.alt or panels.describe_panels(drawing)
-    return {"name": caption.name, "caption": after + caption.text, "alt": alt}
-
-
-_KNOWN_KEYS = {"title", "description", "default", "allowed"}  # of a schema, told apart from it
+    about = {"name": caption.name, "caption": after + caption.text, "alt": alt} | which
+    return Shown(svg[svg.index("<svg") :], about)
 
 
 def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
@@ -210,18 +189,14 @@ def form_data(names: Iterable[str] = tuple(registry.STUDIES)) -> dict[str, Any]:
             if field not in fields:
                 fields.append(field)
             numbers[row["name"]] = fields.index(field)
-        checked = [numbers[key] for key in study.model_fields if key in numbers]
         sets[name] = {
             "title": study.title,
             "shown": list(numbers.values()),
-            "checked": checked,
+            "checked": [numbers[key] for key in study.model_fields if key in numbers],
             "takes": _describe_cost([name]),
         }
-    whole = {
-        name: members
-        for name, members in registry.CHAPTER_SETS.items()
-        if sets.keys() >= set(members)
-    }
+    chapters = registry.CHAPTER_SETS.items()
+    whole = [name for name, members in chapters if sets.keys() >= set(members)]
     return {
         "fields": fields,
         "sets": sets,
@@ -243,7 +218,8 @@ def _describe_field(
 ) -> dict[str, Any]:
     """Describe a parameter; a list of names only the command knows offers its default's."""
     default = json.loads(row["default"])
-    plain = {key: value for key, value in schema.items() if key not in _KNOWN_KEYS}
+    listed = {"title", "description", "default", "allowed"}  # keys that a row holds itself
+    plain = {key: value for key, value in schema.items() if key not in listed}
     named = plain.get("items") == {"type": "string"}
     return {
         **{key: row[key] for key in ("name", "meaning", "unit", "allowed")},

@@ -94,8 +94,9 @@ def isolate_process() -> None:
     readers = {Path(place).resolve() for place in given if place}
     readers.discard(Path(__file__).resolve().parents[2])  # where we are
     sys.path[:] = [place for place in sys.path if Path(place).resolve() not in readers]
-    for name in [name for name in os.environ if name.startswith(("JUPYTER", "IPYTHON"))]:
-        del os.environ[name]
+    for name in list(os.environ):
+        if name.startswith(("JUPYTER", "IPYTHON")):
+            del os.environ[name]
     os.environ.update(list_variables() | {"MPLBACKEND": "agg"})
     warnings.simplefilter("ignore")  # of libraries; ours are errors or results
     logging.getLogger().addHandler(logging.NullHandler())
@@ -141,6 +142,7 @@ def _end_children() -> None:
 
 REFUSED_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 2, 1, 130
 LONGEST_FILE = 80  # characters of the names of files in the folders that are written
+_ANY_FOLDER = "a folder, new or not"
 
 
 class Refused(click.ClickException):
@@ -206,9 +208,8 @@ def requests_of(names: Sequence[str], values: dict[str, Any]) -> list[Study]:
         for model in models:
             own = {key: value for key, value in values.items() if key in model.model_fields}
             studies.append(validate_values(model, own))
-            notes += [
-                f"{model.name} has no {key}: it runs without" for key in values if key not in own
-            ]
+            lacking = [key for key in values if key not in own]
+            notes += [f"{model.name} has no {key}: it runs without" for key in lacking]
     for note in notes:
         click.echo(note, err=True)
     return studies
@@ -248,7 +249,7 @@ def output_folder(names: Sequence[str], studies: Sequence[Study], out: Path | No
 def new_folder(out: Path, option: str = "--out") -> Path:
     """Check a folder to write to: no file stands in its way, writing is allowed."""
     if str(out) in ("", "."):
-        raise Refused(f"{option}: given no folder of its own, allowed: a folder, new or not")
+        raise Refused(f"{option}: given no folder of its own, allowed: {_ANY_FOLDER}")
     folder = out.absolute()
     if has_hidden(str(folder)):
         raise Refused(f"{option}: given {str(out)!r}, allowed: a visible name")
@@ -265,7 +266,5 @@ def new_folder(out: Path, option: str = "--out") -> Path:
     if not there.is_dir():
         problem = "is a file" if there.exists() else "leads nowhere"
     if problem:
-        raise Refused(
-            f"{option}: given {out}, but {there} {problem}; allowed: a folder, new or not"
-        )
+        raise Refused(f"{option}: given {out}, but {there} {problem}; allowed: {_ANY_FOLDER}")
     return folder

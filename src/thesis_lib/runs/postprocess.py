@@ -34,8 +34,8 @@ def hide_staging(notebook: Any, name: str) -> None:
     recorded["parameters"].pop("cube")
     for cell in notebook.cells:
         if "injected-parameters" in cell.metadata.get("tags", []):
-            lines = [line for line in cell.source.splitlines() if not line.startswith("cube = ")]
-            cell.source = "\n".join(lines)
+            lines = cell.source.splitlines()
+            cell.source = "\n".join(line for line in lines if not line.startswith("cube = "))
     notebook.cells = [cell for cell in notebook.cells if cell.source != "# Parameters"]
 
 
@@ -124,15 +124,20 @@ def add_provenance(notebook: Any, about: Record, cube: xr.Dataset, in_book: bool
         text = base64.b64encode(plotted.as_csv(table).encode()).decode()
         return f"data:text/csv;charset=utf-8;base64,{text}"
 
+    def line_under(address: str = "", file: str = "", case: str = "", mode: int = 0) -> str:
+        values = {"address": address, "file": file, "case": case, "mode": mode}
+        template = "runs/templates/under_figure.html.j2"
+        return render_html(template, anchor=about.anchor, **values).strip()
+
     def lines_under(cell: Any) -> list[str]:
         shown = [which for which in figures_of(cell) if which in files]
         if not shown and "figure" in cell.metadata.get("mystnb", {}) and cell.get("outputs"):
-            return [_line_under_figure(about)]
+            return [line_under()]
         lines = []
         for which in shown:
-            file = f"{name}/{files[which]}.csv"
-            address = link(plotted.figure_table(cube, errors, *which), file)
-            lines.append(_line_under_figure(about, address, Path(file).name, which))
+            file = f"{files[which]}.csv"
+            address = link(plotted.figure_table(cube, errors, *which), f"{name}/{file}")
+            lines.append(line_under(address, file, *which))
         return lines
 
     cells = []
@@ -156,29 +161,13 @@ def figures_of(cell: Any) -> list[tuple[str, int]]:
     return found
 
 
-def _line_under_figure(
-    about: Record, address: str = "", file: str = "", which: tuple[str, int] = ("", 0)
-) -> str:
-    """Return a link to the fold-out and, if there are any, to the figure's own numbers."""
-    line = render_html(
-        "runs/templates/under_figure.html.j2",
-        anchor=about.anchor,
-        address=address,
-        file=file,
-        case=which[0],
-        mode=which[1],
-    )
-    return line.strip()
-
-
 def fold_out(about: Record, cube: str, numbers: str) -> str:
     """Return the fold-out as one block of HTML.
 
     `cube` and `numbers` are addresses of the cube and of the table of all errors.
     """
-    parameters = {
-        k: json.dumps(v, ensure_ascii=False) for k, v in changed_parameters(about.study).items()
-    }
+    changed = changed_parameters(about.study).items()
+    parameters = {key: json.dumps(value, ensure_ascii=False) for key, value in changed}
     block = render_html(
         "runs/templates/provenance.html.j2",
         about=about,
