@@ -31,33 +31,29 @@ MAX_APPARENT_SHIFT = 0.4  # of the markers' spacing that a marker may seem to mo
 MAX_VIEW_EXTENT = 0.98  # of half the image that the structure may reach
 MIN_MARKER_HEIGHT_PX = 1.0  # px that a marker's image is high
 
-ADOPTED_RIG = assumed_values("experiment")
+CAMERA_NAMES = "ABCD"
+THESIS_RIG = setups.setup_table("experiment", "rig") | assumed_values("experiment")
 
 
-IN_VIEW = (
-    "allowed: so far, or with a focal length so short against the sensor, that all cameras see "
-    "the whole beam"
-)
+def frame_size(width_px: int) -> tuple[int, int]:
+    """Return width and height of frames of 16:9 in px."""
+    return width_px, round(width_px * 9 / 16)
 
 
-def between_frames(frame_rate_hz: float) -> str:
-    """Return how long an exposure may last, as refused."""
-    return f"allowed: at most the time between frames, {1000 / frame_rate_hz:.4g} ms"
-
-
-def beam_reach(amplitude_mm: float) -> float:
-    """Return the reach of the thesis's beam and its deflection from its centre in mm."""
-    return 1000 * math.hypot(*setups.thesis_beam().extent) / 2 + amplitude_mm
+def facing_directions(azimuth_deg: float, elevation_deg: float) -> tuple[Direction, ...]:
+    """Return the azimuth and elevation of cameras A to D, two on each side of the beam."""
+    a = azimuth_deg
+    return tuple((azimuth, elevation_deg) for azimuth in (a, -a, 180 + a, 180 - a))
 
 
 class CameraParameters(fields.Fields):
     """Parameters of the cameras that every rendered experiment has."""
 
-    focal_length_mm: fields.FocalLength = ADOPTED_RIG["focal_length_mm"]
-    sensor_width_mm: fields.SensorWidth = ADOPTED_RIG["sensor_width_mm"]
-    lens_k1: fields.Distortion = ADOPTED_RIG["lens_k1"]
-    shot_noise: fields.ShotNoise = ADOPTED_RIG["shot_noise"]
-    read_noise: fields.ReadNoise = ADOPTED_RIG["read_noise"]
+    focal_length_mm: fields.FocalLength = THESIS_RIG["focal_length_mm"]
+    sensor_width_mm: fields.SensorWidth = THESIS_RIG["sensor_width_mm"]
+    lens_k1: fields.Distortion = THESIS_RIG["lens_k1"]
+    shot_noise: fields.ShotNoise = THESIS_RIG["shot_noise"]
+    read_noise: fields.ReadNoise = THESIS_RIG["read_noise"]
 
 
 class RenderParameters(CameraParameters):
@@ -168,23 +164,14 @@ def view_extent(
     return float(max(np.abs(u / depth).max(), np.abs(v / depth).max() * 16 / 9) * spread / half)
 
 
-def check_amplitudes(modes: Sequence[int], amplitude_mm: object) -> None:
-    """Refuse a list of amplitudes that has not one for each mode."""
-    if isinstance(amplitude_mm, list) and len(amplitude_mm) != len(modes):
-        fields.refuse_value("amplitude_mm", amplitude_mm, "allowed: a list with one for each mode")
-
-
-def check_rates(
-    film: RenderParameters,
-    structure: Structure,
-    modes: Sequence[int],
-    name: str,
-    rates: Sequence[float],
-) -> None:
-    """Refuse aliases that no fit can use, and frames that last too long.
+def check_motions(film: Any, structure: Structure, name: str, rates: Sequence[float]) -> None:
+    """Refuse amplitudes that are not one for each mode, aliases that no fit can use, long frames.
 
     `name` is the field that holds the frame rates.
     """
+    modes, given = film.modes, film.amplitude_mm
+    if isinstance(given, list) and len(given) != len(modes):
+        fields.refuse_value("amplitude_mm", given, "allowed: a list with one for each mode")
     hertz = {mode: resonance_frequency(structure, mode) / (2 * np.pi) for mode in modes}
     for rate in rates:
         for mode, frequency in hertz.items():
@@ -200,6 +187,35 @@ def check_rates(
         fields.refuse_value(
             "exposure_ms", film.exposure_ms, f"allowed: at most {longest:.4g} ms, {limits}"
         )
+
+
+def check_exposure(film: Any, frame_rate_hz: float) -> None:
+    """Refuse an exposure that lasts longer than from one frame to the next."""
+    if film.exposure_ms > 1000 / frame_rate_hz:
+        allowed = f"allowed: at most the time between frames, {1000 / frame_rate_hz:.4g} ms"
+        film.refuse("exposure_ms", allowed)
+
+
+def check_beam_view(
+    film: Any, directions_deg: Sequence[Direction], name: str, distance_mm: float, where: str = ""
+) -> None:
+    """Refuse cameras within the reach of the thesis's beam, or that do not see all of it.
+
+    `name` is the field that puts the cameras at the distance; `where` names them.
+    """
+    extent, lift = setups.thesis_beam().extent, film.amplitude_mm / 1000
+    reach = 1000 * math.hypot(*extent) / 2 + film.amplitude_mm
+    if distance_mm <= reach:
+        fields.refuse_value(name, distance_mm, distance_limit(reach))
+    if any(
+        view_extent(film, extent, lift, each, distance_mm / 1000) > MAX_VIEW_EXTENT
+        for each in directions_deg
+    ):
+        allowed = (
+            "allowed: so far, or with a focal length so short against the sensor, that all "
+            f"cameras see the whole beam{where}"
+        )
+        fields.refuse_value(name, distance_mm, allowed)
 
 
 def check_place(
@@ -230,7 +246,7 @@ def check_place(
 
 
 def check_markers(
-    film: RenderParameters,
+    film: Any,
     spacing: float,
     diameter: float,
     lift: float,
@@ -250,11 +266,7 @@ def check_markers(
     if lift > largest:
         seen = f"as seen from an elevation of {math.degrees(slope):.3g}°"
         why = f"peaks of at most {1000 * largest:.3g} mm {seen}, or markers seem to change places"
-        fields.refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")  # type: ignore[attr-defined]
-
-
-CAMERA_NAMES = "ABCD"
-THESIS_RIG = setups.setup_table("experiment", "rig") | assumed_values("experiment")
+        fields.refuse_value("amplitude_mm", film.amplitude_mm, f"allowed: {why}")
 
 
 class RigRequest(fields.Fields):
@@ -291,23 +303,12 @@ class RigRequest(fields.Fields):
         if self.frequency_hz > 0.4 * self.frame_rate_hz:
             most = f"0.4 of the frame rate, {0.4 * self.frame_rate_hz:.4g} Hz"
             self.refuse("frequency_hz", f"allowed: at most {most}")
-        if self.exposure_ms > 1000 / self.frame_rate_hz:
-            self.refuse("exposure_ms", between_frames(self.frame_rate_hz))
-        reach = beam_reach(self.amplitude_mm)
-        if self.distance_mm <= reach:
-            fields.refuse_value("distance_mm", self.distance_mm, distance_limit(reach))
-        extent = setups.thesis_beam().extent
-        lift, far = self.amplitude_mm / 1000, self.distance_mm / 1000
-        cameras = self.directions_deg.values()
-        if max(view_extent(self, extent, lift, each, far) for each in cameras) > MAX_VIEW_EXTENT:
-            fields.refuse_value("distance_mm", self.distance_mm, IN_VIEW)
+        check_exposure(self, self.frame_rate_hz)
+        check_beam_view(self, list(self.directions_deg.values()), "distance_mm", self.distance_mm)
         return self
 
     @property
-    def directions_deg(self) -> dict[str, tuple[float, float]]:
+    def directions_deg(self) -> dict[str, Direction]:
         """Return the azimuth and elevation of each camera."""
-        a = self.azimuth_deg
-        azimuths = (a, -a, 180 + a, 180 - a)
-        return {
-            name: (b, self.elevation_deg) for name, b in zip(CAMERA_NAMES, azimuths, strict=True)
-        }
+        directions = facing_directions(self.azimuth_deg, self.elevation_deg)
+        return dict(zip(CAMERA_NAMES, directions, strict=True))

@@ -66,13 +66,7 @@ def write_board_images(rig: Rig, index: int, folder: Path) -> None:
 
 
 def write_recording(rig: Rig, folder: Path, codec: Codec = "ffv1") -> Path:
-    """Write a video and the board shots of every camera; the cameras film side by side.
-
-    Returns
-    -------
-    Path
-        The manifest. Camera A's files are ``A.mkv`` and ``A/00.png`` and so on.
-    """
+    """Write videos and board images of all cameras, side by side; return the manifest's path."""
 
     def write_camera(index: int) -> None:
         write_video(rig, index, folder, codec)
@@ -204,17 +198,9 @@ def example_manifest(rig: Rig) -> Manifest:
 
 
 def write_example(folder: Path, say: Callable[[str], object] = print) -> Path:
-    """Render the example into a folder, which must not hold anything yet; whole or not at all.
+    """Render the example into a folder, which must not hold anything yet; return the manifest.
 
-    Returns
-    -------
-    Path
-        The manifest.
-
-    Raises
-    ------
-    FileExistsError
-        If the folder is a file, or not empty.
+    It is there whole or not at all; a folder that is a file or not empty is a FileExistsError.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"{folder}: is there already, allowed: a new or empty folder")

@@ -9,6 +9,7 @@ does so between half pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.measure.recordings.board import Board, Markers, on_surface
 from thesis_lib.vibration.motion import Motion
+from thesis_lib.vibration.polygons import Point, divide_hole
 from thesis_lib.vision import pinhole
 from thesis_lib.vision.pinhole import Camera
 
 # The spread acts on pixels this much finer: light is spread before pixels collect it
 SUBPIXELS_PER_PIXEL = 2
+OUTLINE_STEP_M = 0.004  # between the places of an outline that are drawn
 
 
 @dataclass(frozen=True)
@@ -62,18 +65,8 @@ class Polygons:
 def rasterise_polygons(uv: Array, polygons: Polygons, width: int, height: int) -> Array:
     """Return sum of the polygons' contrasts, each weighted with the share of the pixel it covers.
 
-    Parameters
-    ----------
-    uv : ndarray, shape (2, vertices) or (2, frames, vertices)
-        Vertices in px; over several frames the mean is taken.
-    polygons : Polygons
-        How the vertices are joined; either way round.
-    width, height : int
-        Size of the image.
-
-    Returns
-    -------
-    ndarray, shape (height, width)
+    `uv` are vertices in px, (2, vertices) or (2, frames, vertices); over several frames the mean is
+    taken. The sum has the shape (height, width); polygons may be joined either way round.
     """
     start = uv.reshape(2, -1, uv.shape[-1])
     frames, n = start.shape[1:]
@@ -126,14 +119,25 @@ class BeamView:
 
     VERTICES = 64  # of a marker; 0.007 px from its circle
 
-    def __init__(self, camera: Camera, markers: Markers, motion: Motion, sensor: Sensor) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        markers: Markers,
+        motion: Motion,
+        sensor: Sensor,
+        corners: Sequence[Point] | None = None,  # of the outline, m; of the markers' box if None
+    ) -> None:
         self.camera, self.markers, self.motion, self.sensor = camera, markers, motion, sensor
         turn = 2 * np.pi * np.arange(self.VERTICES) / self.VERTICES
         radius = markers.diameter / 2 * np.sqrt(turn[1] / np.sin(turn[1]))  # of the same area
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = markers.positions[:, :, None] + circle[:, None]
         length, width = markers.extent
-        outline = _divide_sides(np.array([[0, 0], [length, 0], [length, width], [0, width]]), 0.004)
+        if corners is None:
+            box = np.array([[0, 0], [length, 0], [length, width], [0, width]])
+            outline = _divide_sides(box, OUTLINE_STEP_M)
+        else:
+            outline = divide_hole(tuple(corners), OUTLINE_STEP_M).T
         self.points = np.concatenate([outline, discs.reshape(2, -1)], axis=1)
         n = discs.shape[1]
         first = np.concatenate([[0], outline.shape[1] + self.VERTICES * np.arange(n)])
@@ -166,20 +170,9 @@ def render_board(
     sensor: Sensor,
     rng: np.random.Generator | None = None,
 ) -> Image:
-    """Render an image of a board that is printed on both sides.
+    """Render an image of a board that is printed on both sides; without a generator no noise.
 
-    Parameters
-    ----------
-    camera : Camera
-        The camera.
-    board : Board
-        The board.
-    rotation, translation : array_like, shapes (3, 3) and (3,)
-        World coordinates are ``rotation @ board + translation``, in m.
-    sensor : Sensor
-        Grey levels and noise.
-    rng : numpy.random.Generator, optional
-        Source of the noise; without it there is none.
+    World coordinates are ``rotation @ board + translation``, in m.
     """
     shapes = [_divide_sides(vertices, 0.01) for vertices in (board.outline, *board.dark_tiles)]
     sizes = [shape.shape[1] for shape in shapes]
@@ -219,7 +212,7 @@ class Light:
 def collect_light(uv: Array, polygons: Polygons, size: tuple[int, int], sensor: Sensor) -> Light:
     """Collect the light of polygons before the background; over several frames the mean.
 
-    Parameters are those of :func:`rasterise_polygons` and the sensor.
+    `uv` are the vertices in px as :func:`rasterise_polygons` takes them.
     """
     width, height = size
     margin = int(np.ceil(5 * sensor.spread)) + 1
@@ -271,13 +264,8 @@ def edge_scatter(width: float, height: float, sensor: Sensor) -> Array:
     A flat image has long edges above and below and hardly any at its ends: σ_v stays, σ_u grows.
     The law holds while opposite edges are farther apart than they are blurred.
 
-    Parameters
-    ----------
-    width, height : float
-        Axes of the disc's image along u and v in px.
-    sensor : Sensor
-        Grey levels, noise and spread; s has the pixel's own area in it, and σ is that of the level
-        between dark and white, rounding included.
+    The image's axes along u and v are `width` and `height` in px. s has the pixel's own area in it,
+    and σ is that of the level between dark and white, rounding included.
 
     Examples
     --------

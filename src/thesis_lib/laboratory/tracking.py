@@ -50,7 +50,7 @@ from thesis_lib.measure.tracking.tracker import Tracker, sharpen_view
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.studies.workers import map_in_pairs
 from thesis_lib.vibration.motion import Component, Motion
-from thesis_lib.vibration.polygons import Point, divide_hole
+from thesis_lib.vibration.polygons import Point
 from thesis_lib.vibration.structure import Structure
 from thesis_lib.vision import pinhole
 
@@ -114,14 +114,16 @@ def true_view(camera: pinhole.Camera, markers: Markers) -> View:
     return view_of(camera, markers, pinhole.undistort_pixels(camera, corners))
 
 
-def track_camera(rig: Rig, index: int, view: View, scene: BeamView | None = None) -> TrackedCentres:
+def track_camera(
+    rig: Rig, index: int, view: View, corners: Sequence[Point] | None = None
+) -> TrackedCentres:
     """Return what one camera sees, rendered and tracked.
 
-    `view` is how it is thought to see the structure, `scene` what it renders if that is not the
-    rig's own. All is NaN if it does not find the markers in its first frame.
+    `view` is how it is thought to see the structure, `corners` (n, 2) in m are of its outline if
+    that is no box. All is NaN if it does not find the markers in its first frame.
     """
     station, markers = rig.stations[index], rig.markers
-    scene = scene or BeamView(station.camera, markers, rig.motion, station.sensor)
+    scene = BeamView(station.camera, markers, rig.motion, station.sensor, corners)
     times = frame_times(rig, station)
     truth = true_centres(rig, station, times)
     centres = np.full_like(truth, np.nan)
@@ -203,22 +205,13 @@ def fit_rig(rig: Rig, found: list[TrackedCentres], omega: float, order: int = 2)
 AIM_STD_DEG = 1.0  # ° about each axis, standard deviation of how cameras are aimed
 BOARD_TILES, TILE_SHARE = (5, 4), 0.12  # of the board, and their size over the cameras' distance
 BOARD_TILT_DEG = 15.0  # of the board in all poses but one, which is flat, °
-OUTLINE_STEP_M = 0.004  # m, between the places of an outline that are drawn
 
 
 def aim_cameras(rig: Rig, distance: float, draw: np.random.Generator, poses: int = 10) -> Rig:
     """Turn cameras a little off their aim, and hold a board over the structure.
 
-    Parameters
-    ----------
-    rig : Rig
-        Cameras that look at the structure's centre.
-    distance : float
-        Of the cameras, m; the board is as large as it needs.
-    draw : numpy.random.Generator
-        Turns of the cameras, and poses of the board.
-    poses : int
-        Of the board, the first one flat.
+    The cameras look at its centre from a `distance` in m, of which the board's size is a share.
+    The board is held in some `poses`, the first one flat.
     """
     turns = Rotation.from_rotvec(
         np.radians(AIM_STD_DEG) * draw.standard_normal((len(rig.stations), 3))
@@ -269,19 +262,9 @@ def calibrate_rig(rig: Rig) -> Adjustment:
 
 
 def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list[pinhole.Camera]]:
-    """Let cameras read the part of their sensors which the structure reaches.
+    """Let the cameras of a rig read the part of their sensors which the structure reaches.
 
-    Parameters
-    ----------
-    rig : Rig
-        Cameras that read all of their sensors.
-    cameras : sequence of Camera
-        The same as they are calibrated.
-
-    Returns
-    -------
-    tuple of Rig and list of Camera
-        Both with these parts alone.
+    `cameras` are the same as they are calibrated; they are returned with these parts, too.
     """
     lift = sum(abs(part.amplitude) for part in rig.motion.components)
     box = on_surface(
@@ -295,19 +278,6 @@ def crop_sensors(rig: Rig, cameras: Sequence[pinhole.Camera]) -> tuple[Rig, list
         parts.append(crop_camera(camera, low, high))
         others.append(crop_camera(other, low, high))
     return replace_cameras(rig, parts), others
-
-
-class PlanarView(BeamView):
-    """One camera's view of a marked, moving structure with the corners (n, 2) in m."""
-
-    def __init__(self, rig: Rig, station: Station, corners: Sequence[Point]) -> None:
-        super().__init__(station.camera, rig.markers, rig.motion, station.sensor)
-        first = self.polygons.first
-        outline = divide_hole(tuple(corners), OUTLINE_STEP_M).T
-        self.points = np.concatenate([outline, self.points[:, first[1] :]], axis=1)
-        moved = np.where(first > 0, first - first[1] + outline.shape[1], 0)
-        self.polygons = replace(self.polygons, first=moved)
-        self.shapes = rig.motion.shapes(self.points)
 
 
 def mark_outline(
@@ -409,20 +379,9 @@ def tap_structure(
 ) -> Rig:
     """Let the structure be tapped after some rest, and render some seconds in all.
 
-    Parameters
-    ----------
-    rig : Rig
-        Cameras, structure and markers.
-    damping : tuple of float
-        Damping ratio of each of the structure's first modes, which ring.
-    point : tuple of float
-        Where it is tapped, m.
-    rest, seconds : float
-        When the tap begins after the last camera's start, and the length of the recordings, s.
-    rates : tuple of float
-        Frames per second of each camera; those of the rig if there are none.
-    impulse, pulse : float
-        Of the tap in N s, and its length in s.
+    Its first modes ring, one for each damping ratio. It is tapped at `point` in m by an `impulse`
+    in N s, for a time `pulse` in s that begins `rest` s after the last camera's start. The `rates`
+    are frames per second of each camera; those of the rig if there are none.
     """
     structure: Structure = rig.motion.structure
     hertz = structure.angular_frequencies(len(damping)) / (2 * np.pi)
@@ -440,10 +399,8 @@ def select_free_decay(rig: Rig, found: list[TrackedCentres]) -> tuple[list[Track
     """Select tracks of the free vibration after the tap, and the markers at rest before it."""
     tracks, still = [], []
     for station, own in zip(rig.stations, found, strict=True):
-        uv, exposure = (
-            pinhole.undistort_tracks(station.camera, own.centres),
-            station.sensor.exposure,
-        )
+        uv = pinhole.undistort_tracks(station.camera, own.centres)
+        exposure = station.sensor.exposure
         still.append(mean_of(uv[own.times < rig.motion.start]))
         ring = own.times > rig.motion.steady + exposure
         own_v = own.centres[ring, 1]

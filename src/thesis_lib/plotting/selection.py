@@ -39,6 +39,12 @@ def trial_rms(errors: xr.DataArray) -> xr.DataArray:
     return squared.mean("trial", skipna=False) ** 0.5
 
 
+def split_cases(cube: xr.Dataset, mode: int | None = None) -> dict[str, xr.Dataset]:
+    """Return the settings of every case, in order and in one mode, the first if none is named."""
+    one = int(cube["mode"].values[0]) if mode is None else mode
+    return {case: select_settings(cube, case, one) for case in list_cases(cube)}
+
+
 def best_and_worst(part: xr.Dataset) -> list[int]:
     """Return the indices of the settings with the least and the largest typical mean error."""
     name = "mean_error" if "mean_error" in part else "deflection_error"

@@ -197,18 +197,6 @@ def camera_places(settings: list[Setting]) -> dict[str, Any]:
     return label_values(dict(zip(CAMERA_VARIABLES, table, strict=True)), CAMERA_VARIABLES)
 
 
-def rendered_modes(
-    coords: dict[str, Any], hertz: Sequence[float], others: xr.Dataset | None = None
-) -> dict[str, Any]:
-    """Return coordinates of modes rendered at these frequencies; trials are recordings."""
-    words = {"long_name": "frequency of the vibration", "units": "Hz"}
-    coords["frequency"] = ("mode", np.array(hertz), words)
-    count = 0 if others is None else others.sizes["recording"]
-    words = {"long_name": "recording, 0 for the one whose tracks are stored", "units": "1"}
-    coords["trial"] = ("trial", np.arange(1 + count), words)
-    return coords
-
-
 def study_coordinates(
     study: Study, modes: Sequence[int], structure: Structure, settings: list[Setting]
 ) -> dict[str, Any]:

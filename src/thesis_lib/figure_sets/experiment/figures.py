@@ -18,9 +18,11 @@ from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.methods import MAX_HARMONIC_ORDER, select_tracks
 from thesis_lib.measure.fitting.harmonics import fit_harmonics
-from thesis_lib.measure.recordings.board import Markers, rows_on
+from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.plotting import style
 
+MARKERS = rows_on(setups.thesis_beam())
+TIP_MARKER = MARKERS.middle_row.stop - 1  # the last on the beam's axis, which moves most
 WIDTH_IN = 5.5  # in: on a phone the letters are then hardly smaller than the text
 SKETCH_INK, BEAM_GREY, SENSOR_GREY = "#333333", "#dcdcdc", "#f4f4f4"
 WHITE_GROUND: Any = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
@@ -30,11 +32,6 @@ RESIDUAL_FACTOR = 8000.0  # times that residuals are drawn larger
 def camera_letters(data: xr.Dataset) -> str:
     """Return the cameras' letters."""
     return "".join(str(name) for name in data["camera"].values)
-
-
-def tip_marker(markers: Markers) -> int:
-    """Return the index of the last marker on the beam's axis, which moves most."""
-    return markers.middle_row.stop - 1
 
 
 def write_label(axes: Axes, place: Any, text: str, **look: Any) -> None:
@@ -60,9 +57,8 @@ def _draw_arrow(axes: Axes, start: Any, end: Any, heads: str, zorder: int = 3, *
 
 def draw_rig(data: xr.Dataset) -> Figure:
     """Draw cameras and beam as calibrated, and what is printed (figures 5.1, F.1)."""
-    markers = rows_on(setups.thesis_beam())
     widest = int(data["width"].max())
-    found = select_tracks(data, markers, camera_letters(data), widest, "full")
+    found = select_tracks(data, MARKERS, camera_letters(data), widest, "full")
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
@@ -71,10 +67,10 @@ def draw_rig(data: xr.Dataset) -> Figure:
             4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
             height_ratios=[3.9, 1.75, 0.75, 1.6],
         )  # fmt: skip
-        _draw_plan(axes[0], markers, centres, looks)
-        _draw_side(axes[1], markers, centres, looks)
-        _draw_layout(axes[2], markers, whole=True)
-        _draw_layout(axes[3], markers, whole=False)
+        _draw_plan(axes[0], centres, looks)
+        _draw_side(axes[1], centres, looks)
+        _draw_layout(axes[2], whole=True)
+        _draw_layout(axes[3], whole=False)
     return figure
 
 
@@ -97,11 +93,11 @@ def _draw_cameras(axes: Axes, places: Array, looks: Array) -> None:
             write_label(axes, beside, letters, weight="bold", fontsize=11)
 
 
-def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
-    length, width = 1e3 * np.array(markers.extent)
+def _draw_plan(axes: Axes, centres: Array, looks: Array) -> None:
+    length, width = 1e3 * np.array(MARKERS.extent)
     axes.set_title("(a) from above")
     draw_box(axes, (-width / 2, -length / 2), (width, length), BEAM_GREY, zorder=2)
-    places = 1e3 * markers.world[[1, 0], : markers.count]
+    places = 1e3 * MARKERS.world[[1, 0], : MARKERS.count]
     axes.plot(*places, "o", color=SKETCH_INK, markersize=1.2, zorder=3)
     draw_box(axes, (-45, length / 2 * -1 - 42), (90, 42), "white", hatch="////", zorder=2)
     write_label(axes, (62, -length / 2 - 21), "clamp", ha="left")
@@ -121,8 +117,8 @@ def _draw_plan(axes: Axes, markers: Markers, centres: Array, looks: Array) -> No
     _hide_axes(axes, (-650, 650), (-length / 2 - 55, length / 2 + 60))
 
 
-def _draw_side(axes: Axes, markers: Markers, centres: Array, looks: Array) -> None:
-    _, width = 1e3 * np.array(markers.extent)
+def _draw_side(axes: Axes, centres: Array, looks: Array) -> None:
+    _, width = 1e3 * np.array(MARKERS.extent)
     axes.set_title("(b) along the beam")
     axes.add_patch(Rectangle((-width / 2, -3), width, 6, facecolor=SKETCH_INK, zorder=5))
     _draw_cameras(axes, centres[[1, 2]], looks[[1, 2]])
@@ -153,18 +149,18 @@ def _hide_axes(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> No
     axes.axis("off")
 
 
-def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
+def _draw_layout(axes: Axes, whole: bool) -> None:
     """Draw markers and hole on the beam, in mm: all of it, or the clamped end with measures."""
-    length, width = 1e3 * np.array(markers.extent)
-    places, radius = 1e3 * markers.positions, 500 * markers.diameter
+    length, width = 1e3 * np.array(MARKERS.extent)
+    places, radius = 1e3 * MARKERS.positions, 500 * MARKERS.diameter
     axes.set_title("(c) what is printed on it" if whole else "(d) its clamped end, mm")
     draw_box(axes, (0, 0), (length, width), BEAM_GREY)
     for n, place in enumerate(places.T):
-        ink = style.HIGHLIGHT_COLOR if n >= markers.count else SKETCH_INK  # the hole comes last
+        ink = style.HIGHLIGHT_COLOR if n >= MARKERS.count else SKETCH_INK  # the hole comes last
         axes.add_patch(Circle(place, radius, color=ink, zorder=3))
-    row = markers.columns
+    row = MARKERS.columns
     if whole:
-        for y, first in zip(places[1, ::row], range(1, markers.count, row), strict=False):
+        for y, first in zip(places[1, ::row], range(1, MARKERS.count, row), strict=False):
             apart = y + 0.7 * (y - width / 2)  # else they touch
             write_label(axes, (-6, apart), str(first), ha="right", fontsize=7.5)
             write_label(axes, (length + 6, apart), str(first + row - 1), ha="left", fontsize=7.5)
@@ -179,11 +175,11 @@ def _draw_layout(axes: Axes, markers: Markers, whole: bool) -> None:
     low, high = places[1, [row, 2 * row]]
     for y in (low, high):
         axes.plot([places[0, 3], right + 2], [y, y], color=SKETCH_INK, linewidth=0.6)
-    _draw_measure(axes, (right, low), (right, high), f"{1e3 * markers.row_spacing:g}")
+    _draw_measure(axes, (right, low), (right, high), f"{1e3 * MARKERS.row_spacing:g}")
     force, ink = tuple(1e3 * setups.thesis_beam().force_point[:, 0]), style.CYCLE_COLORS[4]
     axes.plot(*force, "X", color=ink, markersize=9, markeredgecolor="white", zorder=5)
     _point_at(axes, force, (force[0] + 4, -7), "shaker beneath", "left", ink)
-    if markers.hole is not None:
+    if MARKERS.hole is not None:
         hole = tuple(places[:, -1])
         _point_at(axes, hole, (hole[0] - 3, -7), "hole", "right", style.HIGHLIGHT_COLOR)
     write_label(axes, (places[0, 2], width + 7), f"markers ⌀ {2 * radius:g}", ha="left")
@@ -229,7 +225,7 @@ def _draw_sensor(axes: Axes, camera: xr.Dataset, index: int) -> None:
     axes.add_patch(_draw_segments(corners - [[3], [0]], corners + [[3], [0]], SKETCH_INK, 1.6))
     rms = np.sqrt(np.nanmean(residual**2))
     still = camera["tracks"].sel(width=camera["width"].max()).isel(frame=0)
-    row = still.transpose("axis", "marker").values[:, rows_on(setups.thesis_beam()).middle_row]
+    row = still.transpose("axis", "marker").values[:, MARKERS.middle_row]
     axes.plot(*row, color=SKETCH_INK, linewidth=2.5, alpha=0.45, zorder=3)
     left, bar = 0.03 * width, 0.01 * RESIDUAL_FACTOR * unit
     axes.plot([left, left + bar], [0.95 * height] * 2, color=style.HIGHLIGHT_COLOR, linewidth=2)
@@ -297,9 +293,8 @@ def _find_crossing(time: Array, signal: Array, before: float) -> float:
 
 def draw_tracks(data: xr.Dataset) -> Figure:
     """Draw one marker in four cameras: on their clocks, on one clock, and the residual."""
-    markers = rows_on(setups.thesis_beam())
     every = data["tracks"].sel(width=data["width"].max(), axis="v")
-    v = every.isel(marker=tip_marker(markers)).transpose("camera", "frame").values
+    v = every.isel(marker=TIP_MARKER).transpose("camera", "frame").values
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values

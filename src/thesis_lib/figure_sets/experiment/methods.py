@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
 from thesis_lib.arrays import Array, IntArray
 from thesis_lib.measure.calibration import rig
@@ -26,8 +25,7 @@ from thesis_lib.measure.fitting.harmonics import (
     mean_of,
 )
 from thesis_lib.measure.recordings.board import Board, Markers
-from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
-from thesis_lib.measure.recordings.media_info import MediaError
+from thesis_lib.measure.recordings.manifest import Manifest
 from thesis_lib.measure.recordings.validation import check_files, markers_of
 from thesis_lib.measure.steps import calibrate_rig, read_sound, track_markers
 from thesis_lib.measure.synchronisation.listen import whole_frames
@@ -35,7 +33,6 @@ from thesis_lib.measure.tracking.tracks import Recording
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision import pinhole
 
-MAX_STAMP_ERROR_FRAMES = 0.1  # frames that a time stamp may be off
 CALIBRATION_METHODS = ("literal", "full")
 RECORDING_VARIABLES = read_variables(__file__, "recording")
 
@@ -60,41 +57,18 @@ def calibrate_centrally(corners: Array, manifest: Manifest) -> Adjustment:
 def measure_recordings(
     manifest: Manifest, folder: Path, steps: Path, widths: Sequence[int] = ()
 ) -> xr.Dataset:
-    """Calibrate, listen and track.
-
-    Parameters
-    ----------
-    manifest : Manifest
-        What the folder holds.
-    folder : Path
-        The folder.
-    steps : Path
-        Folder for the steps (:mod:`thesis_lib.measure.steps`).
-    widths : sequence of int
-        Widths in px at which the frames are tracked; by default the first camera's own.
+    """Calibrate, listen and track, at some widths in px or at that of the first camera.
 
     Returns
     -------
     xarray.Dataset
         Dimensions ``camera``, ``width``, ``frame``, ``axis``, ``marker``, ``calibration``:
         centres in px (distortion included), both calibrations, delays, force.
-
-    Raises
-    ------
-    ManifestError, MediaError
-        If the files are not what the manifest says, or cannot be read.
-    CalibrationError, SynchronisationError, TrackingError
-        If the shots, the sound or the markers do not suffice.
-    ChainError
-        If what the cameras see does not fit together.
     """
     clocks = check_files(manifest, folder)
-    _check_even(manifest, folder, clocks)
     full = manifest.cameras[0].width_px
     widths = list(widths) or [full]
     calibration, sound = calibrate_rig(manifest, folder, steps), read_sound(manifest, folder, steps)
-    if not sound["force"].values.any():
-        raise ManifestError('excitation.sound: given "room", allowed here: "force"')
     shares = [width / full for width in widths]
     followed = track_markers(manifest, folder, steps, calibration, sound, clocks, shares)
     data = join_steps(manifest, widths, calibration, sound, followed)
@@ -102,26 +76,8 @@ def measure_recordings(
     return data
 
 
-def _check_even(manifest: Manifest, folder: Path, clocks: Sequence[Array]) -> None:
-    """Refuse frames at uneven times, of which the thesis's methods know nothing."""
-    for camera, clock in zip(manifest.cameras, clocks, strict=True):
-        gaps = np.diff(clock) * camera.frame_rate_hz
-        if np.abs(gaps - 1).max(initial=0) > MAX_STAMP_ERROR_FRAMES:
-            k = int(np.argmax(np.abs(gaps - 1))) + 1
-            raise MediaError(
-                f"{folder / camera.video}: variable frame rate: frame {k} comes {gaps[k - 1]:.2f} "
-                "frames after the one before, allowed here: a constant rate"
-            )
-
-
 def check_grid(data: xr.Dataset, markers: Markers) -> None:
-    """Refuse cameras whose views of the resting markers do not fit the nominal grid.
-
-    Raises
-    ------
-    ChainError
-        With the camera that fits worst.
-    """
+    """Refuse cameras whose views of the resting markers do not fit the nominal grid."""
     tracks = data["tracks"].sel(width=data["width"].max()).values
     still = np.arange(tracks.shape[1]) < float(data["rest"]) * data["frame_rate"].values[:, None]
     with warnings.catch_warnings():
@@ -181,15 +137,12 @@ def join_steps(
         "calibration": ("calibration", list(CALIBRATION_METHODS), {"long_name": "calibration"}),
     }
     notes = [f"{own.camera.name}: {note}" for own in followed for note in own.notes]
-    told = {
+    attributes = {
         "notes": "\n".join(filter(None, [calibration.attrs["notes"], *notes])),
         "synchronisation": sound.attrs["synchronisation"],
     }
-    return xr.Dataset(
-        label_values({name: values[name] for name in RECORDING_VARIABLES}, RECORDING_VARIABLES),
-        coords,
-        told,
-    )
+    ordered = {name: values[name] for name in RECORDING_VARIABLES}
+    return xr.Dataset(label_values(ordered, RECORDING_VARIABLES), coords, attributes)
 
 
 def read_cameras(
@@ -206,7 +159,6 @@ def read_cameras(
 
 MAX_HARMONIC_ORDER = 2  # harmonics that are fitted
 INTERPOLATED_FRAMES = 6  # frames that are interpolated
-WHOLE_FRAMES = ("matched", "literal")  # methods that take frames as they are
 
 
 @dataclass(frozen=True)
@@ -233,9 +185,9 @@ def select_tracks(
     calibration: str,
     matched: bool = False,
 ) -> Tracks:
-    """Return the tracks of some cameras at one width, by one of the two calibrations.
+    """Return the tracks of the named cameras at one width, by one of the two calibrations.
 
-    `names` is a sequence of the cameras' names. If `matched`, the centres are those of the template
+    If `matched`, the centres are those of the template
     match: at rest those of the first frame, and in motion they scatter about the harmonics of the
     fitted ones.
     """
@@ -286,16 +238,14 @@ class Instant:
     phase: float  #: Phase of the deflection on the reference camera's clock, rad
     times: Array  #: The maxima of the steady part, s, shape (maxima,)
 
-    def nearest(self, rate: float, offset: ArrayLike = 0.0) -> tuple[Array, Array]:
-        """Find the maximum that a frame comes nearest to, and that frame's time.
+    def nearest(self, rate: float, offset: float = 0.0) -> tuple[float, float]:
+        """Find the maximum that a frame comes nearest to, and that frame's time, in s.
 
-        Frames are at (k + offset) / rate; `offset` may have any shape.
+        Frames are at (k + offset) / rate.
         """
-        first = np.asarray(offset, float)[..., None]
-        frames = (np.rint(self.times * rate - first) + first) / rate
-        best = np.argmin(np.abs(frames - self.times), axis=-1)[..., None]
-        chosen = np.take_along_axis(frames, best, axis=-1)[..., 0]
-        return self.times[best[..., 0]], chosen
+        frames = (np.rint(self.times * rate - offset) + offset) / rate
+        best = int(np.argmin(np.abs(frames - self.times)))
+        return float(self.times[best]), float(frames[best])
 
 
 def find_maxima(data: xr.Dataset, damping: float) -> Instant:
@@ -324,15 +274,17 @@ def measure_deflection(
     if method == "harmonic":
         shape = rc.real_shape(deflection_amplitude(tracks, omega, exposures), instant.phase)
         return shape, amplitude_std(tracks, omega, exposures)
-    if method in WHOLE_FRAMES:
+    if method in ("matched", "literal"):  # they take frames as they are
         uv = tracks.uv[np.arange(len(P)), _find_maximum_frames(tracks, instant)]
         noise_gain = 1.0
     else:
-        pairs, first = zip(tracks.times, tracks.uv, strict=True), instant.times[0]
-        seen = [rc.interpolate_frames(*pair, first, INTERPOLATED_FRAMES) for pair in pairs]
-        uv = np.stack(seen)
-        fractions = np.linspace(0, 1, 21)
-        noise_gain = float(np.mean([interpolation_gain(f) ** 2 for f in fractions]))
+        pairs, n = zip(tracks.times, tracks.uv, strict=True), INTERPOLATED_FRAMES
+        uv = np.stack([rc.interpolate_frames(*pair, instant.times[0], n) for pair in pairs])
+        weights = [
+            rc.interpolate_frames(np.arange(n), np.eye(n), n / 2 - 1 + fraction, n)
+            for fraction in np.linspace(0, 1, 21)
+        ]
+        noise_gain = float(np.mean([float(np.linalg.norm(one)) ** 2 for one in weights]))
     sigma = tracks.sigma * np.sqrt(noise_gain + 1 / tracks.rest_frames)
     return rc.measure_instant(P, tracks.frame, tracks.rest, uv, sigma)
 
@@ -348,12 +300,5 @@ def _find_maximum_frames(tracks: Tracks, instant: Instant) -> IntArray:
     if not common.any():
         raise ValueError("no frame near a maximum of the deflection was recorded by all cameras")
     seen = replace(instant, times=instant.times[common])
-    number = round(float(seen.nearest(tracks.rate, first)[1]) * tracks.rate - first)
+    number = round(seen.nearest(tracks.rate, first)[1] * tracks.rate - first)
     return np.asarray(number - tracks.frames)
-
-
-def interpolation_gain(fraction: float) -> float:
-    """Return the root of the summed squares of the interpolation's weights."""
-    n = INTERPOLATED_FRAMES
-    weights = rc.interpolate_frames(np.arange(n), np.eye(n), n / 2 - 1 + fraction, n)
-    return float(np.linalg.norm(weights))

@@ -27,14 +27,15 @@ from thesis_lib.figure_sets.experiment import figures, methods
 from thesis_lib.figure_sets.experiment.compute import EXPERIMENT, tracks_of
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution
 from thesis_lib.figure_sets.experiment.figures import (
+    MARKERS,
     SKETCH_INK,
+    TIP_MARKER,
     WIDTH_IN,
     camera_letters,
-    tip_marker,
 )
 from thesis_lib.measure.calibration.rig import central_corners
 from thesis_lib.measure.fitting.reconstruction import deflection_at
-from thesis_lib.measure.recordings.board import Board, rows_on
+from thesis_lib.measure.recordings.board import Board
 from thesis_lib.measure.tracking import follow, tracker
 from thesis_lib.plotting import style
 from thesis_lib.studies.cubes import iterate_slices
@@ -116,7 +117,6 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
-    markers = rows_on(setups.thesis_beam())
     with style.in_style():
         figure, grid = style.subplots(
             2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
@@ -126,7 +126,7 @@ def draw_views(data: xr.Dataset) -> Figure:
         for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
             _draw_photo(axes, pictures[i], smooth=True)
             scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
-            row = scale * _rest_centres(data, i)[:, markers.middle_row]
+            row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
             _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
                   transform=axes.transAxes)  # fmt: skip
             for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
@@ -174,8 +174,7 @@ def draw_outline(data: xr.Dataset) -> Figure:
     picture = data["picture_first"].values
     corners = data["picture_outline"].transpose("axis", "outline").values
     centres = data["picture_centres"].transpose("axis", "marker").values
-    markers = rows_on(setups.thesis_beam())
-    row, limits = markers.columns, picture.shape[::-1]
+    row, limits = MARKERS.columns, picture.shape[::-1]
     ends = {  # markers, corners, colour and letter of each
         "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
         "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
@@ -209,13 +208,12 @@ def draw_outline(data: xr.Dataset) -> Figure:
 def draw_plane(data: xr.Dataset) -> Figure:
     """Draw the frame on the beam's plane, with grid, matches and spare matches (F.4 to F.6)."""
     picture = data["picture_beam"].transpose("row_beam", "column_beam").values
-    markers = rows_on(setups.thesis_beam())
     origin = np.full((2, 1), tracker.THESIS_REACH_M)
     found = data["picture_matches"].transpose("axis", "match").values
     grid, matches = (
-        tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (markers.positions, found)
+        tracker.THESIS_SCALE_PX_PER_M * (p + origin) for p in (MARKERS.positions, found)
     )
-    places = tracker.assign_places(markers.positions, found, tracker.gate_of(markers))
+    places = tracker.assign_places(MARKERS.positions, found, tracker.gate_of(MARKERS))
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
@@ -245,9 +243,8 @@ def draw_plane(data: xr.Dataset) -> Figure:
 
 def draw_centres(data: xr.Dataset) -> Figure:
     """Draw marker centres in the image at rest and at the maximum, at the tip (figure F.7)."""
-    markers = rows_on(setups.thesis_beam())
     moved_frame = int(data["picture_moved"].attrs["frame"])
-    row = markers.columns
+    row = MARKERS.columns
     still, moved = _rest_centres(data), _rest_centres(data, frame=moved_frame)
     shown = np.concatenate([np.arange(n * row - 3, n * row) for n in (1, 2, 3)])
     pictures = data["picture_first"].values, data["picture_moved"].values
@@ -264,7 +261,7 @@ def draw_centres(data: xr.Dataset) -> Figure:
         line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
             axes[1].annotate("", end, start, arrowprops=line)
-        most = np.nanmax(np.abs(moved - still)[1, tip_marker(markers)])
+        most = np.nanmax(np.abs(moved - still)[1, TIP_MARKER])
         axes[0].set_title("(a) at rest")
         axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
     return figure
@@ -276,8 +273,7 @@ def draw_centres(data: xr.Dataset) -> Figure:
 def draw_widths(data: xr.Dataset) -> Figure:
     """Draw three columns of markers at every width, and what tracking makes of them."""
     full = data["picture_first"].values
-    markers = rows_on(setups.thesis_beam())
-    row, middle = markers.columns, markers.columns // 2
+    row, middle = MARKERS.columns, MARKERS.columns // 2
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)
@@ -329,19 +325,15 @@ def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
     paths = [folder / file_name(name) for name in WALK_FIGURES]
     for path, draw in zip(paths, WALK_FIGURES.values(), strict=True):
         figure = draw(data)
-        content = (
-            _encode_webp(figure) if path.suffix == ".webp" else style.save_figure(figure, "svg")
-        )
-        files.whole_file(path, partial(Path.write_bytes, data=content))
+        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
+        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
     return paths
 
 
 def _encode_webp(figure: Figure) -> bytes:
     """Encode as WebP: lossless where that takes fewer bytes, else as near as eyes can tell."""
-    file = io.BytesIO(
-        style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
-    )
-    picture, found = PIL.Image.open(file).convert("RGB"), []
+    drawn = style.save_figure(figure, "png", dpi=PICTURE_WIDTH_PX / figure.get_figwidth())
+    picture, found = PIL.Image.open(io.BytesIO(drawn)).convert("RGB"), []
     for lossless in (True, False):
         file = io.BytesIO()
         picture.save(file, format="webp", lossless=lossless, quality=WEBP_QUALITY, method=6)
@@ -385,8 +377,7 @@ def _matches(data: xr.Dataset) -> dict[str, Any]:
     """Return how far the tip seems to move on the plane at rest."""
     given = json.loads(data.attrs["rendering"])
     sideways = given["amplitude_mm"] / np.tan(np.radians(given["elevation_deg"]))
-    markers = rows_on(setups.thesis_beam())
-    return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": markers}
+    return {"amplitude_mm": given["amplitude_mm"], "sideways_mm": sideways, "markers": MARKERS}
 
 
 def _tracking(data: xr.Dataset) -> dict[str, Any]:
@@ -394,7 +385,7 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
     given, narrow = json.loads(data.attrs["rendering"]), int(data["width"].min())
     camera = data.sel(calibration="full").isel(camera=0)
     focal = float(camera["K"].values[0, 0]) * narrow / float(camera["size"].values[0])
-    length = 1000 * rows_on(setups.thesis_beam()).diameter * focal / given["distance_mm"]
+    length = 1000 * MARKERS.diameter * focal / given["distance_mm"]
     height = length * np.sin(np.radians(given["elevation_deg"]))
     return {"narrow": narrow, "length_px": length, "height_px": height}
 
@@ -402,14 +393,14 @@ def _tracking(data: xr.Dataset) -> dict[str, Any]:
 def _steps(data: xr.Dataset) -> dict[str, Any]:
     """Measure the deflection by the four methods, and the frame it is measured in."""
     given, beam = json.loads(data.attrs["rendering"]), setups.thesis_beam()
-    instant, found = _instant(data), []
+    instant, found = methods.find_maxima(data, setups.thesis_beam().damping), []
     part = Component("bending", 1, given["frequency_hz"], given["amplitude_mm"] / 1000)
     reference = part.amplitude * part.shape(beam, beam.markers)
     tracks = {name: _tracks(data, name) for name in ("matched", "literal", "harmonic")}
     for method in ("matched", "literal", "aligned", "harmonic"):
         own = tracks["literal" if method == "aligned" else method]
         measured, _ = methods.measure_deflection(own, instant, method, data["exposure"].values)
-        measured = measured[rows_on(beam).middle_row]
+        measured = measured[MARKERS.middle_row]
         error = 100 * np.abs(measured - reference) / np.abs(reference).max()
         mean, largest = np.sqrt(np.nanmean(error**2)), np.nanmax(error)
         found.append((method, measured, {"mean": mean, "largest": largest}))
@@ -421,10 +412,6 @@ def _steps(data: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _instant(data: xr.Dataset) -> methods.Instant:
-    return methods.find_maxima(data, setups.thesis_beam().damping)
-
-
 def _tracks(data: xr.Dataset, method: str) -> methods.Tracks:
     """Return the tracks of all cameras at the largest width, as a method takes them."""
     letters, widest = "".join(data["camera"].values.tolist()), int(data["width"].max())
@@ -433,10 +420,10 @@ def _tracks(data: xr.Dataset, method: str) -> methods.Tracks:
 
 def _parts(data: xr.Dataset) -> dict[str, Any]:
     """Return what the literal method loses to the missed maximum and to whole frames alone."""
-    row = rows_on(setups.thesis_beam()).middle_row
-    instant, tracks = _instant(data), _tracks(data, "literal")
-    first = tracks.times[0, 0] * tracks.rate
-    maximum, frame = (float(t) for t in instant.nearest(tracks.rate, first))
+    row = MARKERS.middle_row
+    instant = methods.find_maxima(data, setups.thesis_beam().damping)
+    tracks = _tracks(data, "literal")
+    maximum, frame = instant.nearest(tracks.rate, tracks.times[0, 0] * tracks.rate)
     exact = (data["delay"] - data["delay"][0]).values
     residual, n = exact - tracks.frames / tracks.rate, len(exact)
 

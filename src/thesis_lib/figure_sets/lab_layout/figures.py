@@ -48,16 +48,6 @@ VARIED_NAMES = {
 }
 
 
-def list_cases(cube: xr.Dataset) -> list[str]:
-    """Return the cases of a cube in their order."""
-    return list(dict.fromkeys(cube["case"].values.tolist()))
-
-
-def part_of(cube: xr.Dataset, case: str) -> xr.Dataset:
-    """Select the settings of one case and the one mode."""
-    return cube.isel(setting=np.flatnonzero(cube["case"].values == case), mode=0)
-
-
 def predict_errors(part: xr.Dataset) -> Array:
     """Return the rms over the trials of the rms error, (settings,), %; of trial 0 if alone."""
     error = part["mean_error"].transpose("setting", "trial").values
@@ -123,20 +113,12 @@ def select_complete(part: xr.Dataset) -> xr.Dataset:
     return part.isel(setting=np.flatnonzero(part["missing"].values[:, 0] == 0))
 
 
-def trial_optima(part: xr.Dataset) -> Array:
-    """Return elevation of the least error of each trial by itself, degrees."""
-    error = part["mean_error"].transpose("trial", "setting").values[1:]
-    best = [find_optimum(part["value"].values, own) for own in error]
-    return np.array([own.at for own in best if own is not None])
-
-
 def select_viewable(cube: xr.Dataset) -> xr.Dataset:
     """Select the best and worst sets of each number: no more than a viewer has room for."""
-    kept = []
-    for case in list_cases(cube):
+    kept: list[int] = []
+    for case, part in selection.split_cases(cube).items():
         rows = np.flatnonzero(cube["case"].values == case)
         if case == "subsets":
-            part = cube.isel(setting=rows, mode=0)
             error = np.nan_to_num(predict_errors(part), nan=np.inf)
             count = part["n_cameras"].values
             groups = [np.flatnonzero(count == n) for n in np.unique(count)]
@@ -374,8 +356,7 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
     Of sets of cameras that is the one of all cameras.
     """
     settings = []
-    for case in list_cases(cube):
-        part = part_of(cube, case)
+    for case, part in selection.split_cases(cube).items():
         for one in list(cubes.iterate_slices(part, "setting"))[-1 if case == "subsets" else 0 :]:
             drawn = one["mean_error"].values[1:]
             trials = None
@@ -388,12 +369,15 @@ def tabulate_settings(cube: xr.Dataset) -> dict[str, Any]:
 def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
     """Return the optimum of every case, and the settings in which tracking fails."""
     optima = []
-    for case in list_cases(cube):
-        part = select_complete(part_of(cube, case))
-        best, drawn = find_optimum(part["value"].values, predict_errors(part)), trial_optima(part)
-        height, spread = 0.0, np.quantile(drawn, [0.05, 0.95]) if len(drawn) else None
+    for case, every_setting in selection.split_cases(cube).items():
+        part = select_complete(every_setting)
+        values, errors = part["value"].values, part["mean_error"].transpose("trial", "setting")
+        best = find_optimum(values, predict_errors(part))
+        drawn = [find_optimum(values, own) for own in errors.values[1:]]
+        places = [own.at for own in drawn if own is not None]  # of each trial by itself
+        height, spread = 0.0, np.quantile(places, [0.05, 0.95]) if places else None
         if best is not None:
-            slopes = np.sin(np.radians(part["value"].values))
+            slopes = np.sin(np.radians(values))
             height = np.interp(np.sin(np.radians(best.at)), slopes, part["image_height"].values)
         optima.append((case, part, best, spread, height))
     every = list(cubes.iterate_slices(cube, "setting"))
@@ -407,9 +391,8 @@ def tabulate_optima(cube: xr.Dataset) -> dict[str, Any]:
 
 def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
     """Fit powers of the distance to error, law and scatter."""
-    if "distance" not in list_cases(cube):
+    if (part := selection.split_cases(cube).get("distance")) is None:
         return {"powers": None}
-    part = part_of(cube, "distance")
     error = predict_errors(part)
     known = np.isfinite(error)
     if np.count_nonzero(known) < 2:
@@ -429,9 +412,8 @@ def fit_powers(cube: xr.Dataset) -> dict[str, Any]:
 
 def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
     """Find the best and worst sets by their number of cameras, and compare with the best pair."""
-    if "subsets" not in list_cases(cube):
+    if (part := selection.split_cases(cube).get("subsets")) is None:
         return {"numbers": None}
-    part = part_of(cube, "subsets")
     count, law = part["n_cameras"].values, part["predicted_error"].values
     error = predict_errors(part)
     known = np.isfinite(error)
@@ -468,9 +450,8 @@ def compare_numbers(cube: xr.Dataset) -> dict[str, Any]:
 
 def compare_cameras(cube: xr.Dataset) -> dict[str, Any]:
     """Divide the error of each set with a camera by that of the set without it."""
-    if "subsets" not in list_cases(cube):
+    if (part := selection.split_cases(cube).get("subsets")) is None:
         return {"shares": None}
-    part = part_of(cube, "subsets")
     names_of = [frozenset(label.split("–")) for label in part["label"].values]
     error = dict(zip(names_of, predict_errors(part).tolist(), strict=True))
     every, whole = max(error, key=len), part.isel(setting=-1)

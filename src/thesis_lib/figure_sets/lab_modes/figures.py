@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 
 from thesis_lib.plotting import panels as figures
 from thesis_lib.plotting import style
-from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
+from thesis_lib.plotting.selection import (
+    best_and_worst,
+    error_bars,
+    rank_settings,
+    select_settings,
+    split_cases,
+)
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.vibration.motion import detuning_loss
 
@@ -144,14 +150,14 @@ def _conditions(cube: xr.Dataset) -> dict[str, Any]:
 
 def _results(cube: xr.Dataset) -> dict[str, Any]:
     """Return median errors of the four ways, by mode and frame rate."""
-    cases, rates = list(dict.fromkeys(cube["case"].values.tolist())), []
+    rates: list[tuple[xr.Dataset, tuple[Any, ...]]] = []
     for of in iterate_slices(cube, "mode"):
-        median = of["mean_error"].isel(trial=slice(1, None)).median("trial").values
-        by_case = [median[of["case"].values == case] for case in cases]
-        own = zip(*by_case, strict=True)
-        rates += list(zip(iterate_slices(of, "frame_rate"), own, strict=True))
+        cases = split_cases(cube, int(of["mode"]))
+        further = [part["mean_error"].isel(trial=slice(1, None)) for part in cases.values()]
+        own = zip(*(errors.median("trial").values for errors in further), strict=True)
+        rates += zip(iterate_slices(of, "frame_rate"), own, strict=True)
     known = select_settings(cube, "known", int(cube["mode"].values[-1]))
-    return {"cases": cases, "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
+    return {"cases": list(cases), "rates": rates, "ends": [known.isel(setting=i) for i in (0, -1)]}
 
 
 TEXTS = {"frequency": _frequency, "conditions": _conditions, "results": _results}

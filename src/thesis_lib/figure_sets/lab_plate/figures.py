@@ -10,7 +10,13 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array
 from thesis_lib.plotting import panels as figures
-from thesis_lib.plotting.selection import best_and_worst, error_bars, rank_settings, select_settings
+from thesis_lib.plotting.selection import (
+    best_and_worst,
+    error_bars,
+    rank_settings,
+    select_settings,
+    split_cases,
+)
 from thesis_lib.plotting.style import draw_map, make_mosaic
 from thesis_lib.studies import cubes
 
@@ -71,14 +77,8 @@ def _draw_deflections(
         ("(d) true deflection", reference * 1000, peak),
         *((f"error, {word}", error, largest) for word, error in zip(words, errors, strict=True)),
     ]
-    pictures = []
-    for one, (title, values, limit) in zip(axes, shown, strict=True):
-        pictures.append(draw_map(one, values.reshape(len(y), len(x)), x, y, limit))
-        one.set_title(title, fontsize=8)
-        one.set_xlabel("x in mm")
-    axes[0].set_ylabel("y in mm")
-    drawing.colorbar(pictures[0], ax=axes[0], shrink=0.8, label="w in mm")
-    drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label="error in µm")
+    maps = [(title, values.reshape(len(y), len(x)), top) for title, values, top in shown]
+    _draw_maps(drawing, axes, maps, (x, y), ("x", "y"), ("w in mm", "error in µm"))
 
 
 def _draw_fields(
@@ -95,18 +95,31 @@ def _draw_fields(
     filmed = part["pressure_measured_real"].isel(case=c).sel(plane=plane)
     errors = [100 * (filmed.sel(extreme=e).values - true) / scale for e in ("best", "worst")]
     limit = max(float(np.abs(error).max()) for error in errors)
-    shown = [
-        (f"(e) true pressure, {plane}", 100 * true / scale, 100.0),
-        *((f"error, {word}", error, limit) for word, error in zip(words, errors, strict=True)),
+    maps = [
+        (f"(e) true pressure, {plane}", 100 * true.T / scale, 100.0),
+        *((f"error, {word}", error.T, limit) for word, error in zip(words, errors, strict=True)),
     ]
+    labels = "Re p in % of the largest", "error of Re p in %"
+    _draw_maps(drawing, axes, maps, (u, z), (plane[0], "Z"), labels)
+
+
+def _draw_maps(
+    drawing: Figure,
+    axes: list[Axes],
+    maps: list[tuple[str, Array, float]],
+    places: tuple[Array, Array],
+    names: tuple[str, str],
+    labels: tuple[str, str],
+) -> None:
+    """Draw the truth, and two errors with one colour bar: title, values (up, across), limit."""
     pictures = []
-    for one, (title, values, top) in zip(axes, shown, strict=True):
-        pictures.append(draw_map(one, values.T, u, z, top))
+    for one, (title, values, limit) in zip(axes, maps, strict=True):
+        pictures.append(draw_map(one, values, *places, limit))
         one.set_title(title, fontsize=8)
-        one.set_xlabel(f"{plane[0]} in mm")
-    axes[0].set_ylabel("Z in mm")
-    drawing.colorbar(pictures[0], ax=axes[0], shrink=0.8, label="Re p in % of the largest")
-    drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label="error of Re p in %")
+        one.set_xlabel(f"{names[0]} in mm")
+    axes[0].set_ylabel(f"{names[1]} in mm")
+    drawing.colorbar(pictures[0], ax=axes[0], shrink=0.8, label=labels[0])
+    drawing.colorbar(pictures[1], ax=axes[1:], shrink=0.8, label=labels[1])
 
 
 # What tables need besides the cube.
@@ -138,10 +151,9 @@ def format_correlation(cube: xr.Dataset) -> str:
 
 def _results(cube: xr.Dataset) -> dict[str, Any]:
     """Compare settings of each case in expectation, rendered and with whole pixels."""
-    mode, plane = int(cube["mode"].values[0]), str(cube["plane"].values[0])
-    cases = []
-    for case in dict.fromkeys(cube["case"].values.tolist()):
-        part = select_settings(cube, case, mode).sel(plane=plane)
+    plane, cases = str(cube["plane"].values[0]), []
+    for case, every in split_cases(cube).items():
+        part = every.sel(plane=plane)
         medians = part[["mean_error", "plane_error"]].isel(trial=slice(1, None)).median("trial")
         rounded = part["rounded_error"].values, part["rounded_plane_error"].values
         errors = *(values.values for values in medians.values()), *rounded

@@ -58,10 +58,15 @@ class Driven:
     frequency: float  #: Of the force, Hz
     name: str  #: What moves
 
+    @property
+    def omega(self) -> float:
+        """Return the angular frequency of the force in rad/s."""
+        return 2 * np.pi * self.frequency
+
     @cached_property
     def coordinates(self) -> ComplexArray:
         """Of the first modes, for a largest deflection of 1, shape (:data:`MOVING_MODES`,)."""
-        q = modal_coordinates(self.structure, np.array(2 * np.pi * self.frequency), MOVING_MODES)
+        q = modal_coordinates(self.structure, np.array(self.omega), MOVING_MODES)
         x, y = (np.linspace(0, side, PEAK_PLACES) for side in self.structure.extent)
         points = np.stack([np.tile(x, PEAK_PLACES), np.repeat(y, PEAK_PLACES)])
         shapes = self.structure.mode_shapes(range(1, MOVING_MODES + 1), points)
@@ -83,13 +88,6 @@ class Driven:
         return tuple(parts)
 
 
-def thin_plate(grid: tuple[int, int] = MARKER_GRID) -> Plate:
-    """Return the thesis's plate, but thin."""
-    return replace(
-        setups.thesis_plate(grid), thickness=PLATE_THICKNESS_M, force_position=FORCE_PLACE_M
-    )
-
-
 @cache
 def drive_structure(case: str) -> Driven:
     """Return the structure of a case, with its tone."""
@@ -98,7 +96,11 @@ def drive_structure(case: str) -> Driven:
         row = replace(beam, n_markers=BEAM_COLUMNS, marker_spacing=beam.length / BEAM_COLUMNS)
         markers = rows_on(row, 2, ROW_SPACING, BEAM_MARKER, None)
         return _drive_at_mode(beam, markers, _box_corners(beam.extent), 3, "beam, third mode")
-    flat = thin_plate()
+    flat = replace(
+        setups.thesis_plate(MARKER_GRID),
+        thickness=PLATE_THICKNESS_M,
+        force_position=FORCE_PLACE_M,
+    )
     if case == "l":
         outline = setups.setup_table("shape", "l")["outline_mm"]
         corners = tuple((x / 1000, y / 1000) for x, y in outline)
@@ -112,7 +114,7 @@ def drive_structure(case: str) -> Driven:
     if case == "plate":
         return own
     second = resonance_frequency(flat, 2) / (2 * np.pi)
-    between, many = float(np.sqrt(own.frequency * second)), thin_plate(DENSE_GRID)
+    between, many = float(np.sqrt(own.frequency * second)), replace(flat, grid=DENSE_GRID)
     dense = Markers(many.extent, many.markers, DENSE_MARKER)
     return Driven(many, dense, own.corners, between, "plate, between two modes")
 
@@ -176,7 +178,7 @@ def true_sound(own: Driven, peak: float, medium: radiation.Medium) -> TrueSound:
     Its nodes are more than twice as many as those of a measurement, which leaves a fifth of the
     error of their sum.
     """
-    surface, omega = _surface(own, TRUE_NODES), 2 * np.pi * own.frequency
+    surface, omega = _surface(own, TRUE_NODES), own.omega
     shapes = own.structure.mode_shapes(range(1, MOVING_MODES + 1), surface.places)
     moving, q = shapes.T, peak * own.coordinates
     power = _of(surface.power_form(moving, omega, medium), q)
@@ -201,27 +203,25 @@ class MarkerSound:
     @cached_property
     def _surface(self) -> Surface:
         extent = self.own.structure.extent
-        return _surface(self.own, radiated.count_nodes(extent, self._omega, self.medium))
-
-    @property
-    def _omega(self) -> float:
-        return 2 * np.pi * self.own.frequency
+        return _surface(self.own, radiated.count_nodes(extent, self.own.omega, self.medium))
 
     @cached_property
     def power_form(self) -> Array:
         """Form of the power, shape (markers, markers)."""
-        return self._surface.power_form(self.between.moving, self._omega, self.medium)
+        return self._surface.power_form(self.between.moving, self.own.omega, self.medium)
 
     @cached_property
     def plain_form(self) -> Array:
         """Form of the power of a plane wave of the same motion."""
-        return self._surface.plane_wave_form(self.between.moving, self._omega, self.medium)
+        return self._surface.plane_wave_form(self.between.moving, self.own.omega, self.medium)
 
     @cached_property
     def matrix(self) -> ComplexArray:
         """Return the pressure on :data:`PRESSURE_PLANE`, shape (places, markers)."""
         points = PRESSURE_PLANE.points.reshape(3, -1)
-        return self._surface.pressure_matrix(self.between.moving, points, self._omega, self.medium)
+        return self._surface.pressure_matrix(
+            self.between.moving, points, self.own.omega, self.medium
+        )
 
     @cached_property
     def _squares(self) -> Array:
@@ -282,7 +282,11 @@ TAP_VARIABLES = read_variables(__file__, "tap")
 
 def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -> dict[str, Any]:
     """Measure :data:`TAP_VARIABLES` where centres scatter by so many px; NaN if hidden."""
-    rig = _tap_rig(study)
+    rig = rig_of(study, "beam", 0)
+    x, y = rig.markers.extent
+    rates = np.resize(TAP_RATES_HZ, len(rig.stations)).tolist()
+    how: Any = {"seconds": TAP_SECONDS, "rates": tuple(rates), "impulse": TAP_IMPULSE_NS}
+    rig = tracking.tap_structure(rig, TAP_DAMPING, (TAP_PLACE * x, y / 2), **how)
     assert isinstance(rig.motion, tracking.ImpactMotion)
     hertz = np.abs(rig.motion.poles) / (2 * np.pi)
     times = np.arange(0, HEARD_SECONDS, HEARD_STEP / of_measurement.SOUND_RATE_HZ)
@@ -298,9 +302,8 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
             for name, one in TAP_VARIABLES.items()
         }
         return none | {"tap_frequency": hertz, "tap_time": times}
-    own, (x, y) = drive_structure("beam"), rig.markers.extent
-    assert isinstance(own.structure, Beam)
-    surface = Surface.from_outline(np.array(own.corners), radiated.SURFACE_NODES, (x / 2, y / 2))
+    own = drive_structure("beam")
+    surface = _surface(own, radiated.SURFACE_NODES)
     markers = rig.markers.centres  # seen as points, not by their edges
     between = radiated.by_model(own.structure, markers, 0.0, surface.places)
     plane = planes.Plane("XZ", x, float(LISTENER_M[2, 0]), float(LISTENER_M[2, 0]), (2, 1))
@@ -328,35 +331,19 @@ def measure_tap(study: LabRadiation, scatter: float, medium: radiation.Medium) -
     }
 
 
-def _tap_rig(study: LabRadiation) -> Rig:
-    """Set up the cameras of the beam's first recording before a beam that is tapped."""
-    rig = rig_of(study, "beam", 0)
-    x, y = rig.markers.extent
-    rates = np.resize(TAP_RATES_HZ, len(rig.stations))
-    at = TAP_PLACE * x, y / 2
-    how: Any = {"seconds": TAP_SECONDS, "rates": tuple(rates.tolist()), "impulse": TAP_IMPULSE_NS}
-    return tracking.tap_structure(rig, TAP_DAMPING, at, **how)
-
-
 def _project_tracks(rig: Rig, scatter: float) -> list[tracking.TrackedCentres]:
-    """Find the markers in each camera, of which none is lost."""
-    found = []
+    """Project the markers into each camera, as means over the exposure, and scatter them by px."""
+    found, markers, samples = [], rig.markers, 4
+    shapes = rig.motion.shapes(markers.centres)
     for index, station in enumerate(rig.stations):
         times = tracking.frame_times(rig, station)
-        uv = _project_centres(rig, index, times)
+        within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
+        deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
+        points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
+        uv = np.moveaxis(pinhole.project_points(station.camera, points).mean(axis=2), 0, 1)
         noise = rig.generator(3, index, 0).standard_normal(uv.shape)
         found.append(tracking.TrackedCentres(times, uv + scatter * noise, uv))
     return found
-
-
-def _project_centres(rig: Rig, index: int, times: Array) -> Array:
-    """Project the markers, (frames, 2, markers), as means over the exposure."""
-    station, markers, samples = rig.stations[index], rig.markers, 4
-    within = ((np.arange(samples) + 0.5) / samples - 0.5) * station.sensor.exposure
-    shapes = rig.motion.shapes(markers.centres)
-    deflected = np.tensordot(rig.motion.coordinates(times[:, None] + within), shapes, (0, 0))
-    points = on_surface(markers.extent, markers.centres[:, None, None], deflected)
-    return np.moveaxis(pinhole.project_points(station.camera, points).mean(axis=2), 0, 1)
 
 
 def _as_measured(found: Modes) -> xr.Dataset:
