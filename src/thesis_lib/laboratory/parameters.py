@@ -87,14 +87,9 @@ class RenderedStudy(Study):
         return self
 
     @property
-    def rendered_as(self) -> str:
-        """Name of the recordings."""
-        return self.name
-
-    @property
     def stored_path(self) -> Path:
         """Return the path of the stored replicates of the default request."""
-        return shipped() / "data" / "recordings" / f"{self.rendered_as}.nc"
+        return shipped() / "data" / "recordings" / f"{self.name}.nc"
 
     @property
     def rendering(self) -> str:

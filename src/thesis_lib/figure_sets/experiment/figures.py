@@ -62,15 +62,14 @@ def draw_rig(data: xr.Dataset) -> Figure:
     centres = 1e3 * found.frame.to_beam(np.array([c.centre for c in found.cameras]).T)
     axes_of = np.array([c.R_camera_world[2] for c in found.cameras]).T  # where they look
     looks = np.tensordot(found.frame.R, axes_of, axes=1)
-    with style.in_style():
-        figure, axes = style.subplots(
-            4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
-            height_ratios=[3.9, 1.75, 0.75, 1.6],
-        )  # fmt: skip
-        _draw_plan(axes[0], centres, looks)
-        _draw_side(axes[1], centres, looks)
-        _draw_layout(axes[2], whole=True)
-        _draw_layout(axes[3], whole=False)
+    figure, axes = style.subplots(
+        4, 1, figsize=(WIDTH_IN, 7.7), layout="constrained",
+        height_ratios=[3.9, 1.75, 0.75, 1.6],
+    )  # fmt: skip
+    _draw_plan(axes[0], centres, looks)
+    _draw_side(axes[1], centres, looks)
+    _draw_layout(axes[2], whole=True)
+    _draw_layout(axes[3], whole=False)
     return figure
 
 
@@ -202,13 +201,12 @@ def _draw_measure(axes: Axes, start: Any, end: Any, text: str) -> None:
 
 def draw_coverage(data: xr.Dataset) -> Figure:
     """Draw all corners on each sensor, with their residuals exaggerated (figure D.5)."""
-    with style.in_style():
-        figure, grid = style.subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
-        for i, axes in enumerate(grid.flat):
-            if i < data.sizes["camera"]:
-                _draw_sensor(axes, data.isel(camera=i), i)
-            else:
-                axes.axis("off")
+    figure, grid = style.subplots(2, 2, figsize=(WIDTH_IN, 3.6), layout="constrained")
+    for i, axes in enumerate(grid.flat):
+        if i < data.sizes["camera"]:
+            _draw_sensor(axes, data.isel(camera=i), i)
+        else:
+            axes.axis("off")
     return figure
 
 
@@ -250,34 +248,33 @@ def draw_sound(data: xr.Dataset) -> Figure:
     seconds = np.arange(signal.shape[1]) / float(data["picture_sound"].attrs["rate_hz"])
     delay, begin = data["delay"].values, float(data["steady"][0])
     whole = data["delay_frames"].values / data["frame_rate"].values
-    with style.in_style():
-        figure, panels = style.make_mosaic(
-            [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
-        )
-        top, below = panels["own"], [panels["whole"], panels["part"]]
-        for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
-            top.plot(seconds, own - i, color=style.cycle_color(i), linewidth=0.9)
-            text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
-            top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
-        top.set_title("(a) the force on each camera's clock; start after A's")
-        top.set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.55), yticks=[])
-        top.grid(visible=False, axis="y")
-        top.spines["left"].set_visible(False)
-        middle = _find_crossing(seconds, signal[0], begin)
-        titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
-        for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
-            for i, own in enumerate(signal):
-                time = 1000 * (seconds + shift[i] - middle)
-                near = np.abs(time) < 30
-                axes.plot(time[near], own[near], color=style.cycle_color(i), linewidth=1.3)
-            axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
-            axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
-            axes.set_ylim(-0.45, 0.5)
-        below[0].set_ylabel("force over full scale")
-        below[1].tick_params(labelleft=False)
-        half = 500 / float(data["frame_rate"][0])
-        below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
-        write_label(below[0], (0, -0.43), "one frame", va="bottom", fontsize=7.5)
+    figure, panels = style.make_mosaic(
+        [["own", "own"], ["whole", "part"]], figsize=(WIDTH_IN, 5.2), layout="constrained"
+    )
+    top, below = panels["own"], [panels["whole"], panels["part"]]
+    for i, (own, name) in enumerate(zip(signal, camera_letters(data), strict=True)):
+        top.plot(seconds, own - i, color=style.cycle_color(i), linewidth=0.9)
+        text = f"{name}  {1000 * delay[i]:+.1f} ms".replace("-", "−") if i else name
+        top.text(begin - 0.74, 0.13 - i, text, color=SKETCH_INK)
+    top.set_title("(a) the force on each camera's clock; start after A's")
+    top.set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.55), yticks=[])
+    top.grid(visible=False, axis="y")
+    top.spines["left"].set_visible(False)
+    middle = _find_crossing(seconds, signal[0], begin)
+    titles = ("(b) aligned to whole frames", "(c) to fractions of a frame")
+    for axes, shift, title in zip(below, (whole, delay), titles, strict=True):
+        for i, own in enumerate(signal):
+            time = 1000 * (seconds + shift[i] - middle)
+            near = np.abs(time) < 30
+            axes.plot(time[near], own[near], color=style.cycle_color(i), linewidth=1.3)
+        axes.set(title=title, xlim=(-28, 28), xlabel="ms from a zero crossing")
+        axes.axhline(0, color=SKETCH_INK, linewidth=0.6, zorder=0)
+        axes.set_ylim(-0.45, 0.5)
+    below[0].set_ylabel("force over full scale")
+    below[1].tick_params(labelleft=False)
+    half = 500 / float(data["frame_rate"][0])
+    below[0].axvspan(-half, half, color="#eeeeee", zorder=-1)
+    write_label(below[0], (0, -0.43), "one frame", va="bottom", fontsize=7.5)
     return figure
 
 
@@ -298,37 +295,36 @@ def draw_tracks(data: xr.Dataset) -> Figure:
     own = np.arange(v.shape[1]) / data["frame_rate"].values[:, None]
     common = own + data["delay"].values[:, None]
     omega, (begin, end) = 2 * np.pi * float(data["frequency"]), data["steady"].values
-    with style.in_style():
-        figure, axes = style.subplots(
-            3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
-        )
-        for i, name in enumerate(camera_letters(data)):
-            ink: Any = {"color": style.cycle_color(i)}
-            dots: Any = {**ink, "markersize": 3.5}
-            rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
-            moved = v[i] - rest
-            axes[0].plot(own[i], moved, ".-", linewidth=0.6, label=name, **dots)
-            axes[1].plot(common[i], moved, ".", **dots)
-            steady = (common[i] >= begin) & (common[i] <= end)
-            fit = fit_harmonics(omega, common[i, steady], moved[steady], MAX_HARMONIC_ORDER)
-            fine = np.linspace(begin, end, 400)
-            axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
-            residual = moved[steady] - fit.at(omega, common[i, steady])
-            axes[2].plot(common[i, steady], 1e3 * residual, ".", **dots)
-        axes[0].set(title="(a) the tip's marker on each camera's own clock")
-        axes[0].set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))
-        axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
-        axes[1].set(title="(b) on A's clock, with each camera's harmonic fit")
-        axes[2].set(title="(c) what the fit leaves", ylabel="thousandths of a px")
-        axes[2].set_xlabel("s after A's first frame")
-        for panel in axes[:2]:
-            panel.set_ylabel("v minus v at rest, px")
-            panel.margins(y=0.15)
-        for panel in axes[1:]:
-            panel.set_xlim(begin - 0.75, end + 0.05)
-            panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
-        where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
-        axes[1].text(begin + 0.02, 0.98, "steady part", color=SKETCH_INK, **where)
+    figure, axes = style.subplots(
+        3, 1, figsize=(WIDTH_IN, 6.4), layout="constrained", height_ratios=[1.1, 1.1, 0.8]
+    )
+    for i, name in enumerate(camera_letters(data)):
+        ink: Any = {"color": style.cycle_color(i)}
+        dots: Any = {**ink, "markersize": 3.5}
+        rest = np.nanmean(v[i, own[i] < float(data["rest"]) - 1 / data["frame_rate"].values[i]])
+        moved = v[i] - rest
+        axes[0].plot(own[i], moved, ".-", linewidth=0.6, label=name, **dots)
+        axes[1].plot(common[i], moved, ".", **dots)
+        steady = (common[i] >= begin) & (common[i] <= end)
+        fit = fit_harmonics(omega, common[i, steady], moved[steady], MAX_HARMONIC_ORDER)
+        fine = np.linspace(begin, end, 400)
+        axes[1].plot(fine, fit.at(omega, fine), linewidth=0.8, zorder=1, **ink)
+        residual = moved[steady] - fit.at(omega, common[i, steady])
+        axes[2].plot(common[i, steady], 1e3 * residual, ".", **dots)
+    axes[0].set(title="(a) the tip's marker on each camera's own clock")
+    axes[0].set(xlabel="s after its first frame", xlim=(begin - 0.75, begin + 0.5))
+    axes[0].legend(ncols=4, loc="upper left", markerscale=2, columnspacing=1, handlelength=1)
+    axes[1].set(title="(b) on A's clock, with each camera's harmonic fit")
+    axes[2].set(title="(c) what the fit leaves", ylabel="thousandths of a px")
+    axes[2].set_xlabel("s after A's first frame")
+    for panel in axes[:2]:
+        panel.set_ylabel("v minus v at rest, px")
+        panel.margins(y=0.15)
+    for panel in axes[1:]:
+        panel.set_xlim(begin - 0.75, end + 0.05)
+        panel.axvspan(begin, end, color="#eeeeee", zorder=-1)
+    where: Any = {"ha": "left", "va": "top", "transform": axes[1].get_xaxis_transform()}
+    axes[1].text(begin + 0.02, 0.98, "steady part", color=SKETCH_INK, **where)
     return figure
 
 

@@ -117,20 +117,19 @@ def _rest_centres(data: xr.Dataset, camera: int = 0, frame: int = 0) -> Array:
 def draw_views(data: xr.Dataset) -> Figure:
     """Draw the first frame of every camera (figure 5.2)."""
     pictures = data["picture_all"].transpose("camera", "row4", "column4").values
-    with style.in_style():
-        figure, grid = style.subplots(
-            2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
-            gridspec_kw={"wspace": 0.01, "hspace": 0.01},
-        )  # fmt: skip
-        figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
-        for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
-            _draw_photo(axes, pictures[i], smooth=True)
-            scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
-            row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
-            _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
-                  transform=axes.transAxes)  # fmt: skip
-            for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
-                _write_note(axes, place + [0, 34], text, fontsize=8.5)
+    figure, grid = style.subplots(
+        2, 2, figsize=(WIDTH_IN, WIDTH_IN * 9 / 16 + 0.03), layout="constrained",
+        gridspec_kw={"wspace": 0.01, "hspace": 0.01},
+    )  # fmt: skip
+    figure.get_layout_engine().set(w_pad=0, h_pad=0)  # type: ignore[union-attr,call-arg]
+    for i, (axes, name) in enumerate(zip(grid.flat, camera_letters(data), strict=False)):
+        _draw_photo(axes, pictures[i], smooth=True)
+        scale = pictures[i].shape[1] / float(data["size"].values[i, 0])
+        row = scale * _rest_centres(data, i)[:, MARKERS.middle_row]
+        _write_note(axes, (0.04, 0.93), name, fontsize=13, weight="bold", va="top", ha="left",
+              transform=axes.transAxes)  # fmt: skip
+        for place, text in ((row[:, 0], "clamp"), (row[:, -1], "tip")):
+            _write_note(axes, place + [0, 34], text, fontsize=8.5)
     return figure
 
 
@@ -144,25 +143,24 @@ def draw_board(data: xr.Dataset) -> Figure:
     used = corners[:, part].reshape(2, -1, 6)
     rim = np.concatenate([used[:, 0], used[:, :, -1], used[:, -1, ::-1], used[:, ::-1, 0]], axis=1)
     limits, size = picture.shape[::-1], (WIDTH_IN, 0.436 * WIDTH_IN)
-    with style.in_style():
-        figure, (left, right) = style.subplots(
-            1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
-        )
-        _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
-        left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
-        left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
-        first = corners[:, part[0]]
-        arrow = {"arrowstyle": "->", "color": RED, "linewidth": 2}
-        for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
-            left.annotate("", first + 1.5 * (there - first), first, arrowprops=arrow)
-            _write_note(left, first + 1.75 * (there - first), name)
-        zoomed = corners[:, part[20]]
-        _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), GREEN)
-        _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
-        _colour_border(right, GREEN)
-        _draw_crosses(right, zoomed, SKY, 22)
-        left.set_title("(a) one shot of camera A")
-        right.set_title("(b) one corner, pixel by pixel")
+    figure, (left, right) = style.subplots(
+        1, 2, figsize=size, layout="constrained", width_ratios=[1.32, 1]
+    )
+    _draw_photo(left, picture, _enclose_places(corners, 1.32, 95, limits), smooth=True)
+    left.add_patch(Polygon(rim.T, fill=False, edgecolor=ORANGE, linewidth=2))
+    left.plot(*corners, "o", color=SKY, markersize=4.5, fillstyle="none", markeredgewidth=1.3)
+    first = corners[:, part[0]]
+    arrow = {"arrowstyle": "->", "color": RED, "linewidth": 2}
+    for there, name in ((corners[:, part[0] + 1], "x"), (corners[:, part[0] + nx], "y")):
+        left.annotate("", first + 1.5 * (there - first), first, arrowprops=arrow)
+        _write_note(left, first + 1.75 * (there - first), name)
+    zoomed = corners[:, part[20]]
+    _draw_frame(left, _enclose_places(zoomed[:, None], 1.0, 26, limits), GREEN)
+    _draw_photo(right, picture, _enclose_places(zoomed[:, None], 1.0, 10, limits))
+    _colour_border(right, GREEN)
+    _draw_crosses(right, zoomed, SKY, 22)
+    left.set_title("(a) one shot of camera A")
+    right.set_title("(b) one corner, pixel by pixel")
     return figure
 
 
@@ -179,29 +177,28 @@ def draw_outline(data: xr.Dataset) -> Figure:
         "tip": ([row - 3, row - 1, 3 * row - 3, 3 * row - 1], [1, 2], GREEN, "b"),
         "clamped end": ([0, 2, 2 * row, 2 * row + 2], [0, 3], PINK, "c"),
     }
-    with style.in_style():
-        figure, panels = style.make_mosaic(
-            [["all", "all"], ["tip", "clamped end"]],
-            figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
-        )  # fmt: skip
-        whole = panels["all"]
-        _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
-        whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
-        middle = corners[0].mean(), corners[1, [[0, 3], [1, 2], [1, 2], [0, 3]]].mean(axis=1)
-        beside = corners + [[45], [32]] * np.sign(corners - np.stack(np.broadcast_arrays(*middle)))
-        for place, digit in zip(beside.T, "①②③④", strict=True):
-            _write_note(whole, place, digit, ORANGE, fontsize=12)
-        whole.set_title("(a) the first frame of camera A, with the beam's outline")
-        for name, (some, near, tint, letter) in ends.items():
-            places = np.column_stack([centres[:, some], corners[:, near]])
-            box, axes = _enclose_places(places, 1.65, 14, limits), panels[name]
-            _draw_frame(whole, box, tint)
-            _draw_photo(axes, picture, box)
-            _colour_border(axes, tint)
-            axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
-            inside = (centres[0] > box[0]) & (centres[0] < box[1])
-            _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
-            axes.set_title(f"({letter}) the {name}")
+    figure, panels = style.make_mosaic(
+        [["all", "all"], ["tip", "clamped end"]],
+        figsize=(WIDTH_IN, 0.79 * WIDTH_IN), layout="constrained", height_ratios=[1.45, 1],
+    )  # fmt: skip
+    whole = panels["all"]
+    _draw_photo(whole, picture, _enclose_places(corners, 2.15, 160, limits), smooth=True)
+    whole.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.2))
+    middle = corners[0].mean(), corners[1, [[0, 3], [1, 2], [1, 2], [0, 3]]].mean(axis=1)
+    beside = corners + [[45], [32]] * np.sign(corners - np.stack(np.broadcast_arrays(*middle)))
+    for place, digit in zip(beside.T, "①②③④", strict=True):
+        _write_note(whole, place, digit, ORANGE, fontsize=12)
+    whole.set_title("(a) the first frame of camera A, with the beam's outline")
+    for name, (some, near, tint, letter) in ends.items():
+        places = np.column_stack([centres[:, some], corners[:, near]])
+        box, axes = _enclose_places(places, 1.65, 14, limits), panels[name]
+        _draw_frame(whole, box, tint)
+        _draw_photo(axes, picture, box)
+        _colour_border(axes, tint)
+        axes.add_patch(Polygon(corners.T, fill=False, edgecolor=ORANGE, linewidth=1.5))
+        inside = (centres[0] > box[0]) & (centres[0] < box[1])
+        _draw_crosses(axes, centres[:, inside], SKY, 6, rim=False)
+        axes.set_title(f"({letter}) the {name}")
     return figure
 
 
@@ -217,27 +214,26 @@ def draw_plane(data: xr.Dataset) -> Figure:
     taken = (np.abs(found[:, :, None] - places[:, None]).max(axis=0) < 1e-12).any(axis=1)
     size = picture.shape[::-1]
     box = (0.0, 380.0, 0.0, float(size[1]))
-    with style.in_style():
-        figure, axes = style.subplots(
-            3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
-            height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
-        )  # fmt: skip
-        for panel, part in zip(axes, (None, box, box), strict=True):
-            _draw_photo(panel, picture, part, smooth=part is None)
-            panel.invert_yaxis()  # y upwards: the beam as it is seen from above
-        _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
-        for panel in axes[1:]:
-            _colour_border(panel, SKY)
-        _draw_crosses(axes[1], grid, PINK, 11, rim=False)
-        large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
-        small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
-        axes[2].plot(*matches[:, taken], "o", color=GREEN, **large)
-        axes[0].plot(*matches[:, ~taken], "s", color=RED, **small)
-        axes[2].plot(*matches[:, ~taken], "s", color=RED, **large)
-        spare = int(np.count_nonzero(~taken))
-        axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
-        axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
-        axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
+    figure, axes = style.subplots(
+        3, 1, figsize=(WIDTH_IN, 1.03 * WIDTH_IN), layout="constrained",
+        height_ratios=[size[1] / size[0], size[1] / box[1], size[1] / box[1]],
+    )  # fmt: skip
+    for panel, part in zip(axes, (None, box, box), strict=True):
+        _draw_photo(panel, picture, part, smooth=part is None)
+        panel.invert_yaxis()  # y upwards: the beam as it is seen from above
+    _draw_frame(axes[0], (box[0] + 3, box[1], 3, box[3] - 3), SKY)
+    for panel in axes[1:]:
+        _colour_border(panel, SKY)
+    _draw_crosses(axes[1], grid, PINK, 11, rim=False)
+    large: Any = {"fillstyle": "none", "markersize": 15, "markeredgewidth": 2}
+    small: Any = {"fillstyle": "none", "markersize": 6, "markeredgewidth": 1.2}
+    axes[2].plot(*matches[:, taken], "o", color=GREEN, **large)
+    axes[0].plot(*matches[:, ~taken], "s", color=RED, **small)
+    axes[2].plot(*matches[:, ~taken], "s", color=RED, **large)
+    spare = int(np.count_nonzero(~taken))
+    axes[0].set_title(f"(a) the frame on the beam's plane; spare matches: {spare}")
+    axes[1].set_title(f"(b) clamped end, with the ideal grid of {grid.shape[1]} points")
+    axes[2].set_title("(c) matches: circles belong to the grid, squares are spare")
     return figure
 
 
@@ -250,20 +246,17 @@ def draw_centres(data: xr.Dataset) -> Figure:
     pictures = data["picture_first"].values, data["picture_moved"].values
     both = np.column_stack([still[:, shown], moved[:, shown]])
     box = _enclose_places(both, 2.5, 12, pictures[0].shape[::-1])
-    with style.in_style():
-        figure, axes = style.subplots(
-            2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained"
-        )
-        for panel, picture in zip(axes, pictures, strict=True):
-            _draw_photo(panel, picture, box)
-            _draw_crosses(panel, still[:, shown], SKY, 10)
-        _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
-        line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-        for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
-            axes[1].annotate("", end, start, arrowprops=line)
-        most = np.nanmax(np.abs(moved - still)[1, TIP_MARKER])
-        axes[0].set_title("(a) at rest")
-        axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
+    figure, axes = style.subplots(2, 1, figsize=(WIDTH_IN, 0.89 * WIDTH_IN), layout="constrained")
+    for panel, picture in zip(axes, pictures, strict=True):
+        _draw_photo(panel, picture, box)
+        _draw_crosses(panel, still[:, shown], SKY, 10)
+    _draw_crosses(axes[1], moved[:, shown], ORANGE, 10)
+    line = {"arrowstyle": "-", "color": ORANGE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+    for start, end in zip(still[:, shown].T, moved[:, shown].T, strict=True):
+        axes[1].annotate("", end, start, arrowprops=line)
+    most = np.nanmax(np.abs(moved - still)[1, TIP_MARKER])
+    axes[0].set_title("(a) at rest")
+    axes[1].set_title(f"(b) at the maximum: the tip's marker has moved {most:.1f} px")
     return figure
 
 
@@ -277,23 +270,22 @@ def draw_widths(data: xr.Dataset) -> Figure:
     shown = np.concatenate([n * row + np.arange(middle - 1, middle + 2) for n in range(3)])
     box = _enclose_places(_rest_centres(data)[:, shown], 2.3, 16, full.shape[::-1])
     every = sorted(int(width) for width in data["width"].values)
-    with style.in_style():
-        figure, grid = style.subplots(
-            -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
-            layout="constrained", squeeze=False,
-        )  # fmt: skip
-        for axes, width in zip(grid.flat, reversed(every), strict=False):
-            small = follow.reduce_frame(full, width)
-            if width == data.sizes["column_low"]:
-                small = data["picture_low"].values
-            _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])
-            at = data.sel(width=width)
-            text = f"{100 * float(at['missing_share']):.0f} % missing"
-            if np.isfinite(at["wrong_share"]):
-                text += f", {100 * float(at['wrong_share']):.0f} % wrong"
-            axes.set_title(f"{width}×{small.shape[0]}: {text}", color=SKETCH_INK)
-        for axes in grid.flat[len(every) :]:
-            axes.axis("off")
+    figure, grid = style.subplots(
+        -(-len(every) // 2), 2, figsize=(WIDTH_IN, 0.245 * WIDTH_IN * -(-len(every) // 2)),
+        layout="constrained", squeeze=False,
+    )  # fmt: skip
+    for axes, width in zip(grid.flat, reversed(every), strict=False):
+        small = follow.reduce_frame(full, width)
+        if width == data.sizes["column_low"]:
+            small = data["picture_low"].values
+        _draw_photo(axes, small, box, scale=full.shape[1] / small.shape[1])
+        at = data.sel(width=width)
+        text = f"{100 * float(at['missing_share']):.0f} % missing"
+        if np.isfinite(at["wrong_share"]):
+            text += f", {100 * float(at['wrong_share']):.0f} % wrong"
+        axes.set_title(f"{width}×{small.shape[0]}: {text}", color=SKETCH_INK)
+    for axes in grid.flat[len(every) :]:
+        axes.axis("off")
     return figure
 
 
@@ -318,16 +310,6 @@ def file_name(name: str) -> str:
     # Those that are drawn in this module do.
     kind = "webp" if WALK_FIGURES[name].__module__ == __name__ else "svg"
     return f"lab-{name}.{kind}"
-
-
-def write_pictures(data: xr.Dataset, folder: Path) -> list[Path]:
-    """Write all figures of the measured recordings; the same dataset gives the same bytes."""
-    paths = [folder / file_name(name) for name in WALK_FIGURES]
-    for path, draw in zip(paths, WALK_FIGURES.values(), strict=True):
-        figure = draw(data)
-        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
-        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
-    return paths
 
 
 def _encode_webp(figure: Figure) -> bytes:
@@ -463,8 +445,13 @@ def fill_text(data: xr.Dataset, name: str) -> str:
 
 
 def write_all(folder: Path) -> None:
-    """Write figures and texts into a folder, from the recordings of chapter 5."""
+    """Write figures and texts of chapter 5's recordings, from which the same bytes follow."""
     data = EXPERIMENT.load(ExperimentResolution().recordings)
-    write_pictures(data, folder)
+    for name, draw in WALK_FIGURES.items():
+        with style.in_style():
+            figure = draw(data)
+        path = folder / file_name(name)
+        encode = _encode_webp if path.suffix == ".webp" else partial(style.save_figure, kind="svg")
+        files.whole_file(path, partial(Path.write_bytes, data=encode(figure)))
     for name in TEXT_VALUES:
         files.whole_text(folder / f"{name}.md", fill_text(data, name))

@@ -151,10 +151,9 @@ def rig_of(study: LabRadiation, case: str, replicate: int) -> Rig:
     seed = derive_seed(study.seed, case, replicate)
     draw = np.random.default_rng([seed, 7])
     parts = own.components(study.amplitude_mm / 1000)
-    rig = camera_rig(
-        study, own.structure, study.setting(case), study.frame_rate_hz, parts, seed, own.markers
-    )
-    rig = tracking.aim_cameras(rig, study.distance_mm(case) / 1000, draw)
+    setting = study.setting(case)
+    rig = camera_rig(study, own.structure, setting, study.frame_rate_hz, parts, seed, own.markers)
+    rig = tracking.aim_cameras(rig, setting.distance_mm / 1000, draw)
     return settle_rig(rig, draw.random(len(study.azimuths_deg)).tolist(), study.frames)
 
 
@@ -231,14 +230,13 @@ class MarkerSound:
 
     def power(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return sound power in W."""
-        return self._widened(estimates.estimate_quadratic_form(self.power_form, shape))
+        power = estimates.estimate_quadratic_form(self.power_form, shape)
+        return estimates.widen_error(power, self._surface.sum_std)
 
     def efficiency(self, shape: estimates.Amplitudes) -> estimates.Estimate:
         """Return radiation efficiency."""
-        return self._widened(estimates.estimate_ratio(self.power_form, self.plain_form, shape))
-
-    def _widened(self, of: estimates.Estimate) -> estimates.Estimate:
-        return estimates.widen_error(of, self._surface.sum_std)
+        ratio = estimates.estimate_ratio(self.power_form, self.plain_form, shape)
+        return estimates.widen_error(ratio, self._surface.sum_std)
 
     def field_error(self, shape: estimates.Amplitudes) -> float:
         """Return stated rms error of the pressure over the plane, in Pa."""
