@@ -58,12 +58,8 @@ _BOARD_POSES = np.array(
 def default_poses() -> tuple[Array, Array]:
     """Return twelve poses of a two-sided board for cameras at ±22° elevation on both sides of XZ.
 
-    Returns
-    -------
-    rotations : ndarray, shape (12, 3, 3)
-        Turn directions in the board's frame into directions in the world.
-    translations : ndarray, shape (12, 3)
-        The board's centre in the world, m.
+    Rotations (12, 3, 3) turn directions in the board's frame into directions in the world, and
+    translations (12, 3) are the board's centre in the world, m.
     """
     tilt, turn, roll = np.radians(_BOARD_POSES[:, :3]).T
     rotations = (

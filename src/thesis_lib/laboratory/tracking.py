@@ -153,12 +153,8 @@ def record_tracks(
 ) -> xr.Dataset:
     """Track what the cameras of some rigs see at rest and in the last `frames` frames.
 
-    Two rigs at a time; `look` renders a rig and tracks its markers.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``tracks`` of :data:`TRACK_VARIABLES`, along ``rig``, too.
+    Two rigs at a time; `look` renders a rig and tracks its markers. The dataset has ``tracks`` of
+    :data:`TRACK_VARIABLES`, along ``rig``, too.
     """
     every = map_in_pairs(look, rigs)
     tracks = [[own.centres[_stored_frames(own.times, frames)] for own in found] for found in every]

@@ -263,12 +263,9 @@ def find_maxima(data: xr.Dataset, damping: float) -> Instant:
 def measure_deflection(
     tracks: Tracks, instant: Instant, method: str, exposures: Array
 ) -> tuple[Array, Array]:
-    """Measure the deflection of all markers at its maximum by one method.
+    """Measure the deflection of all markers at its maximum by one method, (markers,), m.
 
-    Returns
-    -------
-    deflection, std : ndarray, shape (markers,)
-        In m; the standard uncertainty is that by the noise of the centres alone.
+    Its standard uncertainty, which is returned too, is that by the noise of the centres alone.
     """
     P, omega = tracks.P, instant.omega
     if method == "harmonic":
