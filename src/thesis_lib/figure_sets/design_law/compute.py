@@ -129,10 +129,8 @@ def _settings(study: DesignLaw) -> dict[str, ArrayLike]:
             scale = 100 / np.abs(deflections).max(axis=1)
             for setting in request.settings():
                 P = setting.cameras(study.focal_length_mm, study.sensor_width_mm).P
-                each = (
-                    np.mean(np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1)), axis=-1)
-                    / 12
-                )
+                squares = np.sum(triangulation_gain(P, points)[2] ** 2, axis=(0, 1))
+                each = np.mean(squares, axis=-1) / 12
                 naive.append(scale * np.sqrt(each[1:] + each[0]))
     return {
         "law_error": np.concatenate(law),
@@ -259,11 +257,6 @@ def largest_std(cube: xr.Dataset, *names: str) -> float:
     return largest if np.isfinite(largest) else np.nan
 
 
-def sampling_std(*names: str) -> Any:
-    """Return a function that gives a template the largest standard error of drawn variables."""
-    return lambda cube: {"std": largest_std(cube, *names)}
-
-
 def compare_settings(cube: xr.Dataset) -> dict[str, Any]:
     """Compare the law and independent roundings with the simulation."""
     rows = []
@@ -280,11 +273,10 @@ def describe_cone(cube: xr.Dataset) -> dict[str, Any]:
     """Return the largest motions that are drawn, and those up to which closed forms hold."""
     asked = json.loads(cube.attrs["parameters"])
     pixel = asked["sensor_width_mm"] / (asked["focal_length_mm"] * asked["resolution_px"][0])
-    std = largest_std(cube, "cone_drawn_error")
     return {
         "largest_motion": sweeps.CONE_MOTION_PX * pixel,
         "max_motion": cone_law.MAX_MOTION_FRACTION,
-        "std": std,
+        "std": largest_std(cube, "cone_drawn_error"),
     }
 
 
@@ -292,20 +284,13 @@ def compare_exponents(cube: xr.Dataset) -> dict[str, Any]:
     """Return exponents of the findings at the centre, over all markers, and far below a pixel."""
     known = cube["centre_exponent"].notnull().all("structure").values
     nearest = cube["swept"].sel(finding="distance").min("step")
-    motions = [
-        100
-        * (
-            sweeps.AMPLITUDE_RANGE[1]
-            * setups.assumed_values(str(one))["amplitude_mm"]
-            / float(distance)
-        )
-        for one, distance in zip(cube["structure"].values, nearest, strict=True)
-    ]
+    structures = cube["structure"].values
+    peaks = [setups.assumed_values(str(one))["amplitude_mm"] for one in structures]
     return {
         "findings": [cube.isel(finding=i) for i in np.flatnonzero(known)],
         "amplitudes": list(iterate_slices(cube, "amplitudes")),
-        "structures": cube["structure"].values,
-        "motions": motions,
+        "structures": structures,
+        "motions": 100 * (sweeps.AMPLITUDE_RANGE[1] * np.array(peaks) / nearest.values),
         "max_motion": cone_law.MAX_MOTION_FRACTION,
     }
 
@@ -361,8 +346,7 @@ def compare_shares(cube: xr.Dataset, short: bool = False) -> dict[str, Any]:
     most = [most_followed(cube, float(rate)) for rate in cube["rate"].values]
     if short:  # besides the most whose markers can be followed
         ordered = sorted(counts)
-        some = {ordered[i] for i in (0, len(counts) // 2, -1)} | {n for n in most if n}
-        counts = sorted(some)
+        counts = sorted({ordered[0], ordered[len(counts) // 2], ordered[-1], *filter(None, most)})
     return {
         "counts": counts,
         "few": int(cube["count"].min()),
@@ -454,12 +438,12 @@ def list_mistakes(cube: xr.Dataset) -> dict[str, Any]:
 
 
 TEXTS = {
-    "motion": sampling_std("drawn_motion_error"),
+    "motion": lambda cube: {"std": largest_std(cube, "drawn_motion_error")},
     "settings": compare_settings,
     "cone": describe_cone,
     "exponents": compare_exponents,
     "findings": summarise_findings,
-    "pairs": sampling_std("drawn_pair_error", "drawn_pair_noise_error"),
+    "pairs": lambda cube: {"std": largest_std(cube, "drawn_pair_error", "drawn_pair_noise_error")},
     "shares": compare_shares,
     "few-shares": partial(compare_shares, short=True),
     "estimators": compare_estimators,

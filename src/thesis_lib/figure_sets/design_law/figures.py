@@ -35,12 +35,8 @@ def motion(cube: xr.Dataset) -> Figure:
         scale, drawn_scale = (100 / every) ** power, (100 / delta) ** power
         axes.plot(every, scale * law, color=style.CYCLE_COLORS[0], lw=1.6, label="the law")
         axes.plot(delta, drawn_scale * drawn, "o", color=style.INK_COLOR, ms=2.2, label="drawn")
-        look: Any = {
-            "color": style.CYCLE_COLORS[4],
-            "lw": 1.2,
-            "label": "two independent roundings",
-        }
-        axes.plot(every, scale * independent, "--", **look)
+        look: Any = {"color": style.CYCLE_COLORS[4], "lw": 1.2}
+        axes.plot(every, scale * independent, "--", label="two independent roundings", **look)
     left.set(title="(a) error of a motion", ylabel="rms error in px", xlim=(0, 3), ylim=(0, 0.75))
     left.legend(loc="upper right")
     small = delta < 0.2

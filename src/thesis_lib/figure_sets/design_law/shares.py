@@ -6,7 +6,7 @@ second is the same for all. One frame is judged by the error of the beam's marke
 together by the error of an amplitude that is fitted to a film of the centre.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,10 +20,8 @@ from thesis_lib.vision import cone_law, dither, interval, rounding, simulation, 
 from thesis_lib.vision.analytic_centre import analytic_centre
 from thesis_lib.vision.pinhole import CameraArray, on_sensor, pixelate, project
 
-Estimator = Callable[[Array, Array], Array]
-
 # What everything is drawn with: projection matrices and rounded images to points (3, ...).
-ESTIMATORS: dict[str, Estimator] = {
+ESTIMATORS: dict[str, Callable[[Array, Array], Array]] = {
     "least squares": triangulation.triangulate,
     "analytic centre": lambda P, uv: analytic_centre(P, uv).points,
     "interval": lambda P, uv: interval.interval_estimate(P, uv).points,
@@ -34,8 +32,7 @@ MARKER_DIAMETER_M = 0.005  # m, diameter of a marker in chapter 5
 # `lab-elevation` it loses some, or all, at 1.4 px and below, and none at 1.6 px.
 FOLLOWED_PX = 1.5
 MAX_FITTED_TRIALS = 100  # trials of films at most: they take longest
-# Trials of one frame at most: 75 motions each, which know an rms to some percent
-MAX_FRAME_TRIALS = 50
+MAX_FRAME_TRIALS = 50  # of one frame: 75 motions each, which know an rms to some percent
 _FILM_VALUES = 3_000_000  # camera × point values at a time
 
 
@@ -195,13 +192,11 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return deflection errors of every number of cameras, with every noise and mistake."""
     slowest = int(np.argmin(study.frame_rates_hz))
     settings = study.settings()[slowest :: len(study.frame_rates_hz)]
-    shape = len(settings), len(NOISES_PX)
+    shape, rules = (len(settings), len(NOISES_PX)), list(TRACKING_APPROACHES.values())
     drawn, drawn_std = np.empty((2, *shape, len(TRACKING_APPROACHES)))
     least = np.zeros(shape)
-    mistaken, mistaken_std = np.empty(
-        (2, len(settings), len(ASSUMED_MISTAKES), len(TRACKING_APPROACHES))
-    )
     agreeing = np.empty((len(settings), len(ASSUMED_MISTAKES)))
+    mistaken, mistaken_std = np.empty((2, *agreeing.shape, len(TRACKING_APPROACHES)))
     for i, setting in enumerate(settings):
         rig = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         random = np.random.default_rng([study.seed, len(rig)])
@@ -210,26 +205,24 @@ def noisy_shares(study: DesignLaw) -> dict[str, ArrayLike]:
         shift = np.moveaxis(shifts, 0, 2)[:, :, None]
         images = project(rig.P, points) + shift
         noise = random.standard_normal(images.shape)
+        moved = points[2, 1] - points[2, 0]
         for k, sigma in enumerate(NOISES_PX):
             pixels = np.rint(images + sigma * noise) - shift
-            z = simulation.estimate_points(
-                rig.P, pixels, list(TRACKING_APPROACHES.values()), sigma
-            )[:, 2]
-            wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
+            z = simulation.estimate_points(rig.P, pixels, rules, sigma)[:, 2]
+            wrong = z[:, 1] - z[:, 0] - moved
             drawn[i, k], drawn_std[i, k] = simulation.rms_with_std(wrong.T)
             if sigma:
                 variance = interval.least_covariance(rig.P, points, sigma)[2, 2].sum(axis=0)
                 least[i, k] = np.sqrt(np.mean(variance))
-        lottery = random.random(
-            images.shape
-        )  # below half the share to one side, above to the other
+        # Below half the share to one side, above to the other
+        lottery = random.random(images.shape)
         for k, (sigma, told, share) in enumerate(ASSUMED_MISTAKES.values()):
             aside = (lottery < share / 2).astype(float) - (lottery > 1 - share / 2)
             pixels = np.rint(images + sigma * noise + OUTLIER_PX * aside) - shift
             found = interval.interval_estimate(rig.P, pixels, told)
             centre = analytic_centre(rig.P, pixels).points
             z = np.stack([triangulation.triangulate(rig.P, pixels)[2], centre[2], found.points[2]])
-            wrong = z[:, 1] - z[:, 0] - (points[2, 1] - points[2, 0])
+            wrong = z[:, 1] - z[:, 0] - moved
             mistaken[i, k], mistaken_std[i, k] = simulation.rms_with_std(wrong.T)
             agreeing[i, k] = np.mean(found.feasible)
     gains = 1 - drawn / drawn[..., :1]
@@ -280,40 +273,34 @@ def simulate_estimators(study: DesignLaw) -> dict[str, ArrayLike]:
         stand = (CROWD_DISTANCE_M,) * n_cameras
         return simulation.deflection_errors(stand, layouts, MAX_MARKERS, noise_px, seed=study.seed)
 
-    def sharp_errors(stand: tuple[float, ...]) -> Array:
-        errors = simulation.deflection_errors(
+    sharp = [
+        simulation.deflection_errors(
             stand, layouts, MAX_MARKERS, 0.0, SHARP_FOCAL_PX, SHARP_SIZE_PX, study.seed
         )
-        return np.asarray(np.median(errors, axis=0))  # some layouts are hopeless
-
+        for stand in UNEQUAL_DISTANCES_M
+    ]
     # what is asked for several times is drawn once: fewer layouts are the first of more
     clean = {n: crowded(n, 0.0) for n in EQUIDISTANT_COUNTS}
     noisy = [
         crowded(NOISY_CAMERAS, noise) if noise else clean[NOISY_CAMERAS] for noise in RIG_NOISES_PX
     ]
+    few = min(NOISY_LAYOUTS, layouts)
     compared = [simulation.ESTIMATORS.index(rule) for rule in COMPARED_ESTIMATORS]
     return {
         "tolerated_noise": [
-            noise_tolerance(
-                n,
-                min(NOISY_LAYOUTS, layouts),
-                study.seed,
-                errors[:NOISY_LAYOUTS].take(compared, axis=1),
-            )
+            noise_tolerance(n, few, study.seed, errors[:few].take(compared, axis=1))
             for n, errors in clean.items()
         ],
-        **_name_errors(
-            "equidistant_rig_error", [simulation.rms_with_std(errors) for errors in clean.values()]
-        ),
-        **_name_errors("noise_error", [simulation.rms_with_std(errors) for errors in noisy]),
-        "unequal_distance_error": [sharp_errors(stand) for stand in UNEQUAL_DISTANCES_M],
+        **_name_errors("equidistant_rig_error", clean.values()),
+        **_name_errors("noise_error", noisy),
+        "unequal_distance_error": np.median(sharp, axis=1),  # some layouts are hopeless
     }
 
 
-def _name_errors(name: str, found: list[tuple[Array, Array]]) -> dict[str, ArrayLike]:
-    """Return drawn errors as a variable and their standard errors as another."""
-    errors, stds = zip(*found, strict=True)
-    return {name: np.array(errors), f"{name}_std": np.array(stds)}
+def _name_errors(name: str, drawn: Iterable[Array]) -> dict[str, ArrayLike]:
+    """Return the rms of drawn errors as a variable and their standard errors as another."""
+    found, stds = zip(*map(simulation.rms_with_std, drawn), strict=True)
+    return {name: np.array(found), f"{name}_std": np.array(stds)}
 
 
 def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None = None) -> float:
@@ -337,11 +324,8 @@ def noise_tolerance(n_cameras: int, layouts: int, seed: int, clean: Array | None
         least, centre = simulation.over_layouts(errors)
         gains.append(1 - centre / least)
         if gains[-1] < gains[0] / 2:
-            return float(
-                np.interp(
-                    -gains[0] / 2, -np.array(gains[-2:]), WITH_NOISE[len(gains) - 2 : len(gains)]
-                )
-            )
+            noises = WITH_NOISE[len(gains) - 2 : len(gains)]
+            return float(np.interp(-gains[0] / 2, -np.array(gains[-2:]), noises))
     return float("inf")
 
 
@@ -367,8 +351,7 @@ def simulate_dither(study: DesignLaw) -> dict[str, ArrayLike]:
         return np.asarray((black * reach).sum(axis=(1, 2)) / black.sum(axis=(1, 2)) - x[:, 0, 0])
 
     def simulate_each(of: Callable[[float], Array], values: ArrayLike) -> dict[str, ArrayLike]:
-        found = [simulation.rms_with_std(of(float(one))) for one in np.asarray(values)]
-        return _name_errors(f"drawn_{of.__name__}_error", found)
+        return _name_errors(f"drawn_{of.__name__}_error", map(of, np.asarray(values).tolist()))
 
     return {
         "fitted_amplitude_error": np.sqrt(dither.amplitude_variance(FITTED_AMPLITUDES_PX)),

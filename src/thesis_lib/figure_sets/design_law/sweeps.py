@@ -73,12 +73,11 @@ def sweep_values(structure: str, finding: str) -> Array:
     printed = setups.setup_table(structure, "aperture" if finding == "elevation" else finding)
     if finding == "aperture":
         return np.linspace(2.0 * min(printed["half_apertures_deg"]), 180.0, SWEEP_STEPS)
+    names = {"elevation": "elevations_deg", "distance": "distances_mm", "resolution": "widths_px"}
+    ends = min(printed[names[finding]]), max(printed[names[finding]])
     if finding == "elevation":
-        return np.linspace(
-            min(printed["elevations_deg"]), max(printed["elevations_deg"]), SWEEP_STEPS
-        )
-    every = printed["distances_mm" if finding == "distance" else "widths_px"]
-    values: Array = np.geomspace(min(every), max(every), SWEEP_STEPS)
+        return np.linspace(*ends, SWEEP_STEPS)
+    values: Array = np.geomspace(*ends, SWEEP_STEPS)
     return np.rint(values) if finding == "resolution" else values
 
 
@@ -92,14 +91,10 @@ def step_rig(study: DesignLaw, structure: str, finding: str, value: float) -> Sw
     distance = (value if finding == "distance" else printed["distance_mm"]) / 1000
     if finding == "resolution":
         size = int(value), round(value * 9 / 16)
-    aperture, elevation = 2 * printed.get("azimuth_deg", 90.0), printed["elevation_deg"]
-    if finding == "aperture":
-        aperture = value
-    elif finding == "elevation":
-        elevation = value
-    return SweepRig(
-        distance, size, focal, float(np.radians(aperture)), float(np.radians(elevation))
-    )
+    aperture = value if finding == "aperture" else 2 * printed.get("azimuth_deg", 90.0)
+    elevation = value if finding == "elevation" else printed["elevation_deg"]
+    angles = np.radians([aperture, elevation]).tolist()
+    return SweepRig(distance, size, focal, *angles)
 
 
 def mode_shapes(structure: Structure, peak: float) -> Array:
@@ -134,11 +129,10 @@ def exact_rms(cameras: CameraArray, points: Array) -> float:
 
 def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
     """Return the distance, resolution, number, elevation and aperture, each by itself."""
-    shape = (len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS)
-    values, averaged, usual, small, centre, noise, noisy_centre = (
-        np.empty(shape) for _ in range(7)
-    )
-    best, gained = np.empty((2, len(STRUCTURES))), np.empty((2, len(STRUCTURES)))
+    values = np.empty((len(SWEPT_FINDINGS), len(STRUCTURES), SWEEP_STEPS))
+    kinds = ("expected", "exact", "centre", "noisy", "noisy_centre", "small")
+    errors = {kind: np.empty_like(values) for kind in kinds}
+    best, gained = np.empty((2, 2, len(STRUCTURES)))
     for s, (name, make) in enumerate(STRUCTURES.items()):
         peak = float(setups.assumed_values(name)["amplitude_mm"]) / 1000
         tiny_peak = study.small_amplitude_mm / 1000
@@ -148,24 +142,22 @@ def fit_findings(study: DesignLaw) -> dict[str, ArrayLike]:
             for i, value in enumerate(values[f, s]):
                 one = step_rig(study, name, finding, value)
                 cameras = one.cameras()
-                averaged[f, s, i] = 100 * predicted_rms(cameras, points) / peak
-                usual[f, s, i] = 100 * exact_rms(cameras, points) / peak
-                small[f, s, i] = 100 * exact_rms(cameras, tiny) / tiny_peak
-                centre[f, s, i] = 100 * one.centre_error() / peak
-                noise[f, s, i] = 100 * noise_error(cameras, points[:, 0]) / peak
-                noisy_centre[f, s, i] = 100 * one.centre_error(noisy=True) / peak
+                at = f, s, i
+                errors["expected"][at] = 100 * predicted_rms(cameras, points) / peak
+                errors["exact"][at] = 100 * exact_rms(cameras, points) / peak
+                errors["small"][at] = 100 * exact_rms(cameras, tiny) / tiny_peak
+                errors["centre"][at] = 100 * one.centre_error() / peak
+                errors["noisy"][at] = 100 * noise_error(cameras, points[:, 0]) / peak
+                errors["noisy_centre"][at] = 100 * one.centre_error(noisy=True) / peak
         for k, error in enumerate((exact_rms, predicted_rms)):
             best[k, s], gained[k, s] = best_aperture(study, name, points, error)
     return {
         "swept": values,
-        "expected_error": averaged,
-        "exact_error": usual,
-        "centre_error": centre,
-        "noisy_error": noise,
-        "noisy_centre_error": noisy_centre,
-        "expected_exponent": _exponents(values, averaged),
-        "centre_exponent": _exponents(values, centre),
-        "small_exponent": _exponents(values, small),
+        **{f"{kind}_error": errors[kind] for kind in kinds if kind != "small"},
+        **{
+            f"{kind}_exponent": _exponents(values, errors[kind])
+            for kind in ("expected", "centre", "small")
+        },
         "best_aperture": best,
         "wide_gain": gained,
     }
@@ -245,10 +237,8 @@ def pair_errors(study: DesignLaw) -> dict[str, ArrayLike]:
         shift = random.uniform(-0.5, 0.5, (2, 2, 1, n))
         # Half of 1/6 px² in each of the two images.
         noise = MOTION_PX / np.sqrt(2) * random.standard_normal(images.shape)
-        for found, seen in (
-            (drawn, pixelate(images + shift) - shift),
-            (drawn_noisy, images + noise),
-        ):
+        rounded = pixelate(images + shift) - shift
+        for found, seen in ((drawn, rounded), (drawn_noisy, images + noise)):
             height = triangulation.triangulate(P, seen)[2]
             found[:, *at] = rms_with_std(height[1] - height[0] - moved[2, 1])
         closed[at] = pair_deflection_error(distance, focal, opening, tilt)
