@@ -35,23 +35,18 @@ Integer = Annotated[int, BeforeValidator(int)]  # of digits alone: pydantic take
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda text: [*filter(None, text.split(";"))])]
 SomeNames = Annotated[Names, Field(min_length=1)]
+SplitTexts = BeforeValidator(lambda text: text.split("; ") if text else [])
 
 
-def matching(pattern: str) -> AfterValidator:
-    """Return the check that a text matches a regular expression."""
+def accept_if(allowed: Callable[[str], bool]) -> AfterValidator:
+    """Return the check that a text is allowed, by a function that tells."""
 
     def check(text: str) -> str:
-        if not re.fullmatch(pattern, text):
+        if not allowed(text):
             raise ValueError(text)
         return text
 
     return AfterValidator(check)
-
-
-def list_of(pattern: str) -> BeforeValidator:
-    """Return the reader of texts with "; " between them that all match a regular expression."""
-    check = matching(pattern).func
-    return BeforeValidator(lambda text: [*map(check, text.split("; "))] if text else [])  # type: ignore[arg-type]
 
 
 def read_rows(
@@ -166,13 +161,7 @@ class Claim:
 
 
 def read_claims() -> list[Claim]:
-    """Read the claimed values, from ``data/thesis/claims.csv``.
-
-    Raises
-    ------
-    ValueError
-        Naming the line and the field of a malformed row.
-    """
+    """Read the claimed values, from ``data/thesis/claims.csv``, refused line by line."""
     ends = "low", "high"
     rounding = {"rounding": lambda row: [half_digit(row[end]) for end in ends]}
     return [*read_rows("claims.csv", Claim, rounding)]
@@ -215,11 +204,9 @@ RELATION_WORDS = {  # what is stated, and what has to be said with it
 Modes = Annotated[tuple[Integer, ...], BeforeValidator(lambda text: text.split(";"))]
 
 
-def _check_relation(text: str) -> str:
+def _is_relation(text: str) -> bool:
     name, _, argument = text.partition(" ")
-    if name not in RELATION_WORDS or not re.fullmatch(RELATION_WORDS[name], argument):
-        raise ValueError(text)
-    return text
+    return name in RELATION_WORDS and bool(re.fullmatch(RELATION_WORDS[name], argument))
 
 
 @dataclass(frozen=True)
@@ -236,7 +223,7 @@ class Trend:
     parameter: str  #: What varies
     words: Text  #: What it says
     source: SomeNames  #: Figure sets, or runs of the ledger's own, that it is judged by
-    test: Annotated[str, AfterValidator(_check_relation)]  #: Relation and its argument
+    test: Annotated[str, accept_if(_is_relation)]  #: Relation and its argument
 
 
 def read_trends() -> list[Trend]:
@@ -252,20 +239,20 @@ class Reason:
     """Why the book gets something else than a claim of the thesis."""
 
     id: Text  #: Name of the claim
-    reason: Annotated[str, matching(r"\S.*\.")]  #: One sentence
+    reason: Annotated[str, Field(pattern=r"^\S.*\.$")]  #: One sentence
     #: Document of the book that tells more, such as ``errata#errata-a6``
-    page: Annotated[str, matching(_PAGE_PATTERN)]
+    page: Annotated[str, Field(pattern=rf"^{_PAGE_PATTERN}$")]
 
 
 def read_reasons() -> dict[str, Reason]:
-    """Read the reasons by the names of their claims, from ``data/thesis/reasons.csv``.
-
-    Raises
-    ------
-    ValueError
-        Naming the line and the field of a malformed row.
-    """
+    """Read the reasons by the names of their claims, from ``data/thesis/reasons.csv``."""
     return {one.id: one for one in read_rows("reasons.csv", Reason)}
+
+
+FunctionName = Annotated[str, Field(pattern=r"^thesis_lib(\.\w+)+$")]
+CubeVariables = Annotated[str, Field(pattern=r"^[\w-]+: \w+(, \w+)*$")]
+TestName = Annotated[str, Field(pattern=r"^tests/(\w+/)*test_\w+\.py::test_\w+$")]
+ErratumPage = Annotated[str, Field(pattern=r"^errata#errata-[a-e]\d+$")]
 
 
 @dataclass(frozen=True)
@@ -273,17 +260,16 @@ class IndexEntry:
     """One figure, table or equation of the thesis: its place here, or why it has none."""
 
     #: Name in the thesis, such as ``figure 3.4``
-    item: Annotated[str, matching(r"(figure|table|equation) \w\.\d+[ab]?")]
-    what: Annotated[str, matching(r"\S.*")]  #: Subject, in our words
+    item: Annotated[str, Field(pattern=r"^(figure|table|equation) \w\.\d+[ab]?$")]
+    what: Annotated[str, Field(pattern=r"^\S.*$")]  #: Subject, in our words
     #: Document of the book, such as ``beam#eq-modal``
-    page: Annotated[str, matching(rf"({_PAGE_PATTERN})?")]
-    function: Annotated[tuple[str, ...], list_of(r"thesis_lib(\.\w+)+")]  #: Names in the library
+    page: Annotated[str, Field(pattern=rf"^({_PAGE_PATTERN})?$")]
+    function: Annotated[tuple[FunctionName, ...], SplitTexts]  #: Names in the library
     #: Variables of figure sets, such as ``beam-distance: mean_error``
-    cube: Annotated[tuple[str, ...], list_of(r"[\w-]+: \w+(, \w+)*")]
-    #: Names of tests
-    test: Annotated[tuple[str, ...], list_of(r"tests/(\w+/)*test_\w+\.py::test_\w+")]
-    reason: Annotated[str, matching(r"(\S.*)?")]  #: Why nothing here is about it
-    errata: Annotated[tuple[str, ...], list_of(r"errata#errata-[a-e]\d+")]  #: Errata on it
+    cube: Annotated[tuple[CubeVariables, ...], SplitTexts]
+    test: Annotated[tuple[TestName, ...], SplitTexts]  #: Names of tests
+    reason: Annotated[str, Field(pattern=r"^(\S.*)?$")]  #: Why nothing here is about it
+    errata: Annotated[tuple[ErratumPage, ...], SplitTexts]  #: Errata on it
 
 
 def read_index() -> list[IndexEntry]:
@@ -299,27 +285,15 @@ def read_index() -> list[IndexEntry]:
 
 
 EXACT_TOLERANCE = 1e-9  # relative half-width of a fraction or a product
-THESIS_BEAM, THESIS_PLATE, THESIS_RIG = (
-    setups.thesis_beam(),
-    setups.thesis_plate(),
-    setups.setup_table("experiment", "rig"),
-)
+THESIS_BEAM, THESIS_PLATE = setups.thesis_beam(), setups.thesis_plate()
+THESIS_RIG = setups.setup_table("experiment", "rig")
 
 
-def _check_stated(text: str) -> str:
+def _is_finite(text: str) -> bool:
     try:
-        finite = all(map(math.isfinite, _interval(text)))
+        return all(map(math.isfinite, _interval(text)))
     except ArithmeticError:
-        finite = False
-    if not finite:
-        raise ValueError(text)
-    return text
-
-
-def _check_known(text: str) -> str:
-    if text not in CORRECT_VALUES:
-        raise ValueError(text)
-    return text
+        return False
 
 
 @dataclass(frozen=True)
@@ -332,9 +306,10 @@ class StatedNumber:
     place: Text  #: Where it stands
     words: Text  #: What it is
     #: As printed: a decimal such as ``39.6`` or ``16e6``, or an exact ``1/60`` or ``12×4``
-    stated: Annotated[str, AfterValidator(_check_stated)]
+    stated: Annotated[str, accept_if(_is_finite)]
     unit: str  #: Its unit, empty if it has none
-    value_of: Annotated[str, AfterValidator(_check_known)]  #: Key of :data:`CORRECT_VALUES`
+    #: Key of :data:`CORRECT_VALUES`
+    value_of: Annotated[str, accept_if(lambda name: name in CORRECT_VALUES)]
 
     @property
     def low(self) -> float:

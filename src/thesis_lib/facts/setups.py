@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -179,28 +180,15 @@ def array_settings(
 ) -> list[Setting]:
     """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
 
-    Parameters
-    ----------
-    cases : sequence of str
-        Cases of Table 3.4.
-    pair_order : mapping
-        ``printed`` or ``reversed`` by case; cases not named are taken as printed.
-    layouts : mapping
-        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
-    distance_mm : float
-        Distance of all cameras.
-    resolution_px : tuple of int
-        Width and height of the sensor.
+    `pair_order` is ``printed`` or ``reversed`` by case; cases not named are taken as printed. Each
+    layout is a list of growing sets of ``(azimuth, elevation)`` in degrees.
     """
-    grown: list[tuple[str, str, list[list[Direction]]]] = []
+    grown: list[tuple[str, str, Sequence[Sequence[Direction]]]] = []
     for case in cases:
         order = pair_order.get(case, "printed")
-        ordered = camera_pairs()[case][:: -1 if order == "reversed" else 1]
-        sets = [
-            [camera for pair in ordered[: n + 1] for camera in pair] for n in range(len(ordered))
-        ]
-        grown.append((case, order, sets))
-    grown += [(name, "", [list(s) for s in sets]) for name, sets in layouts.items()]
+        pairs = camera_pairs()[case][:: -1 if order == "reversed" else 1]
+        grown.append((case, order, list(accumulate(pairs))))
+    grown += [(name, "", sets) for name, sets in layouts.items()]
     return [
         Setting(
             case,

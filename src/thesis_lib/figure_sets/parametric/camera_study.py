@@ -112,9 +112,16 @@ class CameraStudy(Study):
             self.refuse("amplitude_mm", CAMERA_CONDITIONS["amplitude_mm"])
         _check_memory(self)
         settings = self.thesis_settings()  # as given, so that a refusal says what was given
-        _check_reach(self, settings)
+        reach = 1000 * (math.hypot(*self.structure.extent) / 2 + max(self.peaks_m))
+        name = "distances_mm" if "distances_mm" in type(self).model_fields else "distance_mm"
         for setting in settings:
-            _check_directions(setting)
+            if setting.distance_mm <= reach:
+                fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
+        for setting in settings:
+            for azimuth, elevation in setting.directions_deg:
+                if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
+                    text = DIRECTION_TEXT.format(fields.format_given(setting.case))
+                    fields.refuse_value("directions_deg", [azimuth, elevation], text)
             _check_coincidence(self, setting)
         return self
 
@@ -133,25 +140,6 @@ def _check_memory(study: CameraStudy) -> None:
         )
 
 
-def _check_reach(study: CameraStudy, settings: list[setups.Setting]) -> None:
-    length, width = study.structure.extent
-    reach = 1000 * (math.hypot(length, width) / 2 + max(study.peaks_m))
-    name = "distances_mm" if "distances_mm" in type(study).model_fields else "distance_mm"
-    for setting in settings:
-        if setting.distance_mm <= reach:
-            fields.refuse_value(name, setting.distance_mm, distance_limit(reach))
-
-
-def _check_directions(setting: setups.Setting) -> None:
-    for azimuth, elevation in setting.directions_deg:
-        if not (math.isfinite(azimuth) and 0 < elevation <= 90):  # NaN is refused, too
-            fields.refuse_value(
-                "directions_deg",
-                [azimuth, elevation],
-                DIRECTION_TEXT.format(fields.format_given(setting.case)),
-            )
-
-
 def _check_coincidence(study: CameraStudy, setting: setups.Setting) -> None:
     angles = np.radians(setting.directions_deg)
     directions = hemisphere_directions(angles[:, 0], angles[:, 1])
@@ -165,6 +153,5 @@ def _check_coincidence(study: CameraStudy, setting: setups.Setting) -> None:
         else:
             field = "elevations_deg" if setting.case in setups.OPPOSITE_DEG else "elevation_deg"
         given = [setting.directions_deg[first[0]], setting.directions_deg[second[0]]]
-        fields.refuse_value(
-            field, given, COINCIDENT_TEXT.format(fields.format_given(setting.case), setting.label)
-        )
+        text = COINCIDENT_TEXT.format(fields.format_given(setting.case), setting.label)
+        fields.refuse_value(field, given, text)

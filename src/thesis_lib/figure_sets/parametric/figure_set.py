@@ -11,7 +11,14 @@ from copy import copy
 from itertools import pairwise
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, BeforeValidator, Field, create_model, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    TypeAdapter,
+    create_model,
+    model_validator,
+)
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.figure_set import FigureSet, Inputs
@@ -30,8 +37,6 @@ Order = Literal["printed", "reversed"]
 Layout = list[
     Annotated[list[tuple[fields.Azimuth, fields.Elevation]], Field(min_length=2, max_length=100)]
 ]
-
-
 FromCentre = Annotated[
     fields.Positive,
     Field(description="distance of all cameras from the structure's centre, beyond its reach"),
@@ -279,7 +284,10 @@ class ShapeMarkers(PlateMarkers):
                 self.element_mm / 1000,
             )
         except ShapeError as error:
-            name = SHAPE_FIELDS.get(error.what) or self._hole_field(error.given)
+            holes = error.given if isinstance(error.given, tuple) else (error.given,)
+            round_ = any(isinstance(hole, Circle) for hole in holes)
+            of_hole = "circles_mm" if round_ else "cutouts_mm"
+            name = SHAPE_FIELDS.get(error.what, of_hole)
             fields.refuse_value(name, getattr(self, name), f"allowed: {error.allowed}")
             raise
 
@@ -288,12 +296,6 @@ class ShapeMarkers(PlateMarkers):
         """Return the holes in m."""
         cut = (tuple((x / 1000, y / 1000) for x, y in corners) for corners in self.cutouts_mm)
         return (*(Circle(x / 1000, y / 1000, r / 1000) for x, y, r in self.circles_mm), *cut)
-
-    def _hole_field(self, given: object) -> str:
-        round_ = isinstance(given, Circle) or (
-            isinstance(given, tuple) and any(isinstance(one, Circle) for one in given)
-        )
-        return "circles_mm" if round_ else "cutouts_mm"
 
 
 THESIS_SECTIONS = {
@@ -304,20 +306,22 @@ THESIS_SECTIONS = {
 }
 
 
-def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) -> type[CameraStudy]:
+def figure_set(subject: str, kind: type[CameraStudy], more: type[BaseModel]) -> type[CameraStudy]:
     """Return a study of one structure: its fields default to what the structure's tables say."""
     grid = {"grid": setups.thesis_plate().grid}
     like = "plate" if subject == "shape" else subject
     printed = {**grid, **setups.assumed_values(like), **setups.setup_table(subject, kind.study)}
-    bases = (*more, kind)
+    bases = (more, kind)
     defaults: dict[str, Any] = {}
     every = {name: info for one in reversed(bases) for name, info in one.model_fields.items()}
     for name, info in every.items():
         shared = name in CameraStudy.model_fields  # which hold what the beam's table says
         if name in printed and (shared or info.is_required()):
-            filled = copy(info)
-            filled.default = _freeze_value(name, printed[name])
-            defaults[name] = (info.annotation, filled)
+            filled, annotation = copy(info), cast(Any, info.annotation)
+            filled.default = printed[name]
+            if name in ("resolution_px", *CONTOUR_FIELDS):  # the tables have lists for tuples
+                filled.default = TypeAdapter(annotation).validate_python(printed[name])
+            defaults[name] = (annotation, filled)
     model: Any = cast(Any, create_model)(
         f"{subject.title()}{kind.__name__}", __base__=bases, __doc__=kind.__doc__, **defaults
     )
@@ -327,27 +331,16 @@ def figure_set(subject: str, kind: type[CameraStudy], *more: type[BaseModel]) ->
     return model
 
 
-def _freeze_value(name: str, value: Any) -> Any:
-    """Return a value of the tables as models hold it."""
-    if name == "resolution_px":
-        return tuple(value)
-    return list(map(_frozen, value)) if name in CONTOUR_FIELDS else value
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(map(_frozen, value)) if isinstance(value, list) else float(value)
-
-
 _STUDY_KINDS: tuple[type[CameraStudy], ...] = (Distance, Aperture, Resolutions, Arrays)
-_EXTRA_FIELDS: dict[str, tuple[type[BaseModel], ...]] = {
-    "beam": (BeamMarkers,),
-    "plate": (PlateMarkers,),
-    "sound": (PlateSoundStudy,),
+_EXTRA_FIELDS: dict[str, type[BaseModel]] = {
+    "beam": BeamMarkers,
+    "plate": PlateMarkers,
+    "sound": PlateSoundStudy,
 }
 CAMERA_STUDIES: dict[str, type[CameraStudy]] = {
     study.name: study
     for subject, extra in _EXTRA_FIELDS.items()
-    for study in (figure_set(subject, kind, *extra) for kind in _STUDY_KINDS)
+    for study in (figure_set(subject, kind, extra) for kind in _STUDY_KINDS)
 }
 
 SHAPE_STUDIES: dict[str, type[CameraStudy]] = {
@@ -372,38 +365,32 @@ FIGURE_NUMBERS = {
 def plate_input(asked: Any) -> Inputs:
     """Return the input of sound: the plate's study with the same cameras."""
     plate = camera_study(f"plate-{asked.study}", asked.plate_request)
-    return {"plate_cube": (SIMULATED_SETS[plate.name], plate)}
+    return {"plate_cube": (CAMERA_SETS[plate.name], plate)}
 
 
 def aperture_inputs(asked: Any) -> Inputs:
     """Return the inputs of the aperture's study: also pairs turned by a few degrees."""
     from thesis_lib.figure_sets.parametric.sound import turn_pairs
 
-    return {**plate_input(asked), "turned": (RADIATED_SETS["sound-arrays"], turn_pairs(asked))}
+    return {**plate_input(asked), "turned": (CAMERA_SETS["sound-arrays"], turn_pairs(asked))}
 
 
-SIMULATED_SETS = {
-    name: FigureSet(
+def camera_set(request: type[CameraStudy]) -> FigureSet:
+    """Return the figure set of a camera study."""
+    how: dict[str, Any] = {"module": f"{__package__}.compute", "kept": request.subject == "plate"}
+    if request.subject == "sound":
+        needs = aperture_inputs if request.study == "aperture" else plate_input
+        how = {"module": f"{__package__}.sound", "needs": needs}
+    return FigureSet(
         request=request,
         chapter=CHAPTER_NAMES[request.subject],
-        module=f"{__package__}.compute",
         figure=FIGURE_NUMBERS[request.subject],
-        kept=request.subject == "plate",
         in_pieces=True,
+        **how,
     )
-    for name, request in {**CAMERA_STUDIES, **SHAPE_STUDIES}.items()
-    if request.subject != "sound"
+
+
+CAMERA_SETS = {
+    name: camera_set(request) for name, request in {**CAMERA_STUDIES, **SHAPE_STUDIES}.items()
 }
-RADIATED_SETS = {
-    name: FigureSet(
-        request=request,
-        chapter=CHAPTER_NAMES["sound"],
-        module=f"{__package__}.sound",
-        needs=aperture_inputs if name == "sound-aperture" else plate_input,
-        figure=FIGURE_NUMBERS["sound"],
-        in_pieces=True,
-    )
-    for name, request in CAMERA_STUDIES.items()
-    if request.subject == "sound"
-}
-FIGURE_SETS = [*SIMULATED_SETS.values(), *RADIATED_SETS.values()]
+FIGURE_SETS = [*CAMERA_SETS.values()]

@@ -15,7 +15,7 @@ import xarray as xr
 from IPython.display import Markdown
 from matplotlib.figure import Figure
 
-from thesis_lib.arrays import IntArray
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import claims, setups
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.sound import audible_planes, turn_summary
@@ -66,15 +66,11 @@ def _columns(cube: xr.Dataset) -> Iterator[tuple[str, list[dict[str, Any]]]]:
             cells = table.loc[[(error, mode)]].to_dict("records")
             for i, cell in enumerate(cells):
                 cell["predicted"] = predicted[i]
-                if np.isnan(cell["trial_0"]):  # a nodal plane
-                    cell["of_larger"] = _of_larger(cube, i, mode, plane)
+                if np.isnan(cell["trial_0"]):  # a nodal plane: relative to the other's pressure
+                    part = cube["plane_error_of_larger"].isel(setting=i)
+                    values = part.sel(mode=mode, plane=plane).values
+                    cell["of_larger"] = np.median(values[1:] if values.size > 1 else values)
             yield f"mode {mode}" + (f", {plane}" if plane else ""), cells
-
-
-def _of_larger(cube: xr.Dataset, setting: int, mode: int, plane: str | None) -> float:
-    """Return the error on a nodal plane relative to the other plane's pressure, or NaN."""
-    values = cube["plane_error_of_larger"].isel(setting=setting).sel(mode=mode, plane=plane)
-    return float(np.median(values.values[1:] if values.size > 1 else values.values))
 
 
 def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
@@ -82,16 +78,15 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
     checks = []
     if cube.sizes["trial"] > 1:
         checks = verdicts.check_claims(cube, claims.claims_of(cube.attrs["figure_set"]))
-    counts = {}
-    for quantity, word in cubes.SHORT_LABELS.items():
-        inside = [check.inside for check in checks if check.claim.quantity == quantity]
-        if inside:
-            counts[word] = inside
+    by_word = {
+        word: [check.inside for check in checks if check.claim.quantity == quantity]
+        for quantity, word in cubes.SHORT_LABELS.items()
+    }
     text = render(
         __file__,
         "claims",
         trials=cubes.trials_are(cube) if cube.sizes["trial"] > 1 else "",
-        counts=counts,
+        counts={word: inside for word, inside in by_word.items() if inside},
         checks=[check for check in checks if not (only_misses and check.inside)],
         only_misses=only_misses,
         short=cubes.SHORT_LABELS,
@@ -101,12 +96,7 @@ def claims_table(cube: xr.Dataset, only_misses: bool = True) -> Markdown:
 
 PLATE_SET = "plate-arrays"
 SHAPE_NAMES = {PLATE_SET: "rectangle", "shape-l": "L", "shape-holes": "holes"}
-MIRRORED_CASES = (
-    "4a",
-    "4a'",
-    "4b",
-    "4d",
-)  # sets of cameras that are their own mirror image in X = 0
+MIRRORED_CASES = ("4a", "4a'", "4b", "4d")  # whose cameras are their own mirror image in X = 0
 MAX_ROUNDING_M = 1e-7  # m: float32 on disk rounds 10 mm to less
 SIZES_MM = (40.0, 20.0, 10.0)
 
@@ -128,6 +118,11 @@ def compare_frequencies(cube: xr.Dataset) -> dict[str, Any]:
         for m, mode in enumerate(cube["mode"].values.tolist())
     ]
     return {"rows": rows, "markers": cube.sizes["point"]}
+
+
+def _rms_of_trials(cube: xr.Dataset) -> Array:
+    """Return the rms over the trials of the mean errors (settings, modes) in %."""
+    return np.asarray(np.sqrt(np.mean(cube["mean_error"].values[..., 1:] ** 2, axis=-1)))
 
 
 def _mean_deflection(cube: xr.Dataset, mode: int) -> float:
@@ -158,7 +153,7 @@ def compare_cases(cube: xr.Dataset, plate: xr.Dataset, cases: Sequence[str]) -> 
     one, other = _partners(part)
     size = np.abs(part["measured_deflection"].isel(trial=0).values)
     off = np.log(part["mean_error"].values / part["predicted_error"].values[..., None])
-    rms = [np.sqrt(np.mean((c["mean_error"].values[..., 1:]) ** 2, axis=-1)) for c in (part, whole)]
+    rms = [_rms_of_trials(c) for c in (part, whole)]
     law = part["predicted_error"].values / whole["predicted_error"].values
     return Symmetry(
         float(np.mean(np.abs(size[..., one] - size[..., other]) < MAX_ROUNDING_M)),
@@ -193,7 +188,7 @@ def compare_accuracy(opened: Mapping[str, xr.Dataset]) -> str:
     plate, rows = opened[PLATE_SET], []
     for name, word in list(SHAPE_NAMES.items())[1:]:
         both = opened[name], plate
-        rms = [np.sqrt(np.mean(c["mean_error"].values[..., 1:] ** 2, axis=-1)) for c in both]
+        rms = [_rms_of_trials(c) for c in both]
         laws = [c["predicted_error"].values for c in both]
         for m, mode in enumerate(both[0]["mode"].values.tolist()):
             ratio, off = rms[0][:, m] / rms[1][:, m], rms[0][:, m] / laws[0][:, m] - 1
