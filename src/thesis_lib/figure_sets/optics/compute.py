@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from thesis_lib.arrays import Array
+from thesis_lib.arrays import Array, IntArray
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.optics.figure_set import MAX_DISTANCE_RATIO, Cameras
 from thesis_lib.studies.schema import label_values, read_variables
@@ -141,16 +141,12 @@ def _pictures(cube: xr.Dataset, study: Cameras) -> dict[str, ArrayLike]:
         np.kron(one, np.ones((block, block)))[::least, ::least]
         for one, block in zip(grey, blocks, strict=True)
     ]
-    loss = colour_loss(picture, least, study.bayer_pattern)
     return {
         "pixelated": np.rint(255 * np.array(shown)).astype("u1"),
         "pixel_size": nearest / focal / np.array(study.widths_px),
         "marker_contrast": [100 * picture.contrast(block) for block in blocks],
         "variance_kept": [100 * one.var() / finest.var() for one in grey],
-        "colour_picture": np.array([loss.true, loss.mosaic, loss.interpolated], "f4"),
-        "colour_error": 100 * loss.error,
-        "largest_colour_error": 100 * loss.largest,
-        "centre_shift": loss.shift,
+        **colour_loss(picture, least, study.bayer_pattern),
     }
 
 
@@ -255,13 +251,15 @@ class BeamPicture:
         The mean over the markers and gaps that are in the picture.
         """
         cover = optics.block_means(self.markers, block)
-        x = self.structure.markers[0]
-        on, off = (
-            _values_at(cover, self.images(places, block)) for places in (x, (x[1:] + x[:-1]) / 2)
-        )
+        x, found = self.structure.markers[0], []
+        for places in (x, (x[1:] + x[:-1]) / 2):
+            column, row = np.floor(self.images(places, block)).astype(int)
+            inside = (row >= 0) & (row < len(cover)) & (column >= 0) & (column < cover.shape[1])
+            found.append(cover[row[inside], column[inside]])
+        on, off = found
         return float(on.mean() - off.mean()) if len(on) and len(off) else np.nan
 
-    def cells(self, block: int) -> NDArray[np.int_]:
+    def cells(self, block: int) -> IntArray:
         """Return the index of the marker in whose cell each pixel's centre lies, -1 for none."""
         shape = (self.beam.shape[0] // block, self.beam.shape[1] // block)
         x, y = _plane_points(self.camera, self.top, shape, block)
@@ -277,47 +275,32 @@ class BeamPicture:
         cells, n = self.cells(block), self.structure.n_markers
         v, u = np.indices(dark.shape) + 0.5
         inside = cells >= 0
-        sums = [
+        whole, across, down = (
             np.bincount(cells[inside], (dark * by)[inside], n) for by in (np.ones_like(u), u, v)
-        ]
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.stack([sums[1] / sums[0], sums[2] / sums[0]], axis=-1)
+            return np.stack([across / whole, down / whole], axis=-1)
 
 
 def draw_beam(
     structure: Beam, distance: float, azimuth: float, elevation: float, focal: float, marker: float
 ) -> BeamPicture:
-    """Draw a beam at rest as a camera on the hemisphere sees it.
+    """Draw a beam at rest, with round markers on its axis, as a camera on the hemisphere sees it.
 
-    Parameters
-    ----------
-    structure : Beam
-        The beam, with round markers on its axis.
-    distance : float
-        Distance of the camera from its centre, m.
-    azimuth, elevation : float
-        Direction of the camera, rad.
-    focal : float
-        Focal length over the sensor's width.
-    marker : float
-        Diameter of the markers, m.
+    The camera stands at a `distance` in m from its centre, in the direction `azimuth`, `elevation`
+    in rad; `focal` is its focal length over the sensor's width, `marker` a diameter in m.
     """
     camera = hemisphere_cameras(
         distance, [azimuth], [elevation], focal * FINEST_SIZE_PX[0], FINEST_SIZE_PX
     )
     length, width = structure.extent
     corners = np.array([[-1, -1, 1, 1], [-1, 1, -1, 1], [0, 0, 0, 0]]) / 2
-    v = project(camera.P, corners * [[length], [width], [0]])[0, 1]
-    top = (
-        int(np.clip(np.floor(v.min() / STRIP_STEP_PX), 0, FINEST_SIZE_PX[1] // STRIP_STEP_PX - 1))
-        * STRIP_STEP_PX
-    )
-    bottom = int(
-        np.clip(
-            np.ceil(v.max() / STRIP_STEP_PX) * STRIP_STEP_PX, top + STRIP_STEP_PX, FINEST_SIZE_PX[1]
-        )
-    )
-    shape = ((bottom - top) * RAYS_PER_PIXEL, FINEST_SIZE_PX[0] * RAYS_PER_PIXEL)
+    v = project(camera.P, corners * [[length], [width], [0]])[0, 1] / STRIP_STEP_PX
+    steps = FINEST_SIZE_PX[1] // STRIP_STEP_PX
+    first = np.clip(np.floor(v.min()), 0, steps - 1)
+    last = np.clip(np.ceil(v.max()), first + 1, steps)
+    top, rows = int(first) * STRIP_STEP_PX, int(last - first) * STRIP_STEP_PX
+    shape = (rows * RAYS_PER_PIXEL, FINEST_SIZE_PX[0] * RAYS_PER_PIXEL)
     x, y = _plane_points(camera, top, shape, 1 / RAYS_PER_PIXEL)
     on_beam = (np.abs(x) <= length / 2) & (np.abs(y) <= width / 2)
     places = structure.markers[0] - length / 2
@@ -340,40 +323,15 @@ def _plane_points(
     return x, y
 
 
-def _values_at(picture: Array, places: Array) -> Array:
-    """Return the values of the pixels that hold places (2, n), of those in the image."""
-    column, row = np.floor(places).astype(int)
-    inside = (row >= 0) & (row < picture.shape[0]) & (column >= 0) & (column < picture.shape[1])
-    return np.asarray(picture[row[inside], column[inside]])
-
-
-@dataclass(frozen=True)
-class ColourLoss:
-    """Loss of an image by colour filters."""
-
-    #: Rms and largest difference of the interpolated colours from the true ones, on the beam, as a
-    #: share of full scale
-    error: float
-    largest: float
-    shift: float  #: Rms shift of the markers' centres by it, px of each coordinate
-    #: The part around the largest marker; in the mosaic each pixel has its filter's colour alone,
-    #: shape (rows, columns, 3)
-    true: Array
-    mosaic: Array
-    interpolated: Array
-
-
-def colour_loss(picture: BeamPicture, block: int, pattern: str) -> ColourLoss:
+def colour_loss(picture: BeamPicture, block: int, pattern: str) -> dict[str, ArrayLike]:
     """Pass an image through colour filters and interpolate it back bilinearly.
 
-    Parameters
-    ----------
-    picture : BeamPicture
-        What the camera sees.
-    block : int
-        Side of the sensor's pixels in finest ones.
-    pattern : str
-        Colours of the top-left two by two pixels.
+    `block` is the side of the sensor's pixels in finest ones, `pattern` has the colours of the
+    top-left two by two pixels. ``colour_picture`` (stage, rows, columns, 3) is the part around the
+    largest marker: as it is, with each pixel in its filter's colour alone, and interpolated. The
+    errors are the rms and the largest difference of the interpolated colours from the true ones on
+    the beam, in % of full scale; ``centre_shift`` is the rms shift of the markers' centres by it,
+    in px of each coordinate.
     """
     true = picture.colours(block)
     raw = optics.bayer_mosaic(true, pattern)
@@ -384,14 +342,13 @@ def colour_loss(picture: BeamPicture, block: int, pattern: str) -> ColourLoss:
     moved = moved[np.isfinite(moved).all(axis=1)]
     sizes = np.bincount(picture.cells(block).ravel() + 1, minlength=2)[1:]
     part = _crop(picture, block, int(np.argmax(sizes)))
-    return ColourLoss(
-        float(np.sqrt(np.mean(difference**2))),
-        float(np.max(np.abs(difference))),
-        float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
-        true[part],
-        np.where(masks, raw[..., None], 0.0)[part],
-        found[part],
-    )
+    stages = true, np.where(masks, raw[..., None], 0.0), found
+    return {
+        "colour_picture": np.array([stage[part] for stage in stages], "f4"),
+        "colour_error": 100 * float(np.sqrt(np.mean(difference**2))),
+        "largest_colour_error": 100 * float(np.max(np.abs(difference))),
+        "centre_shift": float(np.sqrt(np.mean(moved**2))) if len(moved) else np.nan,
+    }
 
 
 def _crop(picture: BeamPicture, block: int, marker: int) -> tuple[slice, slice]:

@@ -6,7 +6,7 @@ grid by s is ``rint(uv + s) − s`` with unchanged cameras, so all trials, all s
 image of a setting are one batch of points.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,36 +22,25 @@ from thesis_lib.vision import rounding, simulation
 from thesis_lib.vision.pinhole import ground_sample_distance, on_sensor, project
 
 
-def block_results(
-    block: workers.Block,
-    *,
-    points: Array,
-    modes: list[int],
-    focal_length_mm: float,
-    sensor_width_mm: float,
-    seed: int,
-    principal_offset_px: float,
-    rest_is_known: bool,
-    estimator: str,
-    noise_px: float,
-) -> dict[str, Any]:
+def block_results(block: workers.Block, points: Array, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Compute some trials of a setting: a value for each of ``VARIABLES``.
 
-    Results without trials are included where the block has the nominal run.
+    Results without trials are included where the block has the nominal run. `asked` are the plain
+    values of the study's request, which travel to workers.
     """
-    cameras = block.load.cameras(focal_length_mm, sensor_width_mm)
-    trials = block.trials
-    shifts = rounding.grid_shifts(seed, trials.stop - 1, len(cameras), trials.start)
-    shifts += principal_offset_px
-    reference = points[2, 1:]
-    noise = None
+    cameras = block.load.cameras(asked["focal_length_mm"], asked["sensor_width_mm"])
+    trials, reference, noise_px = block.trials, points[2, 1:], asked["noise_px"]
+    drawn = asked["seed"], trials.stop - 1
+    shifts = rounding.grid_shifts(*drawn, len(cameras), trials.start)
+    shifts += asked["principal_offset_px"]
+    known, noise = asked["rest"] == "known", None
     if noise_px:
         markers = points.shape[2]
         noise = noise_px * rounding.image_noise(
-            seed, trials.stop - 1, modes, len(cameras), markers, trials.start
+            *drawn, asked["modes"], len(cameras), markers, trials.start
         )
     measured = simulation.measure_deflections(
-        cameras, points, shifts, rest_is_known, estimator, noise=noise, noise_px=noise_px
+        cameras, points, shifts, known, asked["estimator"], noise=noise, noise_px=noise_px
     )
     point, mean, largest = simulation.percent_errors(measured, reference)
     results = {
@@ -63,7 +52,7 @@ def block_results(
     if trials.start > 0:
         return results
     variance = rounding.deflection_variance(
-        cameras.P, points[:, :1], points[:, 1:], rest_is_known, noise_px=noise_px
+        cameras.P, points[:, :1], points[:, 1:], known, noise_px=noise_px
     )
     scale = 100 / np.max(np.abs(reference), axis=-1)
     return results | {
@@ -93,19 +82,7 @@ def run(
         )
         for name, one in schema.VARIABLES.items()
     }
-    work = partial(
-        block_results,
-        points=points,
-        modes=study.modes,
-        focal_length_mm=study.focal_length_mm,
-        sensor_width_mm=study.sensor_width_mm,
-        seed=study.seed,
-        principal_offset_px=study.principal_offset_px,
-        rest_is_known=study.rest == "known",
-        estimator=study.estimator,
-        noise_px=study.noise_px,
-    )
-
+    work = partial(block_results, points=points, asked=study.request)
     blocks = _blocks(settings, study.trials, points[0].size)
     for block, results in workers.compute_blocks(work, blocks, scheduler):
         for name, result in results.items():

@@ -62,33 +62,28 @@ class _Sound:
         """Return rms errors (modes, trials, planes) in Pa; predicted ones with the first trials."""
         setting, measured = block.load
         error = measured.astype(float) - self.points[:, 2, 1][:, None]
-        rms = np.stack(
-            [
-                omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in factors], axis=-1)
-                for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
-            ]
-        )
-        return {"rms": rms} | (self.predict_setting(setting) if block.trials.start == 0 else {})
+        rms = [
+            omega * np.stack([np.linalg.norm(e @ F.T, axis=-1) for F in factors], axis=-1)
+            for omega, e, factors in zip(self.omegas, error, self.factors, strict=True)
+        ]
+        predicted = self.predict_setting(setting) if block.trials.start == 0 else {}
+        return {"rms": np.stack(rms), **predicted}
 
     def predict_setting(self, setting: Setting) -> dict[str, Array]:
         """Predict the errors of a setting by the law of rounding: (modes, planes, ...)."""
         focal_length_mm, sensor_width_mm, known, noise_px = self.study
         P = setting.cameras(focal_length_mm, sensor_width_mm).P
-        found: dict[str, list[list[Any]]] = {"predicted": [], "coherence": [], "share": []}
-        for omega, points, factors, modes in zip(
-            self.omegas, self.points, self.factors, self.modes, strict=True
-        ):
+        predicted, coherence, share = [], [], []
+        of_modes = zip(self.omegas, self.points, self.factors, self.modes, strict=True)
+        for omega, points, factors, modes in of_modes:
             C = rounding.deflection_covariance(P, points[:, 0], points[:, 1], known, noise_px)
             squares = [np.sum((F @ C) * F) for F in factors]
-            found["predicted"].append([omega * np.sqrt(square) for square in squares])
-            found["coherence"].append([radiation.coherence_ratio(F, C) for F in factors])
-            found["share"].append(
-                [
-                    radiation.mean_squares(ways, C) / square
-                    for ways, square in zip(modes, squares, strict=True)
-                ]
-            )
-        return {name: np.array(rows) for name, rows in found.items()}
+            both = zip(modes, squares, strict=True)
+            predicted.append([omega * np.sqrt(square) for square in squares])
+            coherence.append([radiation.coherence_ratio(F, C) for F in factors])
+            share.append([radiation.mean_squares(ways, C) / square for ways, square in both])
+        rows = {"predicted": predicted, "coherence": coherence, "radiated_share": share}
+        return {name: np.array(row) for name, row in rows.items()}
 
 
 def run(
@@ -108,14 +103,12 @@ def run(
     assert isinstance(plate, structure.Plate)
     planes: tuple[Plane, ...] = study.planes  # type: ignore[attr-defined]
     medium: Medium = study.medium  # type: ignore[attr-defined]
-    reference, deflections = (
-        plate_cube["reference_deflection"].values,
-        plate_cube["measured_deflection"],
-    )
+    reference = plate_cube["reference_deflection"].values
+    deflections = plate_cube["measured_deflection"]
     settings, chosen = study.settings(), schema.extreme_settings(plate_cube)
 
     n_modes = len(study.modes)
-    norms, largest = np.empty((n_modes, len(planes))), np.empty((n_modes, len(planes)))
+    norms, largest = np.empty((2, n_modes, len(planes)))
     fields = np.empty((n_modes, len(planes), *planes[0].shape), complex)
     power, piston_size = np.empty((n_modes, 2)), np.empty(n_modes)
     omegas = [structure.resonance_frequency(plate, mode) for mode in study.modes]
@@ -125,14 +118,14 @@ def run(
     factors = [[full_factor(op) for op in of_mode] for of_mode in operators]
     told = min(LISTED_RADIATION_MODES, *(len(F) for of_mode in factors for F in of_mode))
     modes = [[radiation.radiation_modes(F)[:told] for F in of_mode] for of_mode in factors]
+    parts = plate_pistons(plate)
     for m, omega in enumerate(omegas):
+        velocity = 1j * omega * reference[m]
         for p, (op, factor) in enumerate(zip(operators[m], factors[m], strict=True)):
-            fields[m, p] = op.field(1j * omega * reference[m])
+            fields[m, p] = op.field(velocity)
             largest[m, p] = np.max(np.abs(fields[m, p]))
             norms[m, p] = np.linalg.norm(factor)
-        parts = plate_pistons(plate)
         piston_size[m] = omega / medium.speed_of_sound * max(parts.size)
-        velocity = 1j * omega * reference[m]
         power[m] = (
             radiation.sound_power(parts, velocity, omega, medium),
             radiation.radiation_efficiency(parts, velocity, omega, medium),
@@ -166,12 +159,19 @@ def run(
     )
     for name in ("in_view", "camera_distance", "camera_azimuth", "camera_elevation"):
         cube[name] = plate_cube[name]
-    if study.amplitude_mm == "force":
-        cube = _with_levels(cube, power[:, 0], largest)
+    if study.amplitude_mm == "force":  # only then are they newtons
+        levels = {
+            "sound_power": power[:, 0],
+            "sound_power_level": radiation.power_level(power[:, 0]),
+            "largest_pressure_level": radiation.pressure_level(largest),
+        }
+        cube = cube.assign(schema.label_values(levels, LEVEL_VARIABLES))
 
-    rests = np.zeros_like(reference)
     points = np.stack(
-        [structure.world_points(plate, np.stack(two)) for two in zip(rests, reference, strict=True)]
+        [
+            structure.world_points(plate, np.stack([np.zeros_like(shape), shape]))
+            for shape in reference
+        ]
     )
     known = study.rest == "known"
     shared = (study.focal_length_mm, study.sensor_width_mm, known, study.noise_px)
@@ -196,8 +196,8 @@ def run(
         target["plane_error_of_larger"][block.place] = 100 * found["rms"] / greater[:, None]
         if "predicted" in found:
             target["predicted_error"][block.setting] = 100 * found["predicted"] / usable
-            target["coherence"][block.setting] = found["coherence"]
-            target["radiated_share"][block.setting] = found["share"]
+            for name in ("coherence", "radiated_share"):
+                target[name][block.setting] = found[name]
     target["deflection_error"] = plate_cube["mean_error"].values
     for c, of_case in enumerate(chosen.values()):
         for m, omega in enumerate(omegas):
@@ -210,20 +210,9 @@ def run(
     cube = cube.assign(schema.label_values(target, VARIABLES))
     cube["predicted_error"].attrs["long_name"] = study.law
     others = [name for name in cube.data_vars if name not in VARIABLES]
-    cube = cube[[*VARIABLES, *others]].assign_attrs(
-        deflections_sha256=deflection_checksum(plate_cube)
-    )
+    checksum = deflection_checksum(plate_cube)
+    cube = cube[[*VARIABLES, *others]].assign_attrs(deflections_sha256=checksum)
     return cube if turned is None else cube.assign(compare_turns(study, plate_cube, turned))
-
-
-def _with_levels(cube: xr.Dataset, power: Array, largest: Array) -> xr.Dataset:
-    """Add power and levels, which have a meaning only for a force in newtons."""
-    values = {
-        "sound_power": power,
-        "sound_power_level": radiation.power_level(power),
-        "largest_pressure_level": radiation.pressure_level(largest),
-    }
-    return cube.assign(schema.label_values(values, LEVEL_VARIABLES))
 
 
 MOST_NODES = 40_000  # planes that are so near that it takes more are left alone
@@ -234,20 +223,9 @@ COMPARED_STEPS = 74
 def sum_errors(study: Any, fields: ComplexArray, largest: Array) -> dict[str, Array]:
     """Compute the rms and largest error on each plane of the sum, in % of its largest pressure.
 
-    Parameters
-    ----------
-    study : CameraStudy
-        A sound study.
-    fields : ndarray, shape (modes, planes, u, z), complex
-        The sums, in Pa.
-    largest : ndarray, shape (modes, planes)
-        Largest pressures in Pa, NaN where a plane is nodal.
-
-    Returns
-    -------
-    dict
-        ``sum_error`` and ``sum_error_largest`` (modes, planes); NaN where a plane is nodal, or
-        begins too near to the plate.
+    `fields` (modes, planes, u, z) are the sums in Pa; `largest` (modes, planes) the largest
+    pressures in Pa, NaN where a plane is nodal. The errors (modes, planes) are NaN there, too, and
+    where a plane begins too near to the plate.
     """
     plate, found = study.structure, np.full((2, *largest.shape), np.nan)
     step = tuple(slice(None, None, max(1, (n - 1) // COMPARED_STEPS)) for n in fields.shape[2:])
@@ -320,12 +298,8 @@ def turn_pairs(asked: Any, turns: Iterable[float] = TURNS_DEG) -> CameraStudy:
 def law_errors(study: Any, reference: Array) -> Array:
     """Return field errors (turns, elevations, modes, planes) in % by the law of rounding.
 
-    Parameters
-    ----------
-    study : Study
-        The request of ``sound-aperture``.
-    reference : ndarray, shape (modes, markers)
-        True deflections in m.
+    `study` is the request of ``sound-aperture``; `reference` (modes, markers) has true deflections
+    in m.
     """
     plate, known = study.structure, study.rest == "known"
     settings = turn_pairs(study, LAW_TURNS_DEG.tolist()).settings()
@@ -397,16 +371,8 @@ def turn_summary(cube: xr.Dataset) -> dict[str, Any]:
 def turn_advice(cube: xr.Dataset) -> str:
     """State the turns to choose, and the effect of larger ones on steep cameras."""
     mode, plane = audible_planes(cube)[0]
-    steep = cube["turned_law_error"].sel(
-        mode=mode, plane=plane, elevation=float(cube["elevation"].max())
-    )
-    text = render(
-        __file__,
-        "turn-advice",
-        turns=BEST_DEG,
-        steep=steep,
-        largest=LAW_TURNS_DEG[-1],
-        mode=mode,
-        plane=plane,
-    )
+    at = {"mode": mode, "plane": plane}
+    steep = cube["turned_law_error"].sel(at | {"elevation": float(cube["elevation"].max())})
+    largest = LAW_TURNS_DEG[-1]
+    text = render(__file__, "turn-advice", turns=BEST_DEG, steep=steep, largest=largest, **at)
     return " ".join(text.split())
