@@ -110,7 +110,6 @@ def request_key(product: Product, asked: Study) -> str:
 
 
 SETTING_KEYS = ["case", "value", "label", "pair_order"]  # tell settings from each other
-MAX_MARKER_OFFSET_M = 1e-9  # m that markers may be off
 
 
 def read_cube(path: Path) -> xr.Dataset:
@@ -123,10 +122,22 @@ def read_cube(path: Path) -> xr.Dataset:
     """
     cube = rename_variables(storage.open_netcdf(path))
     listed = cubes.list_dimension(cube)
-    errors = set() if listed else {variable for variable, _ in cubes.ERROR_VARIABLES.values()}
-    check_cube(
-        cube, path, set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS), errors
-    )
+    needed = set(cubes.LISTED_VARIABLES[listed] if listed else cubes.ROW_KEYS)
+    errors = {variable for variable, _ in cubes.ERROR_VARIABLES.values()} & set(cube.data_vars)
+    lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
+    lacks |= needed - set(map(str, cube.variables))
+    if not (listed or errors):
+        lacks.add("errors")
+    if lacks:
+        raise _refusal(path, f"it lacks {', '.join(sorted(lacks))}")
+    request = _request(cube, path)
+    try:
+        found = _list_problems(cube, listed) if listed else _problems(cube, request, errors)
+        problem = next(found, "")
+    except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
+        problem = f"its values are of another kind: {one_line(str(error))}"
+    if problem:
+        raise _refusal(path, problem)
     return cube
 
 
@@ -160,40 +171,6 @@ def read_usable(path: Path, study: Study) -> xr.Dataset | str:
     return cube
 
 
-def check_cube(cube: xr.Dataset, path: Path, needed: set[str], errors: set[str]) -> None:
-    """Refuse a dataset that is not a cube of the figure set it names.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        What was read.
-    path : Path
-        From where.
-    needed : set of str
-        Variables and coordinates that it must have.
-    errors : set of str
-        Variables of which it must have one, with settings, modes and trials; empty if it has none.
-
-    Raises
-    ------
-    CubeError
-        In one line: the file, and what is wrong with it.
-    """
-    lacks = {"figure_set", "parameters", "parameters_hash"} - set(cube.attrs)
-    lacks |= needed - set(map(str, cube.variables))
-    if errors and not errors & set(map(str, cube.data_vars)):
-        lacks.add("errors")
-    if lacks:
-        raise _refusal(path, f"it lacks {', '.join(sorted(lacks))}")
-    request = _request(cube, path)
-    try:
-        problem = next(_problems(cube, request, needed, errors), "")
-    except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
-        problem = f"its values are of another kind: {one_line(str(error))}"
-    if problem:
-        raise _refusal(path, problem)
-
-
 def _refusal(path: Path, problem: str) -> cubes.CubeError:
     return cubes.CubeError(f"{path}: not a cube of this project ({problem})")
 
@@ -218,13 +195,8 @@ def _request(cube: xr.Dataset, path: Path) -> Study:
     return request
 
 
-def _problems(
-    cube: xr.Dataset, request: Study, needed: set[str], errors: set[str]
-) -> Iterator[str]:
-    """Yield the faults of a cube, one after another."""
-    if not errors:
-        yield from _list_problems(cube, needed)
-        return
+def _problems(cube: xr.Dataset, request: Study, errors: set[str]) -> Iterator[str]:
+    """Yield the faults of a cube of errors, one after another."""
     for dim in ("setting", "mode", "trial"):
         if not cube.sizes.get(dim):
             yield f"it has no {dim}"
@@ -238,7 +210,7 @@ def _problems(
     yield from _not_asked("mode", modes, getattr(request, "modes", modes))
     if cube.sizes["trial"] > request.trials + 1:
         yield f"it has {cube.sizes['trial']} trials, of {request.trials + 1} asked for"
-    for name in errors & set(map(str, cube.data_vars)):
+    for name in errors:
         dims = {"setting", "mode", "trial"} | ({"plane"} & set(cube[name].dims))
         if set(cube[name].dims) != dims or cube[name].dtype.kind != "f":
             yield f"its {name} is not a number for each setting, mode and trial"
@@ -248,7 +220,7 @@ def _problems(
         markers = np.stack(list(request.structure.markers))
         places = [cube[axis].values if axis in cube else np.array([]) for axis in ("x", "y")]
         if any((p.shape, p.dtype.kind) != (markers[0].shape, "f") for p in places) or not np.all(
-            np.abs(np.stack(places) - markers) < MAX_MARKER_OFFSET_M
+            np.abs(np.stack(places) - markers) < 1e-9  # m
         ):
             yield "its points are not the markers of its structure"
 
@@ -262,10 +234,10 @@ def _not_asked(what: str, found: list[Any], asked: list[Any]) -> Iterator[str]:
         yield f"its {what} {one_line(repr((other or found)[0]))} is none of its parameters"
 
 
-def _list_problems(cube: xr.Dataset, needed: set[str]) -> Iterator[str]:
+def _list_problems(cube: xr.Dataset, first: str) -> Iterator[str]:
     """List problems of a cube of results by name: each once, and all of one length."""
-    first = min(needed & {"quantity", "claim"})
-    for name in sorted(needed):
+    needed = sorted(cubes.LISTED_VARIABLES[first])
+    for name in needed:
         if cube[name].dims != (first,):
             yield f"its {name} is not along {first}"
     if len(set(cube[first].values.tolist())) < cube.sizes[first]:

@@ -12,6 +12,7 @@ no explanation was found.
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from thesis_lib.facts import claims, setups
 from thesis_lib.facts.claims import Claim, StatedNumber, Trend, read_numbers, read_reasons
 from thesis_lib.ledger import trends as ledger_trends
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import VERDICTS, Check, Series
+from thesis_lib.ledger.verdicts import VERDICTS, Series
 from thesis_lib.studies import cubes, schema
 from thesis_lib.studies.request import Study, study_command
 
@@ -33,6 +34,12 @@ NUMBER_FIELDS = (
     "least", "most", "literal", "median", "low", "high",
     "confidence", "single", "effect", "largest_effect",
 )  # fmt: skip
+SETTING_WORDS = {
+    "distance_mm": "d = {:g} mm",
+    "aperture_deg": "α = {:g}°",
+    "width_px": "{:g} px wide",
+    "n_cameras": "{:g} cameras",
+}
 QUANTITY_WORDS = {
     "mean_error": "mean error",
     "max_point_error": "largest marker error",
@@ -42,7 +49,7 @@ QUANTITY_WORDS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """One line of the ledger; ``variables.toml`` has the meanings of its fields.
 
@@ -58,8 +65,8 @@ class Entry:
     modes: tuple[int, ...]
     what: str
     stated: str
-    got: str
-    verdict: str
+    got: str = ""
+    verdict: str = "undefined"
     counted: bool  # not if bookkeeping or rendered
     note: str = ""
     note_href: str = ""
@@ -129,33 +136,23 @@ def list_entries(
 ) -> list[Entry]:
     """Return the whole ledger, in the order of the thesis.
 
-    Parameters
-    ----------
-    open_cube : callable
-        Returns the cube of a study, or in one line why there is none.
-    own : mapping
-        Series of the ledger's own runs, by name.
-    studies : mapping
-        All figure sets, by name.
-    commands : mapping
-        The commands that make the own runs, by name.
+    `open_cube` returns the cube of a study, or in one line why there is none. By name, `own` has
+    the series of the ledger's own runs and `commands` the commands that make them, `studies` all
+    figure sets.
     """
-    opened: dict[str, xr.Dataset | str] = {}
 
+    @cache
     def cube_of(name: str) -> xr.Dataset | str:
-        if name not in opened:
-            opened[name] = open_cube(studies[name]())
-        return opened[name]
+        return open_cube(studies[name]())
 
-    series: dict[str, Sequence[Series] | str] = dict(own)
-
+    @cache
     def series_of(name: str) -> Sequence[Series] | str:
-        if name not in series:
-            if name not in studies:
-                return f"run {name} of the ledger is missing: run `thesis book`"
-            cube = cube_of(name)
-            series[name] = cube if isinstance(cube, str) else verdicts.series_of(cube)
-        return series[name]
+        if name in own:
+            return own[name]
+        if name not in studies:
+            return f"run {name} of the ledger is missing: run `thesis book`"
+        cube = cube_of(name)
+        return cube if isinstance(cube, str) else verdicts.series_of(cube)
 
     found = [
         _figure(claim, cube_of(claim.figure_set), studies[claim.figure_set].varied)
@@ -167,60 +164,46 @@ def list_entries(
         made += [study_command(studies[name]()) for name in sets]
         found.append(_trend(trend, [series_of(name) for name in trend.source], sets, made))
     found += [_number(number) for number in read_numbers()]
-    order = {"figure": 0, "trend": 1, "number": 2}
-    return sorted(found, key=lambda entry: (entry.chapter, order[entry.kind]))
+    return sorted(found, key=lambda entry: entry.chapter)
 
 
 def _figure(claim: Claim, cube: xr.Dataset | str, varied: str) -> Entry:
     """Judge a claimed value by a cube in which a parameter is varied."""
     subject, _, study = claim.figure_set.partition("-")
-    found = cube if isinstance(cube, str) else verdicts.judge_claim(cube, claim)
-    check = None if isinstance(found, str) else found
-    setting = _setting_words(claim, varied)
-    excepted = " but one" if claim.excepted else ""
-    note = found if isinstance(found, str) else ""
+    check = cube if isinstance(cube, str) else verdicts.judge_claim(cube, claim)
+    notes = [check] if isinstance(check, str) else []
     if claim.conflicts:
-        others = ", ".join(claim.conflicts)
-        note = f"{note + '; ' if note else ''}excluded by {others}: {claim.conflict_why}"
-    text = cubes.percent_text
+        notes.append(f"excluded by {', '.join(claim.conflicts)}: {claim.conflict_why}")
+    excepted = " but one" if claim.excepted else ""
+    settings = ", ".join(map(SETTING_WORDS[varied].format, claim.values)) or "all settings"
+    order = f", pairs {claim.pair_order}" if claim.pair_order else ""
     number = claim.figure or setups.figure_number(subject, study, claim.case, claim.mode)
-    return Entry(
+    least, most = (NAN if end is None else end for end in claim.ends)
+    undefined = Entry(
         id=claim.id,
         kind="figure",
         chapter=claim.chapter,
         place=f"figure {number}",
         case=claim.case,
         modes=(claim.mode,),
-        what=f"{QUANTITY_WORDS[claim.quantity]}{excepted}, {setting}",
+        what=f"{QUANTITY_WORDS[claim.quantity]}{excepted}, {settings}{order}",
         stated=claim.stated,
-        got=f"{text(check.literal)} · {cubes.band_text(check.median, check.low, check.high)}"
-        if check
-        else "",
-        verdict=check.verdict if check else "undefined",
-        note=note,
+        note="; ".join(notes),
         counted=subject not in RENDERED_SETS,
         href=f"{claim.figure_set}.html#fig-{number.replace('.', '-')}",
         command=f"thesis run {claim.figure_set}",
-        least=NAN if claim.ends[0] is None else claim.ends[0],
-        most=NAN if claim.ends[1] is None else claim.ends[1],
-        **_numbers(check, "ratio", "literal", "median", "low", "high"),
+        least=least,
+        most=most,
     )
-
-
-def _numbers(found: Check | ledger_trends.Finding | None, *names: str) -> dict[str, Any]:
-    return {} if found is None else {name: getattr(found, name) for name in names}
-
-
-def _setting_words(claim: Claim, varied: str) -> str:
-    """Name the settings that a claim speaks of, such as ``d = 500 mm`` or ``all settings``."""
-    unit = {
-        "distance_mm": "d = {:g} mm",
-        "aperture_deg": "α = {:g}°",
-        "width_px": "{:g} px wide",
-        "n_cameras": "{:g} cameras",
-    }[varied]
-    order = f", pairs {claim.pair_order}" if claim.pair_order else ""
-    return (", ".join(unit.format(value) for value in claim.values) or "all settings") + order
+    if isinstance(check, str):
+        return undefined
+    band = cubes.band_text(check.median, check.low, check.high)
+    return replace(
+        undefined,
+        got=f"{cubes.percent_text(check.literal)} · {band}",
+        verdict=check.verdict,
+        **{name: getattr(check, name) for name in ("ratio", "literal", "median", "low", "high")},
+    )
 
 
 def _trend(
@@ -230,14 +213,13 @@ def _trend(
     reasons = [part for part in found if isinstance(part, str)]
     every = [one for part in found if not isinstance(part, str) for one in part]
     finding = None if reasons else ledger_trends.judge_trend(trend, every)
-    first = next(iter(sets), "")
-    subject, _, study = first.partition("-")
-    number = ""
-    if trend.cases and first:
-        number = setups.figure_number(subject, study, trend.cases[0], trend.modes[0])
-    link = f"{first}.html" + (f"#fig-{number.replace('.', '-')}" if number else "")
-    rendered = any(name.partition("-")[0] in RENDERED_SETS for name in trend.source)
-    return Entry(
+    link = number = ""
+    if sets:
+        subject, _, study = sets[0].partition("-")
+        if trend.cases:
+            number = setups.figure_number(subject, study, trend.cases[0], trend.modes[0])
+        link = f"{sets[0]}.html" + (f"#fig-{number.replace('.', '-')}" if number else "")
+    undefined = Entry(
         id=trend.id,
         kind="trend",
         chapter=trend.chapter,
@@ -246,23 +228,19 @@ def _trend(
         modes=trend.modes,
         what=trend.words,
         stated=trend.test.partition(" ")[0].replace("_", " "),
-        got=_describe_finding(finding) if finding else "",
-        verdict=finding.verdict if finding else "undefined",
-        note="; ".join(dict.fromkeys(reasons)) or ("" if finding else "nothing to judge it by"),
-        counted=not rendered,
-        href=link if first else "",
+        note="; ".join(dict.fromkeys(reasons)) or "nothing to judge it by",
+        counted=not any(name.partition("-")[0] in RENDERED_SETS for name in trend.source),
+        href=link,
         command="\n".join(commands),
-        step_back=finding.step_back if finding else "",
-        **_numbers(finding, "confidence", "single", "effect", "largest_effect"),
     )
-
-
-def _describe_finding(finding: ledger_trends.Finding) -> str:
-    """Describe the finding on a trend in a few words."""
+    if finding is None:
+        return undefined
     ends = [f"{one:.2f}" for one in (finding.effect, finding.largest_effect) if np.isfinite(one)]
     effect = f"×{'–'.join(sorted(set(ends)))}, " if ends else ""
     back = f"not monotonic ({finding.step_back}), " if finding.step_back else ""
-    return f"{effect}{back}confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
+    shares = f"confidence {finding.confidence:.0%}, single runs {finding.single:.0%}"
+    got = f"{effect}{back}{shares}"
+    return replace(undefined, got=got, verdict=finding.verdict, note="", **vars(finding))
 
 
 def _number(number: StatedNumber) -> Entry:
@@ -311,31 +289,23 @@ NOT_FOUND = "No explanation was found."
 def explain_differences(found: Iterable[Entry], readings: xr.Dataset) -> list[Entry]:
     """Give each claim that differs its reason; other claims stay as they are.
 
-    Parameters
-    ----------
-    found : iterable of Entry
-        The ledger.
-    readings : xarray.Dataset
-        Which stated values each interpretation meets, the adopted one first:
-        ``reading_meets(reading, value)``, ``reading_inside(reading, chapter)``.
+    `readings` tells which stated values each interpretation meets, the adopted one first:
+    ``reading_meets(reading, value)``, ``reading_inside(reading, chapter)``.
     """
-    known = {one.id: (one.reason, _link(one.page)) for one in read_reasons().values()}
-    values = set(readings["value"].values.tolist())
-    made = []
-    for entry in found:
+    known, values = read_reasons(), set(readings["value"].values.tolist())
+
+    def explain(entry: Entry) -> Entry:
         if entry.verdict != "differs":
-            made.append(entry)
-            continue
+            return entry
         if entry.id in known:
-            note, link = known[entry.id]
-        elif entry.note:
-            note, link = entry.note, EXCLUSION_LINK
-        elif entry.id in values:
-            note, link = _by_interpretation(entry.id, readings), INTERPRETATIONS_LINK
-        else:
-            note, link = NOT_FOUND, INTERPRETATIONS_LINK
-        made.append(replace(entry, note=note, note_href=link))
-    return made
+            reason = known[entry.id]
+            return replace(entry, note=reason.reason, note_href=_link(reason.page))
+        if entry.note:
+            return replace(entry, note_href=EXCLUSION_LINK)
+        note = _by_interpretation(entry.id, readings) if entry.id in values else NOT_FOUND
+        return replace(entry, note=note, note_href=INTERPRETATIONS_LINK)
+
+    return [explain(entry) for entry in found]
 
 
 def _by_interpretation(name: str, readings: xr.Dataset) -> str:
@@ -343,7 +313,9 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
     names = readings["reading"].values.tolist()
     met = readings["reading_inside"].sum("chapter").values
     meets = readings["reading_meets"].sel(value=name).values.astype(bool)
-    others = _simplest([at for at in range(1, len(names)) if meets[at]], names)
+    changes = {at: setups.READINGS[names[at]].values.items() for at in np.flatnonzero(meets) if at}
+    # without those that change all that another one changes, and more
+    others = [at for at, own in changes.items() if not any(one < own for one in changes.values())]
     if not others:
         return f"{NOT_FOUND[:-1]}: none of {len(names) - 1} other interpretations meets this value."
     best = max(others, key=lambda at: met[at])
@@ -357,12 +329,6 @@ def _by_interpretation(name: str, readings: xr.Dataset) -> str:
         f"No explanation was found that fits the other values: “{names[best]}” meets this one, "
         f"but only {met[best]} in all; {adopted}"
     )
-
-
-def _simplest(chosen: list[int], names: Sequence[str]) -> list[int]:
-    """Leave out interpretations that change all that another one changes, and more."""
-    changes = {at: setups.READINGS[names[at]].values.items() for at in chosen}
-    return [at for at in chosen if not any(other < changes[at] for other in changes.values())]
 
 
 def _link(page: str) -> str:

@@ -43,15 +43,12 @@ import numpy as np
 from scipy.stats import rankdata
 
 from thesis_lib.arrays import Array, Mask
-from thesis_lib.facts.claims import Trend
+from thesis_lib.facts.claims import Trend, half_digit
 from thesis_lib.ledger.verdicts import UNCHANGED, Evidence, Key, Series
 
 MIN_CONFIDENCE = 0.95
-TREND_DIRECTIONS = {
-    "falls": -1,
-    "falls_steadily": -1,
-    "rises": 1,
-}  # tests of an end against the other
+# Tests of an end against the other
+TREND_DIRECTIONS = {"falls": -1, "falls_steadily": -1, "rises": 1}
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,9 @@ class Finding:
     @property
     def verdict(self) -> str:
         """Return one word of the ledger: agrees, within scatter, differs or no material change."""
-        if _are_unchanged(np.array([self.effect, self.largest_effect])):
+        effects = np.array([self.effect, self.largest_effect])
+        changed = is_less(effects, 1.0) | is_less(1.0, effects)
+        if np.isfinite(effects).all() and not changed.any():
             return UNCHANGED
         if self.confidence >= MIN_CONFIDENCE:
             return "agrees"
@@ -83,21 +82,9 @@ class Finding:
 
 
 def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Finding | None:
-    """Test a trend on what was computed.
+    """Test a trend on the errors of all the cases, modes and quantities of its source.
 
-    Parameters
-    ----------
-    trend : Trend
-        What is stated.
-    series : iterable of Series
-        Errors of all the cases, modes and quantities of its source.
-    seed : int
-        Of the resampling.
-
-    Returns
-    -------
-    Finding or None
-        None if nothing of what it speaks of, or compares with, is among the series.
+    None if nothing of what it speaks of, or compares with, is among the series.
     """
     kept = {(s.quantity, s.case, s.mode): s for s in series if s.errors.shape[1]}
     if not kept:
@@ -112,39 +99,26 @@ def judge_trend(trend: Trend, series: Iterable[Series], seed: int = 0) -> Findin
         one_run=True,
     )
     name, _, argument = trend.test.partition(" ")
-    shares = []
-    for evidence in (mean, each):
-        if not evidence.series:
-            return None
-        try:
-            shares.append(float(np.mean(TREND_TESTS[name](evidence, argument))))
-        except LookupError:  # what it is compared with is missing
-            return None
-    confidence, single = shares
+    if not (mean.series and each.series):
+        return None
+    try:
+        confidence, single = (
+            float(np.mean(TREND_TESTS[name](evidence, argument))) for evidence in (mean, each)
+        )
+    except LookupError:  # what it is compared with is missing
+        return None
     if name not in TREND_DIRECTIONS:
         return Finding(confidence, single)
     expected = {key: draws.mean(axis=1) for key, draws in mean.named}
-    least, most = _effects(expected.values(), TREND_DIRECTIONS[name])
-    return Finding(
-        confidence, single, least, most, _step_back(expected, mean.values, TREND_DIRECTIONS[name])
-    )
-
-
-def _are_unchanged(effects: Array) -> bool:
-    """Return whether no error is materially below the other, of some factors between two."""
-    one = np.ones_like(effects)
-    known = np.isfinite(effects).all()
-    return bool(known and not (is_less(effects, one) | is_less(one, effects)).any())
-
-
-def _effects(expected: Iterable[Array], direction: int) -> tuple[float, float]:
-    """Return the last error over the first, where it changes least in a direction, and most."""
-    ends = np.array([[errors[0], errors[-1]] for errors in expected])
-    if not ends[:, 0].all():
-        return float("nan"), float("nan")
-    ratios = ends[:, 1] / ends[:, 0]
-    least, most = (ratios.min(), ratios.max())[::direction]
-    return float(least), float(most)
+    direction = TREND_DIRECTIONS[name]
+    ends = np.array([[errors[0], errors[-1]] for errors in expected.values()])
+    if ends[:, 0].all():
+        ratios = ends[:, 1] / ends[:, 0]
+        least, most = (float(ratios.min()), float(ratios.max()))[::direction]
+    else:
+        least = most = float("nan")
+    back = _step_back(expected, mean.values, direction)
+    return Finding(confidence, single, least, most, back)
 
 
 def _step_back(expected: Mapping[Key, Array], values: Mapping[str, Array], direction: int) -> str:
@@ -179,7 +153,7 @@ def _all(parts: Iterable[Any]) -> Mask:
     return np.asarray(np.logical_and.reduce(compared))
 
 
-def is_less(errors: Array, others: Array) -> Mask:
+def is_less(errors: Array | float, others: Array | float) -> Mask:
     """Return where errors are below others by more than the smallest effect that counts."""
     return np.asarray(errors < (1 - MIN_MATERIAL_FALL) * others)
 
@@ -282,15 +256,14 @@ TREND_PARTS = {"": slice(None), "first": slice(1), "last": slice(-1, None)}
 def _below(evidence: Evidence, argument: str) -> Mask:
     """``below 40``, ``below 10 last``: less than that."""
     bound, _, which = argument.partition(" ")
-    return _all(
-        (errors[TREND_PARTS[which]] < float(bound)).all(axis=0) for errors in evidence.series
-    )
+    part = TREND_PARTS[which]
+    return _all((errors[part] < float(bound)).all(axis=0) for errors in evidence.series)
 
 
 def _at_most(evidence: Evidence, argument: str) -> Mask:
     """``at_most 40``, ``at_most 10 last``: at most that, rounded as it is printed."""
     bound, _, which = argument.partition(" ")
-    most = float(bound) + 0.5 * 10.0 ** -len(bound.partition(".")[2])
+    most = float(bound) + half_digit(bound)
     return _all((errors[TREND_PARTS[which]] <= most).all(axis=0) for errors in evidence.series)
 
 
@@ -343,36 +316,32 @@ def _planes_alike(evidence: Evidence, argument: str) -> Mask:
     return _close(first, second)
 
 
-def _last(errors: Array) -> Array:
-    return errors[-1]
-
-
-def _mean(errors: Array) -> Array:
-    return np.asarray(np.exp(np.log(errors).mean(axis=0)))
-
-
 def _like_case(evidence: Evidence, argument: str) -> Mask:
     """``like_case 4a last``: means, or last errors, as another case's."""
     other, _, which = argument.partition(" ")
-    summary = _last if which == "last" else _mean
-    return _all(_close(summary(a), summary(b)) for a, b, _ in evidence.pairs(other))
+    if which == "last":
+        return _all(_close(a[-1], b[-1]) for a, b in evidence.pairs(other))
+    return _all(
+        _close(*(np.exp(np.log(errors).mean(axis=0)) for errors in (a, b)))
+        for a, b in evidence.pairs(other)
+    )
 
 
 def _below_case(evidence: Evidence, argument: str) -> Mask:
     """``below_case 4a first``: first errors, or those at the same values, below another case's."""
     other, which = argument.rsplit(" ", 1)
     if which == "first":
-        return _all(a[0] < b[0] for a, b, _ in evidence.pairs(other))
+        return _all(a[0] < b[0] for a, b in evidence.pairs(other))
     common = np.intersect1d(evidence.values[evidence.cases[0]], evidence.values[other])
     own, others = (
         np.searchsorted(evidence.values[case], common) for case in (evidence.cases[0], other)
     )
-    return _all((a[own] < b[others]).all(axis=0) for a, b, _ in evidence.pairs(other))
+    return _all((a[own] < b[others]).all(axis=0) for a, b in evidence.pairs(other))
 
 
 def _gentler(evidence: Evidence, argument: str) -> Mask:
     """``gentler 4a``: falls by a smaller factor than another case does."""
-    return _all(a[0] / a[-1] < b[0] / b[-1] for a, b, _ in evidence.pairs(argument))
+    return _all(a[0] / a[-1] < b[0] / b[-1] for a, b in evidence.pairs(argument))
 
 
 def _best_case(evidence: Evidence, argument: str) -> Mask:

@@ -70,10 +70,8 @@ def _settings(cube: xr.Dataset, claim: Claim) -> IntArray:
 
 def claim_errors(cube: xr.Dataset, claim: Claim) -> xr.DataArray:
     """Return the quantity that a claim speaks of, over its settings and all trials, in %."""
-    here = {
-        "setting": _settings(cube, claim),
-        "mode": cube.variables["mode"].values.tolist().index(claim.mode),
-    }
+    modes = cube.variables["mode"].values.tolist()
+    here = {"setting": _settings(cube, claim), "mode": modes.index(claim.mode)}
     if not claim.excepted:
         return cubes.cube_error(cube, claim.quantity).isel(here)
     return _point_errors(cube.isel(here)).isel(point=-1 - claim.excepted)
@@ -149,10 +147,9 @@ def judge_claim(cube: xr.Dataset, claim: Claim) -> Check | str:
     if not (np.isfinite(first).all() and np.isfinite(band).all()):
         return "the reference is zero: a nodal plane"
     worst = int(np.argmax([_gap(claim, low, high) for low, high in band.T]))
-    low, high = (float(end) for end in band[:, worst])
-    exact = all(_exact(claim, float(value)) for value in first)
-    median = float(np.median(drawn[worst]))
-    inside = meets_claim(claim, low, high)
+    low, high = band[:, worst].tolist()
+    exact = all(_exact(claim, value) for value in first.tolist())
+    median, inside = float(np.median(drawn[worst])), meets_claim(claim, low, high)
     return Check(claim, float(first[worst]), median, low, high, inside, exact)
 
 
@@ -221,11 +218,8 @@ def series_of(cube: xr.Dataset, name: Callable[[str], str] = str) -> list[Series
     if "tracking_missing" in cube:
         failures = 100 * (cube["tracking_missing"] + cube["tracking_wrong"].fillna(0))
         widths = cube["tracked_width"].values.astype(float)
-        found.append(
-            Series(
-                "tracking_failures", "tracking", 1, widths, failures.values[:, None].astype(float)
-            )
-        )
+        rates = failures.values[:, None].astype(float)
+        found.append(Series("tracking_failures", "tracking", 1, widths, rates))
     return found
 
 
@@ -258,12 +252,12 @@ class Evidence:
     @property
     def named(self) -> list[tuple[Key, Array]]:
         """Errors of all that the trend speaks of and that has a reference, and what they are of."""
-        spoken_of = [
-            ((quantity, case, mode), self.errors(quantity, case, mode))
+        return [
+            ((quantity, case, mode), errors)
             for quantity, case, mode in self.known
             if case in self.cases and mode in self.trend.modes and quantity in self.trend.quantities
+            if np.isfinite(errors := self.errors(quantity, case, mode)).all()
         ]
-        return [(key, errors) for key, errors in spoken_of if np.isfinite(errors).all()]
 
     @property
     def series(self) -> list[Array]:
@@ -280,11 +274,11 @@ class Evidence:
                     by.setdefault(mode, []).append(np.log(errors))
         return {mode: np.exp(np.concatenate(logs).mean(axis=0)) for mode, logs in by.items()}
 
-    def pairs(self, other: str) -> Iterator[tuple[Array, Array, str]]:
+    def pairs(self, other: str) -> Iterator[tuple[Array, Array]]:
         """Yield the errors of the trend's own case and of another, for each quantity and mode."""
         for quantity in self.trend.quantities:
             for mode in self.trend.modes:
                 own = self.errors(quantity, self.cases[0], mode)
                 second = self.errors(quantity, other, mode)
                 if np.isfinite(own).all() and np.isfinite(second).all():
-                    yield own, second, quantity
+                    yield own, second

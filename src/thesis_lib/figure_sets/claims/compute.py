@@ -18,10 +18,9 @@ that makes little difference tests little.
 """
 
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from itertools import product
 from typing import Any
 
@@ -59,6 +58,7 @@ ASKEW_PLATE = "plate-askew"
 ASKEW_MODES = (1, 2, 3)  # plate modes whose sum has no plane of symmetry
 
 OWN_VARIABLES = read_variables(__file__, "own_runs")
+OWN_COORDINATES = ("source", "quantity", "case", "mode")  # of a series
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,13 @@ def _across(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdict
     ]
 
 
-def _at_each(values: Sequence[float], made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
-    """Return the series of studies that differ in one value, each named after it."""
+def _named_after(
+    name: str, labels: Sequence[object], made: Sequence[xr.Dataset]
+) -> list[verdicts.Series]:
+    """Return the series of studies that differ in one value, named after case and label."""
     return [
-        replace(series, case=f"{series.case} at {value:g}")
-        for value, cube in zip(values, made, strict=True)
+        replace(series, case=name.format(case=series.case, label=label))
+        for label, cube in zip(labels, made, strict=True)
         for series in verdicts.series_of(cube)
     ]
 
@@ -152,13 +154,7 @@ def _corners(structure: str) -> Source:
         cameras = [[side * azimuth, elevation] for azimuth in pairs for side in (1, -1)]
         layouts[f"{n} {phi} {half}"] = [cameras]
     runs = [_layouts(structure, layouts, distance_mm=d) for d in (near, FAR_RATIO * near)]
-
-    def read(made: Sequence[xr.Dataset]) -> list[verdicts.Series]:
-        near_, far = made
-        close = verdicts.series_of(near_, lambda case: f"{case} near")
-        return close + verdicts.series_of(far, lambda case: f"{case} far")
-
-    return Source(tuple(runs), read)
+    return Source(tuple(runs), partial(_named_after, "{case} {label}", ("near", "far")))
 
 
 def _structure_sources(structure: str) -> dict[str, Source]:
@@ -184,7 +180,8 @@ def _structure_sources(structure: str) -> dict[str, Source]:
         ),
         f"{structure}-singly": Source((_layouts(structure, singly),), partial(_read_one, str)),
         f"{structure}-apart": Source(
-            tuple(aperture({"distance_mm": d}) for d in distances), partial(_at_each, distances)
+            tuple(aperture({"distance_mm": d}) for d in distances),
+            partial(_named_after, "{case} at {label:g}", distances),
         ),
         f"{structure}-elevation": Source(tuple(low), partial(_across, elevations)),
     }
@@ -199,20 +196,18 @@ def _askew(study: CameraStudy) -> list[verdicts.Series]:
     )
     shapes = np.stack([0 * plain, plain, askew * (np.abs(plain).max() / np.abs(askew).max())])
     points = world_points(plate, shapes)
-    mean, largest = [], []
-    settings = study.settings()
+    errors, settings = [], study.settings()
     for setting in settings:
         cameras = setting.cameras(study.focal_length_mm, study.sensor_width_mm)
         shifts = rounding.grid_shifts(study.seed, study.trials, len(cameras))
         measured = simulation.measure_deflections(cameras, points, shifts)
-        _, rms, most = simulation.percent_errors(measured, shapes[1:])
-        mean.append(rms[:, 1:])
-        largest.append(most[:, 1:])
+        errors.append(simulation.percent_errors(measured, shapes[1:])[1:])
+    by_case = np.moveaxis(np.array(errors)[..., 1:], 0, 2)  # (quantity, case, setting, trial)
     varied = np.array([float(setting.value) for setting in settings])
     return [
-        verdicts.Series(quantity, case, 1, varied, np.array(errors)[:, number])
-        for quantity, errors in (("mean_error", mean), ("max_point_error", largest))
-        for number, case in enumerate(("plain", "askew"))
+        verdicts.Series(quantity, case, 1, varied, by_case[q, c])
+        for q, quantity in enumerate(("mean_error", "max_point_error"))
+        for c, case in enumerate(("plain", "askew"))
     ]
 
 
@@ -241,12 +236,8 @@ def run_layouts(study: OwnRuns) -> xr.Dataset:
     for row, (_, series) in enumerate(found):
         values[row, : len(series.values)] = series.values
         errors[row, : len(series.values)] = series.errors
-    coords = {
-        "source": [name for name, _ in found],
-        "quantity": [series.quantity for _, series in found],
-        "case": [series.case for _, series in found],
-        "mode": [series.mode for _, series in found],
-    }
+    rows = ((name, series.quantity, series.case, series.mode) for name, series in found)
+    coords = dict(zip(OWN_COORDINATES, zip(*rows, strict=True), strict=True))
     made = {"errors": errors, "values": values}
     return xr.Dataset(label_values(made, OWN_VARIABLES), label_values(coords, OWN_VARIABLES))
 
@@ -254,22 +245,17 @@ def run_layouts(study: OwnRuns) -> xr.Dataset:
 def read_own(made: xr.Dataset) -> dict[str, list[verdicts.Series]]:
     """Read the series back from a dataset of :func:`run_layouts`, by the name of the run."""
     by: dict[str, list[verdicts.Series]] = {}
-    columns = (made[name].values for name in ("source", "quantity", "case", "mode"))
-    kept = np.isfinite(made["values"].values)
+    columns = (made[name].values.tolist() for name in OWN_COORDINATES)
     for row, (source, quantity, case, mode) in enumerate(zip(*columns, strict=True)):
-        here = kept[row]
-        errors = made["errors"].values[row, here].astype(float)
-        series = verdicts.Series(
-            quantity, case, int(mode), made["values"].values[row, here], errors
-        )
-        by.setdefault(str(source), []).append(series)
+        values, errors = made["values"].values[row], made["errors"].values[row]
+        kept = np.isfinite(values)
+        series = verdicts.Series(quantity, case, mode, values[kept], errors[kept].astype(float))
+        by.setdefault(source, []).append(series)
     return by
 
 
-CHAPTER_OF_GROUP = {"beam": 3, "plate": 4, "sound": 6}
-VALUE_OUTCOMES = tuple(
-    one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED
-)  # of stated values
+SIMULATED_CHAPTERS = (3, 4, 6)
+VALUE_OUTCOMES = [one for one in verdicts.VERDICTS if one != verdicts.UNCHANGED]  # of stated values
 
 READING_VARIABLES = read_variables(__file__, "readings")
 
@@ -322,14 +308,7 @@ def judge_interpretation(
 ) -> list[verdicts.Check]:
     """Judge all claims of the simulated chapters under one interpretation.
 
-    Parameters
-    ----------
-    reading : Reading
-        What to change.
-    seed, trials : int
-        Of all studies.
-    same : dict
-        Checks of requests that have been made before, by digest; new ones are added.
+    `same` holds checks of requests that have been made before, by digest; new ones are added.
     """
     found: list[verdicts.Check] = []
     plates: dict[str, xr.Dataset] = {}
@@ -353,53 +332,42 @@ def judge_interpretation(
 def run_readings(study: OtherReadings) -> xr.Dataset:
     """Return the agreement with the stated values under several readings, the adopted one first.
 
-    Returns
-    -------
-    xarray.Dataset
-        ``reading_claims(reading, chapter, outcome)``: number of claims; ``reading_inside(reading,
-        chapter)``: how many of them the band of the trials meets; ``reading_meets(reading,
-        value)``: which; ``gained(reading)`` and
-        ``lost(reading)`` of them against the adopted reading; ``log_residual(reading, chapter)``:
-        rms natural logarithm of median over stated, of claims with one value or an interval.
+    ``variables.toml`` has the dimensions and meanings of the variables.
     """
     chosen = [READINGS[name] for name in dict.fromkeys([ADOPTED_READING, *study.readings])]
-    seed, trials = study.seed, study.trials
-    same: dict[str, Any] = {}
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "k times the size of a piston")  # the tables say so
-        judge = partial(judge_interpretation, seed=seed, trials=trials, same=same)
+        judge = partial(judge_interpretation, seed=study.seed, trials=study.trials, same={})
         made = [judge(chosen[0])]  # first alone: the others share with it
         made += workers.map_in_pairs(judge, chosen[1:])
-    chapters = list(CHAPTER_OF_GROUP.values())
-    shape = (len(chosen), len(chapters))
-    counts = np.zeros((*shape, len(VALUE_OUTCOMES)), int)
-    inside, residual = np.zeros(shape, int), np.full(shape, np.nan)
-    gained, lost = np.zeros(len(chosen), int), np.zeros(len(chosen), int)
-    simulated = [claim for claim in claims.read_claims() if claim.chapter in chapters]
-    stated = Counter(claim.chapter for claim in simulated)
-    met = [{check.claim.id: check.inside for check in of_reading} for of_reading in made]
-    for r, of_reading in enumerate(made):
-        both = met[r].keys() & met[0].keys()
-        gained[r] = sum(met[r][name] and not met[0][name] for name in both)
-        lost[r] = sum(met[0][name] and not met[r][name] for name in both)
-        for c, chapter in enumerate(chapters):
-            part = [check for check in of_reading if check.claim.chapter == chapter]
-            counts[r, c] = [sum(check.verdict == v for check in part) for v in VALUE_OUTCOMES]
-            counts[r, c, -1] = stated[chapter] - len(part)  # undefined: that setting is not run
-            inside[r, c] = sum(check.inside for check in part)
-            residual[r, c] = log_residual(part)
+    simulated = [claim for claim in claims.read_claims() if claim.chapter in SIMULATED_CHAPTERS]
+    by_id = [{check.claim.id: check for check in of_reading} for of_reading in made]
+    table = [[of.get(claim.id) for claim in simulated] for of in by_id]  # None: it is not run
+    outcome = np.array([["undefined" if c is None else c.verdict for c in row] for row in table])
+    met = np.array([[c is not None and c.inside for c in row] for row in table])
+    both = (outcome != "undefined") & (outcome[0] != "undefined")
+    of_chapter = np.equal.outer(SIMULATED_CHAPTERS, [claim.chapter for claim in simulated])
+    residual = [
+        [
+            log_residual([c for c in of_reading if c.claim.chapter == chapter])
+            for chapter in SIMULATED_CHAPTERS
+        ]
+        for of_reading in made
+    ]
     values = {
-        "reading_claims": counts,
-        "reading_inside": inside,
-        "reading_meets": [[int(of.get(c.id, False)) for c in simulated] for of in met],
-        "gained": gained,
-        "lost": lost,
+        "reading_claims": np.stack(
+            [(outcome == one).astype(int) @ of_chapter.T for one in VALUE_OUTCOMES], axis=-1
+        ),
+        "reading_inside": met.astype(int) @ of_chapter.T,
+        "reading_meets": met.astype(int),
+        "gained": np.sum(both & met & ~met[0], axis=1),
+        "lost": np.sum(both & ~met & met[0], axis=1),
         "log_residual": residual,
     }
     coords = {
         "reading": [reading.name for reading in chosen],
-        "chapter": chapters,
-        "outcome": list(VALUE_OUTCOMES),
+        "chapter": list(SIMULATED_CHAPTERS),
+        "outcome": VALUE_OUTCOMES,
         "value": [claim.id for claim in simulated],
     }
     return xr.Dataset(
@@ -413,7 +381,6 @@ def log_residual(made: Sequence[verdicts.Check]) -> float:
     return float(np.sqrt(np.mean(np.log(ratios) ** 2))) if ratios else float("nan")
 
 
-SIMULATED_CHAPTERS = (3, 4, 6)  # simulated
 FACTOR_LEVELS = (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 THESIS_DRAWS = 50  # trials that stand for the thesis
 
@@ -428,23 +395,22 @@ def judge_claims(open_cube: Opener, own: Mapping[str, Sequence[verdicts.Series]]
 
 def run(request: Claims, own: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """Return the ledger's cube; a figure set's cube that is missing or outdated is computed."""
-    opened: dict[str, xr.Dataset] = {}
 
-    def open_cube(study: Study) -> xr.Dataset:
-        if study.name not in opened:
-            made = read_built(study)
-            cube = cube_of(study) if isinstance(made, str) else made
-            opened[study.name] = cube.reset_coords()  # each coordinate costs as much as judging
-        return opened[study.name]
+    @cache
+    def open_named(name: str) -> xr.Dataset:
+        study = STUDIES[name]()
+        made = read_built(study)
+        cube = cube_of(study) if isinstance(made, str) else made
+        return cube.reset_coords()  # each coordinate costs as much as judging
 
-    found = explain_differences(judge_claims(open_cube, read_own(own)), other)
-    tested = compute_power(lambda name: open_cube(STUDIES[name]()), claims.read_claims())
-    return as_cube(found, other.merge(tested))
+    judged = judge_claims(lambda study: open_named(study.name), read_own(own))
+    tested = compute_power(open_named, claims.read_claims())
+    return as_cube(explain_differences(judged, other), other.merge(tested))
 
 
-def meet_all(claim: claims.Claim, band: Array, factor: float = 1.0) -> bool:
-    """Return whether bands (2, settings) in %, each times a factor, all meet the claim."""
-    return all(verdicts.meets_claim(claim, *(factor * ends)) for ends in band.T)
+def meet_all(claim: claims.Claim, band: Array) -> bool:
+    """Return whether bands (2, settings) in % all meet the claim."""
+    return all(verdicts.meets_claim(claim, *ends) for ends in band.T)
 
 
 def compute_power(
@@ -469,7 +435,7 @@ def compute_power(
         expected[at] += np.mean(
             [meet_all(verdicts.claim_from_errors(claim, one), band) for one in trials.T]
         )
-        scaled[at] += [meet_all(claim, band, factor) for factor in FACTOR_LEVELS]
+        scaled[at] += [meet_all(claim, factor * band) for factor in FACTOR_LEVELS]
     values = {"power_claims": total, "power_expected": expected, "power_scaled": scaled}
     factor = label_values({"factor": list(FACTOR_LEVELS)}, POWER_VARIABLES)
     coords = {"chapter": ("chapter", list(SIMULATED_CHAPTERS)), **factor}

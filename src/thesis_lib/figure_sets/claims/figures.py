@@ -146,13 +146,8 @@ class LedgerTable(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **kwargs: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
-        page = static_html(
-            _LEDGER_SCRIPT,
-            _LEDGER_STYLE,
-            {"data": self.data, "page": True},
-            NO_SCRIPT_TEXT,
-            prints=True,
-        )
+        shown = {"data": self.data, "page": True}
+        page = static_html(_LEDGER_SCRIPT, _LEDGER_STYLE, shown, NO_SCRIPT_TEXT, prints=True)
         return {**data, "text/plain": repr(self), "text/html": page}, metadata
 
 
@@ -263,21 +258,18 @@ def _importance(entry: Entry) -> tuple[bool, int, bool, int, float]:
 
 def _interpretations(cube: xr.Dataset) -> list[dict[str, Any]]:
     """Return the agreement under each interpretation, the adopted one first."""
-    rows = []
-    for part in iterate_slices(cube, "reading"):
-        gained, lost = int(part["gained"]), int(part["lost"])
-        rows.append(
-            {
-                "name": part["reading"].item(),
-                "met": part["reading_inside"].values,
-                "claims": part["reading_claims"].sum("outcome").values,
-                "gained": gained,
-                "lost": lost,
-                "chance": binomtest(gained, gained + lost).pvalue if gained + lost else 1.0,
-                "log_residual": part["log_residual"].values,
-            }
-        )
-    return rows
+    return [
+        {
+            "name": part["reading"].item(),
+            "met": part["reading_inside"].values,
+            "claims": part["reading_claims"].sum("outcome").values,
+            "gained": (gained := int(part["gained"])),
+            "lost": (lost := int(part["lost"])),
+            "chance": binomtest(gained, gained + lost).pvalue if gained + lost else 1.0,
+            "log_residual": part["log_residual"].values,
+        }
+        for part in iterate_slices(cube, "reading")
+    ]
 
 
 def list_commands(cube: xr.Dataset) -> dict[str, Any]:
