@@ -4,9 +4,12 @@
   const { element, button, dialog } = window.thesisBook;
   const MOST = 12, STEP = 1.4;
   const phone = matchMedia("screen and (max-width: 600px)");
-  let open = null;
+  let show = (image) => { // the dialog is built when it is first wanted
+    show = createZoom();
+    show(image);
+  };
 
-  const make = () => {
+  function createZoom() {
     const box = dialog("tl-zoom", "Figure");
     const view = element("div", { className: "tl-zoom-view", tabIndex: 0, role: "group",
       ariaLabel: "Figure: plus and minus change its size, arrows move it" });
@@ -22,8 +25,7 @@
     };
     const tools = [["−", "Smaller", () => zoom(scale / STEP)], ["+", "Larger", () => zoom(scale * STEP)],
       ["fit", "Fit the window", () => zoom(1)], ["close", "Close", () => box.close()]];
-    const buttons = tools.map(([words, ariaLabel, act]) =>
-      Object.assign(button("", words, act), { ariaLabel }));
+    const buttons = tools.map(([words, ariaLabel, act]) => button("", words, act, { ariaLabel }));
     box.append(element("div", "tl-zoom-tools", ...buttons), view, caption);
 
     view.addEventListener("wheel", (event) => {
@@ -78,31 +80,24 @@
       view.scrollTo(0, 0);
       view.focus();
     };
-  };
-  const show = (image) => (open ??= make())(image);
+  }
 
   for (const image of document.querySelectorAll(".bd-article :is(figure, .cell_output) img")) {
     const shown = image.closest("a") ?? image, words = image.closest("figure")
       ?.querySelector(".caption-text")?.textContent.split(/ of the thesis|\. | \(/)[0];
     image.classList.add("tl-grows");
     shown.addEventListener("click", (event) => { event.preventDefault(); show(image); });
-    const grow = button("tl-grow", "⤢", () => show(image));
-    grow.ariaLabel = `Enlarge: ${words ?? image.alt.split(/[:(]/)[0].slice(0, 60).trim()}`;
+    const ariaLabel = `Enlarge: ${words ?? image.alt.split(/[:(]/)[0].slice(0, 60).trim()}`;
     const frame = element("span", "tl-frame");
     shown.before(frame);
-    frame.append(shown, grow);
+    frame.append(shown, button("tl-grow", "⤢", () => show(image), { ariaLabel }));
   }
 
-  // The rest of the figures is loaded once nothing else is to be done: a saved page has them.
-  const rest = [...document.querySelectorAll(".bd-article img[loading=lazy]")];
-  const idle = window.requestIdleCallback ?? ((act) => setTimeout(act, 200));
-  const load = () => {
-    const image = rest.shift();
-    if (!image) return;
-    image.loading = "eager";
-    image.decode().catch(() => null).then(() => idle(load));
-  };
-  addEventListener("load", () => idle(load));
+  // The rest of the figures is loaded once the page is there: a saved page has them.
+  addEventListener("load", () => setTimeout(() => {
+    for (const image of document.querySelectorAll(".bd-article img[loading=lazy]"))
+      image.loading = "eager";
+  }, 200));
 
   // On a phone the panels of a figure stand one below the other, each as wide as the page.
   const stack = (image) => {
@@ -130,14 +125,13 @@
 
 // Figures of one case, with a switch of the mode. Without this script, and in print, all are seen.
 (() => {
-  const { element } = window.thesisBook, cases = new Map();
-  for (const line of document.querySelectorAll(".tl-under-figure[data-case]")) {
-    const { case: name, mode } = line.dataset, cell = line.previousElementSibling;
-    const figure = cell?.querySelector("figure");
-    if (!figure) continue;
-    if (!cases.has(name)) cases.set(name, []);
-    cases.get(name).push({ mode, figure, parts: [cell.querySelector(".cell_output"), line] });
-  }
+  const { element } = window.thesisBook;
+  const figures = [...document.querySelectorAll(".tl-under-figure[data-case]")].map((line) => {
+    const [figure, output] = ["figure", ".cell_output"]
+      .map((part) => line.previousElementSibling?.querySelector(part));
+    return { ...line.dataset, figure, parts: [output, line] };
+  }).filter(({ figure }) => figure);
+  const cases = Map.groupBy(figures, (one) => one.case);
   const plates = [...cases].filter(([, shown]) => shown.length > 1).map(([label, shown], n) => {
     const choose = (chosen) => shown.forEach((one) => {
       one.input.checked = one === chosen;

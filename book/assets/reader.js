@@ -13,8 +13,8 @@ window.thesisBook = (() => {
     made.append(...children);
     return made;
   };
-  const button = (className, words, onclick) =>
-    element("button", { className, type: "button", onclick }, words);
+  const button = (className, words, onclick, names = {}) =>
+    element("button", { className, type: "button", onclick, ...names }, words);
   const closes = (dialog) => dialog.addEventListener("keydown", (event) => { // the page has another use for Escape
     if (event.key === "Escape") event.stopPropagation();
   });
@@ -88,30 +88,21 @@ addEventListener("load", async () => {
 (() => {
   const { root, element, entries } = window.thesisBook;
   const LINKS = ".bd-article a.reference.internal", WAIT = 250, LONGEST = 320; // ms, characters
-  let places = null, box = null, of = null, timer = 0, touched = false;
+  let places = null, of = null, timer = 0, touched = false;
 
-  const known = () => (places ??= entries().then((all) => {
-    const found = new Map(); // of two in one place the first
-    for (const entry of all.toReversed()) {
-      for (const place of entry.places) found.set(`${entry.page}#${place}`, entry);
-      found.set(entry.page, entry);
-    }
-    return found;
-  }));
+  const known = () => (places ??= entries().then((all) => new Map( // of two in one place the first
+    all.toReversed().flatMap((entry) => [...entry.places.map((place) => `#${place}`), ""]
+      .map((place) => [entry.page + place, entry])))));
   const hide = () => {
     clearTimeout(timer);
     of?.removeAttribute("aria-describedby");
     of = null;
-    if (box) box.hidden = true;
+    box.hidden = true;
   };
   const later = () => { clearTimeout(timer); timer = setTimeout(hide, WAIT); };
-  const make = () => {
-    const made = element("div", { className: "tl-preview", id: "tl-preview", role: "tooltip" });
-    made.addEventListener("pointerenter", () => clearTimeout(timer));
-    made.addEventListener("pointerleave", later);
-    document.body.append(made);
-    return made;
-  };
+  const box = element("div", { className: "tl-preview", id: "tl-preview", role: "tooltip",
+    hidden: true, onpointerenter: () => clearTimeout(timer), onpointerleave: later });
+  document.body.append(box);
   const shorten = (text) => {
     if (text.length <= LONGEST) return text;
     const cut = text.slice(0, LONGEST), math = cut.lastIndexOf("\\("); // an equation is not cut
@@ -120,7 +111,6 @@ addEventListener("load", async () => {
   const show = async (link) => {
     const entry = (await known().catch(() => null))?.get(decodeURI(link.href.slice(root.length)));
     if (!(entry?.text || entry?.picture) || !link.isConnected || of !== link) return;
-    box ??= make();
     const { kind, title, picture, page } = entry;
     const text = element("p", "", kind === "equation" ? entry.text : shorten(entry.text));
     box.replaceChildren(element("p", "tl-preview-title", title));
@@ -157,8 +147,8 @@ addEventListener("load", async () => {
     hide();
     of = link;
     await show(link);
-    if (!box || box.hidden) location.href = link.href;
-  }, ({ target }) => touched && !(of === target.closest(LINKS) && box && !box.hidden));
+    if (box.hidden) location.href = link.href;
+  }, ({ target }) => touched && (box.hidden || of !== target.closest(LINKS)));
   document.addEventListener("keydown", (event) => event.key === "Escape" && hide());
   document.addEventListener("pointerdown", (event) => {
     touched = event.pointerType === "touch";
@@ -172,7 +162,7 @@ addEventListener("load", async () => {
   const tools = document.querySelector(".article-header-buttons");
   if (!tools || !document.querySelector(".bd-article h1")) return;
 
-  const list = () => { // what can be cited here: a name, an anchor, a key
+  const list = (edition) => { // what can be cited here: a name, an anchor, a key
     const page = location.href.slice(root.length).split(/[?#]/)[0];
     const [title] = document.title.split(" — "), keyOf = (text) => text.replace(/\W+/g, "-");
     const made = [{ name: title, at: page, key: keyOf(page.replace(/\.html$/, "")) }];
@@ -184,64 +174,55 @@ addEventListener("load", async () => {
     for (const cube of document.querySelectorAll(".tl-provenance a[href$='.nc']")) {
       const file = cube.getAttribute("href").split("/").pop();
       const facts = cube.closest(".tl-provenance").textContent;
-      const [, commit] = facts.match(/commit (\w{7,40})/) ?? [];
+      const [, commit = edition.commit] = facts.match(/commit (\w{7,40})/) ?? [];
       const [, hash] = facts.match(/hash (\w{6,})/) ?? [];
       const name = `Cube ${file}${hash ? `, parameters ${hash}` : ""}`;
       made.push({ name, at: `data/${file}`, key: keyOf(file), commit });
     }
-    return made;
+    return made.map((one) => ({ ...edition, ...one }));
   };
   const tex = (text) => text.replace(/[\\{}]/g, "").replace(/[%&#_$]/g, "\\$&");
-  const FORMS = {
-    "Plain": ({ name, at }, { authors, title, version, date }, commit) =>
-      `${authors}: ${title}. ${name}. Version ${version}, commit ${commit}, ${date}. ${at}`,
-    "APA": ({ name, at }, { authors, title, version, date }, commit) =>
-      `${authors}. (${date.slice(0, 4)}). ${name}. In ${title} (Version ${version}, commit ` +
+  const formsOf = ({ authors, title, version, date, name, at, key, commit }) => ({
+    "Plain": `${authors}: ${title}. ${name}. Version ${version}, commit ${commit}, ${date}. ${at}`,
+    "APA": `${authors}. (${date.slice(0, 4)}). ${name}. In ${title} (Version ${version}, commit ` +
       `${commit}; ${date}) [Computer software]. ${at}`,
-    "BibTeX": ({ name, at, key }, { authors, title, version, date }, commit) =>
-      `@misc{vibration-${key},
+    "BibTeX": `@misc{vibration-${key},
   author = {{${tex(authors)}}},
   title = {${tex(name)}},
   howpublished = {In: ${tex(title)}, ${tex(at)}},
   year = {${date.slice(0, 4)}},
   note = {Version ${tex(version)}, commit ${commit}, ${date}}
 }`,
-  };
+  });
 
-  let open = null;
-  const make = (edition) => {
-    const made = dialog("tl-cites", "Cite"), all = list();
+  let box = null;
+  const show = async () => {
+    await load("_static/edition.js");
+    const all = list(window.thesisEdition), said = element("p", { role: "status" });
+    const places = element("div", "");
     const fill = () => {
-      const one = all[chosen.value];
-      Object.values(FORMS).forEach((form, i) => {
-        shown[i].textContent = form(one, edition, one.commit ?? edition.commit);
-      });
+      const forms = Object.entries(formsOf(all[chosen.value]));
+      places.replaceChildren(...forms.flatMap(([form, text]) => {
+        const place = element("pre", { tabIndex: 0 }, text);
+        return [element("h2", "", form), button("", "copy", async () => {
+          await navigator.clipboard.writeText(text)
+            .catch(() => getSelection().selectAllChildren(place));
+          said.textContent = `${form}: copied.`;
+        }, { ariaLabel: `Copy ${form}` }), place];
+      }));
     };
-    const said = element("p", { role: "status" });
     const chosen = element("select", { onchange: fill }, ...all.map((one, i) =>
       new Option(i ? one.name : `This page: ${one.name}`, i)));
-    made.append(element("label", "", "What ", chosen));
-    const shown = Object.keys(FORMS).map((form) => {
-      const text = element("pre", { tabIndex: 0 }), copy = button("", "copy", async () => {
-        await navigator.clipboard.writeText(text.textContent)
-          .catch(() => getSelection().selectAllChildren(text));
-        said.textContent = `${form}: copied.`;
-      });
-      copy.ariaLabel = `Copy ${form}`;
-      made.append(element("h2", "", form), copy, text);
-      return text;
-    });
-    made.append(said, button("", "close", () => made.close()));
-    return () => { // of a figure that the address names, that figure
-      const named = all.findIndex((one) => location.hash && one.at.endsWith(location.hash));
-      if (named > 0) chosen.value = named;
-      said.textContent = "";
-      fill();
-      made.showModal();
-    };
+    // Of a figure that the address names, that figure.
+    const named = all.findIndex((one) => location.hash && one.at.endsWith(location.hash));
+    chosen.value = Math.max(0, named);
+    fill();
+    box ??= dialog("tl-cites", "Cite");
+    box.replaceChildren(element("label", "", "What ", chosen), places, said,
+      button("", "close", () => box.close()));
+    box.showModal();
   };
-  const cite = button("btn btn-sm pst-navbar-icon tl-cite",
-    element("i", { className: "fa-solid fa-quote-right", ariaHidden: "true" }),
-    () => load("_static/edition.js").then(() => (open ??= make(window.thesisEdition))()));
-  tools.prepend(Object.assign(cite, { ariaLabel: "Cite this page", title: "Cite" }));
+  const sign = element("i", { className: "fa-solid fa-quote-right", ariaHidden: "true" });
+  tools.prepend(button("btn btn-sm pst-navbar-icon tl-cite", sign, show,
+    { ariaLabel: "Cite this page", title: "Cite" }));
 })();
