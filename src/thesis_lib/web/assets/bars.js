@@ -31,27 +31,25 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
 
     function column(setting, i, r, n) { // one bar with its band, median, prediction and statement
       const middle = middleOf(i, n), left = middle - wide / 2, was = r.published;
-      if (!isNumber(r.mean) && r.name) return [svg("g", { class: "tl-nodal" },
+      if (!isNumber(r.mean) && r.name) return svg("g", { class: "tl-nodal" },
         svg("title", {}, `${r.name}: ${data.nodal_note}`),
-        path("tl-band", `M${middle - 5} ${y(0) - 6}h10`))];
+        path("tl-band", `M${middle - 5} ${y(0) - 6}h10`));
       const box = { x: left, y: y(r.mean ?? 0), width: wide, height: y(0) - y(r.mean ?? 0) };
-      const parts = [svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box })];
-      if (was) { // beside it, as an outline
-        const at = left - 7, high = y(was.low) - y(was.high);
-        parts.unshift(path("tl-published", `M${at} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
-          `M${at} ${y(was.low)}v${-high}m-3 0h6m-6 ${high}h6${mark(0, at, y(was.median), 3)}`));
-      }
-      if (setting.in_view < 1) parts.push(hatched(box));
-      const add = (values, cls, outline) => {
-        if (values.every(isNumber)) parts.push(path(cls, outline(...values.map(y))));
-      };
-      add([r.low, r.high], "tl-band",
-        (low, high) => `M${middle} ${low}V${high}m-4 0h8M${middle - 4} ${low}h8`);
-      add([r.median], "tl-median", (at) => mark(0, middle, at, 3));
-      add([r.predicted], "tl-predicted", (at) => `M${left + wide - 5} ${at}h${stub}`);
-      if (r.stated) add([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated", (low, high) =>
-        (low === high ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${high}h4`));
-      return parts;
+      const at = left - 7, high = was && y(was.low) - y(was.high); // of an outline beside it
+      const part = (values, cls, outline) =>
+        values.every(isNumber) && path(cls, outline(...values.map(y)));
+      return [
+        was && path("tl-published", `M${at} ${y(0)}V${y(was.mean)}h${wide + 14}V${y(0)}Z` +
+          `M${at} ${y(was.low)}v${-high}m-3 0h6m-6 ${high}h6${mark(0, at, y(was.median), 3)}`),
+        svg("rect", { class: `tl-box${n ? " tl-second" : ""}`, ...box }),
+        setting.in_view < 1 && hatched(box),
+        part([r.low, r.high], "tl-band",
+          (low, up) => `M${middle} ${low}V${up}m-4 0h8M${middle - 4} ${low}h8`),
+        part([r.median], "tl-median", (v) => mark(0, middle, v, 3)),
+        part([r.predicted], "tl-predicted", (v) => `M${left + wide - 5} ${v}h${stub}`),
+        r.stated && part([r.stated[0] ?? 0, r.stated[1] ?? most], "tl-stated", (low, up) =>
+          (low === up ? mark(3, left - 5, low, 4) : `M${left - 1} ${low}h-4V${up}h4`)),
+      ];
     }
     // Numbers stand right above their bars, the smaller the closer these are.
     const longest = Math.max(...errors.map((r) => show(r.mean).length));
@@ -63,14 +61,14 @@ export function createBars(panel, study, uid, highlight, remember) { // returns 
     // it.
     const values = settings.map((_, i) => svg("g", { class: `tl-value${size < 12 ? " tl-tight" : ""}`,
       style: `font-size: ${size}px`, "data-setting": i, "aria-hidden": "true" },
-    ...every[i].map((r, n) => (isNumber(r.mean) || !r.name ? number(r, middleOf(i, n)) : ""))));
+    every[i].map((r, n) => (isNumber(r.mean) || !r.name) && number(r, middleOf(i, n)))));
     const bars = settings.map((setting, i) => {
       const drop = staggered && i % 2 ? 15 : 0, height = bottom - MARGIN.top + 36 + drop;
       const area = { x: x(i) + 2, y: MARGIN.top - 12, width: slotWidth - 4, height, rx: 4 };
       const bar = svg("g", { class: "tl-bar", role: "button", "data-setting": i,
         "aria-label": study.describe(i), style: study.tint(i) },
       svg("rect", { class: "tl-hit", ...area }),
-      ...every[i].flatMap((r, n) => column(setting, i, r, n)),
+      every[i].map((r, n) => column(setting, i, r, n)),
       text(x(i + 0.5), bottom + 17 + drop, setting.label));
       return listen(bar, i, () => bars);
     });

@@ -1,5 +1,5 @@
 // Axes of curves and bars.
-import { heightOf, isNumber, path, resize, text, ticks } from "./parts.js";
+import { heightOf, isNumber, path, resize, text, ticks, ticksBelow } from "./parts.js";
 
 export const MARGIN = { left: 46, right: 14, top: 30, bottom: 44 };
 // Over all settings, so that the scale stays while settings are compared.
@@ -30,13 +30,11 @@ export function axes(panel, width, [left, right], [low, high], xTitle, yTitle, m
   const x = (v) => margin.left + ((v - left) / (right - left)) * (end - margin.left);
   const share = (v) => (at(log ? Math.max(v, base) : v) - at(base)) / (at(top) - at(base));
   const y = (v) => bottom - share(v) * (bottom - margin.top);
-  const across = columns ? ticks(left, right, columns) : [];
   resize(panel, width, last).replaceChildren(text(2, 14, yTitle, "tl-muted", "start"),
     text(end, margin.title ?? last - 6, xTitle, "tl-muted", "end"),
     ...(log ? decades(base, top) : ticks(base, top, rows)).flatMap(([value, words]) => [
       text(margin.left - 7, y(value) + 4, words, null, "end"),
       path(value ? "tl-gridline" : "tl-axis", `M${margin.left} ${y(value)}H${end}`)]),
-    ...across.flatMap(([value, words]) => [
-      path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]));
+    ...(columns ? ticksBelow(ticks(left, right, columns), x, bottom) : []));
   return { x, y, bottom, right: end };
 }

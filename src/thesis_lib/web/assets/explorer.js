@@ -8,16 +8,14 @@ import {
   options, radios, select, show,
 } from "./parts.js";
 import { MOST_CAMERAS, bandOf, simulateSetting } from "./physics.js";
-import { rint, towards } from "./pinhole.js";
+import { apart, rint } from "./pinhole.js";
 
 // --- what it shows, as a state: s structure, m mode, w [width, height] in px, f focal length, d
 // distance and a amplitude in mm, r rest position, c [azimuth, elevation] of each camera in degrees,
 // t the thesis's setup last chosen
 const TRIALS = 100;
-const STATE_KEYS = ["s", "m", "t", "w", "f", "d", "a", "r", "c"];
+const NO_STATE = Object.fromEntries([..."smtwfdarc"].map((key) => [key, null]));
 const FIRST_SETUP = "4a-4";
-const apart = (one, two) =>
-  Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
 const sixteenToNine = (width) => [width, rint((width * 9) / 16)];
 
 // What is allowed, here and by `thesis run`: the structure is in front of the cameras, no two of
@@ -110,16 +108,15 @@ function createTable() { // of errors: two rows of results and one of words for 
   const names = ["literal", "band", "predicted", "published", "spread", "stated"];
   const cells = ERRORS.map(() => names.map((name) =>
     html("td", { class: `tl-ex-${name}`, colspan: name === "stated" ? 3 : null })));
-  const row = (words, ...those) =>
-    html("tr", {}, html("th", { scope: "row" }, words), ...those);
+  const row = (words, those) => html("tr", {}, html("th", { scope: "row" }, words), those);
   const head = [["nominal", "run"], ["random pixel grids", "median (5–95\u00a0%)"],
     ["predicted", "by the law"]].map(([words, more]) =>
     html("th", { scope: "col" }, words, html("small", {}, ` ${more}`)));
   const node = html("table", {},
     html("caption", {}, "Errors of the markers in % of their largest deflection"),
-    html("thead", {}, html("tr", {}, html("td"), ...head)),
-    ...ERRORS.map(([, words], i) => html("tbody", {}, row(words, ...cells[i].slice(0, 3)),
-      row("published", ...cells[i].slice(3, 5), html("td")), row("thesis states", cells[i][5]))));
+    html("thead", {}, html("tr", {}, html("td"), head)),
+    ERRORS.map(([, words], i) => html("tbody", {}, row(words, cells[i].slice(0, 3)),
+      row("published", [...cells[i].slice(3, 5), html("td")]), row("thesis states", cells[i][5]))));
   const put = (i, values) => cells[i].forEach((cell, n) => { cell.textContent = values[n]; });
   return { node, put };
 }
@@ -128,7 +125,7 @@ function render({ model: traits, el }) {
   const { structures, colors, colormap, sensor_width_mm: sensorWidth } = traits.get("data");
   const onPage = Boolean(traits.get("page")), compact = traits.get("compact");
   const uid = `tl-${Math.random().toString(36).slice(2, 10)}`, refreshers = [];
-  const linked = onPage && STATE_KEYS.some((key) => asked(key) !== null);
+  const linked = onPage && Object.keys(NO_STATE).some((key) => asked(key) !== null);
   const query = linked ? location.search : traits.get("address");
   let setup, built = {}, frame = 0, timer = 0, free = false;
   const app = { // what the view and the shapes need
@@ -242,14 +239,13 @@ function render({ model: traits, el }) {
       return numeric(what, "°", () => app.state.c[i][n], () => range, put,
         { "aria-label": `${what} in degrees` });
     }));
-    list.replaceChildren(...boxes.map((pair, i) => {
-      const away = button("×", { "aria-label": `Remove camera ${i + 1}` }, () => remove(i));
-      return html("div", { class: "tl-ex-camera", style: app.tint(i) },
-        html("b", {}, `${i + 1}`), ...pair.map(([box]) => box), away);
-    }), button("+ camera", { "aria-label": "Add a camera" }, addCamera));
-    list.querySelectorAll("button").forEach((node, i) => {
-      node.disabled = i < c.length ? c.length <= 2 : c.length >= MOST_CAMERAS;
-    });
+    const off = (isOff) => ({ disabled: isOff ? "" : null });
+    list.replaceChildren(...boxes.map((pair, i) =>
+      html("div", { class: "tl-ex-camera", style: app.tint(i) },
+        html("b", {}, `${i + 1}`), pair.map(([box]) => box), button("×",
+          { "aria-label": `Remove camera ${i + 1}`, ...off(c.length <= 2) }, () => remove(i)))),
+    button("+ camera", { "aria-label": "Add a camera", ...off(c.length >= MOST_CAMERAS) },
+      addCamera));
     if (here) list.lastChild.focus({ preventScroll: true });
     return () => boxes.flat().forEach(([, refresh]) => refresh());
   }
@@ -288,17 +284,16 @@ function render({ model: traits, el }) {
     const words = `ean error ${percent(errors.mean)}${spread}; predicted ${percent(predicted)}`;
     const seen = show(Math.floor(1000 * inView) / 10);
     root.dataset.cut = inView < 1; // what cameras do not see they do not measure
-    if (!isNumber(errors.mean))
-      status.textContent = "These cameras cannot tell where the markers are.";
-    else if (inView === 1) status.textContent = `M${words}; all markers in view.`;
-    else status.replaceChildren(
-      `Only ${seen} % of marker images are in view: move back or shorten the lens. `,
-      html("span", {}, `Sensors large enough for all would give: m${words}.`));
+    const cut = [`Only ${seen} % of marker images are in view: move back or shorten the lens. `,
+      html("span", {}, `Sensors large enough for all would give: m${words}.`)];
+    status.replaceChildren(
+      ...(!isNumber(errors.mean) ? ["These cameras cannot tell where the markers are."]
+        : inView === 1 ? [`M${words}; all markers in view.`] : cut));
     fill(status, { "aria-busy": means.length < TRIALS });
-    const counts = [["markers in view", `${show(100 * inView)} %`],
-      ["one pixel spans", `${show(1000 * groundSampleDistance)} mm`],
-      ["largest motion in an image", `${show(moved)} px`]];
-    facts.replaceChildren(...counts.flatMap(([name, value]) =>
+    const counts = { "markers in view": `${show(100 * inView)} %`,
+      "one pixel spans": `${show(1000 * groundSampleDistance)} mm`,
+      "largest motion in an image": `${show(moved)} px` };
+    facts.replaceChildren(...Object.entries(counts).flatMap(([name, value]) =>
       [html("span", {}, `${name} `, html("b", {}, value)), " "]));
   }
   function refresh() { // the nominal run and the prediction; the trials follow
@@ -343,7 +338,7 @@ function render({ model: traits, el }) {
   function refuse(words) { if (refusal.textContent !== words) refusal.textContent = words; }
   function settle() { // the address follows when the reader pauses
     const address = toAddress(app.state, app.structure);
-    if (onPage) return keep(STATE_KEYS, address);
+    if (onPage) return keep(NO_STATE, location.hash, address);
     traits.set("address", address);
     traits.save_changes();
   }

@@ -9,8 +9,8 @@ import {
 import { markers, modeShape } from "./physics.js";
 import { towards } from "./pinhole.js";
 import {
-  RAD, SQUARE, baseOf, bent, dot, drawAxes, drawClamp, drawHemisphere, edgesOf, orbitHemisphere,
-  plus, times, trace, turnable,
+  RAD, SQUARE, bent, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, orbitHemisphere, plus,
+  times, trace, turnable,
 } from "./space.js";
 
 const STEP = 0.5; // degrees, of a dragged camera, and its least elevation
@@ -52,12 +52,11 @@ export function createView(app) {
     const spread = 2 * Math.min(1.2, sensorWidth / 2 / state.f); // as wide as what they see
     [...cameras.children].forEach((group, i) => {
       const [azimuth, elevation] = state.c[i], tip = towards(state.c[i]);
-      const base = baseOf(tip, state.c[i], 0.16, spread, state.w[1] / state.w[0]);
       const [cx, cy] = flat(tip), [x, y] = flat(times(tip, 1.08));
-      const stem = [tip, [tip[0], tip[1], 0]], trail = (points) => lines(points.map(flat));
-      [{ d: trail([tip, [0, 0, 0]]) }, { d: trail(stem) }, { d: `${trail(base)}Z` },
-        { d: edgesOf(space, tip, base) }, { cx, cy }, { x, y: y + 4 },
-      ].forEach((shown, n) => fill(group.children[n], shown));
+      group.replaceChildren(line("tl-sight", [tip, [0, 0, 0]]),
+        line("tl-ex-stem", [tip, [tip[0], tip[1], 0]]),
+        ...drawCamera(space, tip, 0.16, spread, state.w[1] / state.w[0]),
+        circle("tl-ex-hit", cx, cy), text(x, y + 4, `${i + 1}`, "tl-note"));
       fill(group, { "aria-valuenow": azimuth,
         "aria-valuetext": `azimuth ${azimuth}°, elevation ${elevation}°` });
     });
@@ -66,13 +65,11 @@ export function createView(app) {
     phase = now;
     fill(shape, { d: bent(curves, Math.cos(phase)) });
   }
-  function build() { // a drawing for each camera, which keeps the focus while it moves
+  function build() { // a group for each camera, which keeps the focus while it moves
     const focused = Number(document.activeElement?.dataset.camera);
     cameras.replaceChildren(...app.state.c.map((_, i) => svg("g", {
       class: "tl-camera", role: "slider", tabindex: 0, style: app.tint(i), "data-camera": i,
-      "aria-label": `Camera ${i + 1}`, "aria-valuemin": -360, "aria-valuemax": 360,
-    }, path("tl-sight"), path("tl-ex-stem"), path("tl-base"), path(), circle("tl-ex-hit"),
-    text(0, 0, `${i + 1}`, "tl-note"))));
+      "aria-label": `Camera ${i + 1}`, "aria-valuemin": -360, "aria-valuemax": 360 })));
     const next = cameras.children[Math.min(focused, app.state.c.length - 1)];
     if (focused >= 0) next.focus({ preventScroll: true });
   }

@@ -1,6 +1,7 @@
 // A sound field on a plane above what vibrates, at any instant of the period: complex pressures at
 // its points, u-major.
-import { MIDDLE, createMap } from "./maps.js";
+import { MIDDLE, createMap, paletteOf } from "./maps.js";
+import { createMotion } from "./motion.js";
 import { html, path } from "./parts.js";
 
 export function decode({ scale, re, im }) {
@@ -9,8 +10,13 @@ export function decode({ scale, re, im }) {
 }
 export const amplitude = (field) => (field ? field.scale * field.re.reduce(
   (most, re, n) => Math.max(most, Math.hypot(re, field.im[n])), 0) : 0);
-export const coloursOf = (palette) => Uint32Array.from(palette,
-  ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
+// Plays the fields of a list, which may change, but only when it is asked to.
+export const playFields = (shown, colormap) => {
+  const colours = Uint32Array.from(paletteOf(colormap),
+    ([red, green, blue]) => (255 << 24) | (blue << 16) | (green << 8) | red);
+  return createMotion((phase) =>
+    shown.forEach((one) => one.paint(colours, Math.cos(phase), Math.sin(phase))), false);
+};
 
 // A plane with axes in mm over a structure that reaches as far as `half`, and on it its field, or
 // the words of why there is none. Returns the element and what paints an instant of the field on a

@@ -5,7 +5,7 @@ import {
   select, svg, text, xy,
 } from "./parts.js";
 import {
-  RAD, baseOf, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
+  RAD, dot, drawAxes, drawCamera, drawRing, orbit, plus, times, turnable,
 } from "./space.js";
 
 const COLUMNS = [ // of the table, with what stands in them
@@ -26,46 +26,35 @@ function render({ model, el }) {
   const words = html("p", { class: "tl-summary", "aria-live": "polite" });
   const table = html("table", { class: "tl-cameras" });
   const link = html("a", { "data-testid": "csv" }, "These cameras as CSV");
+  const pairs = (list, key) => list.map((one, i) => [i, one[key]]);
+  const which = select(pairs(plans, "name"), { "data-testid": "plan" },
+    (i) => choose(plans[i], plans[i].chosen));
+  const of = select([], { "data-testid": "option" }, (i) => choose(plan, i));
+  const names = { "aria-label": "Planned cameras", "data-testid": "layouts", onchange: remember };
+  const root = html("section", { class: "tl-viewer tl-layouts", ...names },
+    html("div", { class: "tl-controls" }, plans.length > 1 && field("Plan", which),
+      field("Cameras", of), linkButton(remember)),
+    words, panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
   let width = 480, plan, option;
 
-  const choice = (testid, choose) => select([], { "data-testid": testid }, (value) => {
-    choose(Number(value));
-    remember();
-  });
-  function put(box, names, value) {
-    box.replaceChildren(...options(Object.entries(names)));
-    box.value = value;
-  }
-  const which = choice("plan", choosePlan), of = choice("option", chooseOption);
-  put(which, plans.map(({ name }) => name), 0);
-  const controls = html("div", { class: "tl-controls" },
-    ...(plans.length > 1 ? [field("Plan", which)] : []), field("Cameras", of),
-    ...linkButton(remember));
-  const names = { "aria-label": "Planned cameras", "data-testid": "layouts" };
-  const root = html("section", { class: "tl-viewer tl-layouts", ...names }, controls, words,
-    panel.node, html("div", { class: "tl-scroll", tabindex: 0 }, table), link);
-
   function remember() {
-    keep(["plan", "option"], new URLSearchParams(
-      { plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 }));
+    keep({ plan: plans.indexOf(plan) + 1, option: plan.options.indexOf(option) + 1 });
   }
-  function choosePlan(i, first = plans[i].chosen) {
-    plan = plans[i];
-    put(of, plan.options.map(({ label }) => label), first);
-    chooseOption(first);
-  }
-  function chooseOption(i) {
+  function choose(among, i) {
+    plan = among;
     option = plan.options[i];
+    of.replaceChildren(...options(pairs(plan.options, "label")));
+    of.value = i;
     words.textContent = option.words;
     fill(panel.canvas, { role: "img",
       "aria-label": `Cameras of the plan: ${option.label}. Arrow keys rotate.` });
     const head = ["camera", ...COLUMNS.map(([name]) => name)];
     const body = rowsOf(option.table).map((row, n) => html("tr", {},
       html("th", { scope: "row" }, `${n + 1}`),
-      ...COLUMNS.map(([, valueOf]) => html("td", {}, valueOf(row)))));
+      COLUMNS.map(([, valueOf]) => html("td", {}, valueOf(row)))));
     table.replaceChildren(html("caption", {}, `${plan.name}: ${option.label}`),
-      html("thead", {}, html("tr", {}, ...head.map((name) => html("th", { scope: "col" }, name)))),
-      html("tbody", {}, ...body));
+      html("thead", {}, html("tr", {}, head.map((name) => html("th", { scope: "col" }, name)))),
+      html("tbody", {}, body));
     fill(link, { href: `data:text/csv;charset=utf-8,${encodeURIComponent(option.table)}`,
       download: `cameras-${plan.name}-${option.label}.csv`.replace(/[^\w.]+/g, "-") });
     draw();
@@ -88,12 +77,10 @@ function render({ model, el }) {
     const dots = markers.map((place) => `M${xy(flat(away(place)))}h0`).join("");
     const drawn = placesOf(option).map((tip, i) => {
       const style = `--c: ${tints[i % tints.length]}`, [x, y] = flat(times(tip, 1.07));
-      const angles = [Math.atan2(tip[0], tip[1]), Math.asin(tip[2] / Math.hypot(...tip))];
-      const base = baseOf(tip, times(angles, 1 / RAD), 0.1 * radius);
       const sight = [line("tl-sight", [tip, [0, 0, 0]], "", style),
         line("tl-wire", [tip, [tip[0], tip[1], 0]])];
       return [dot(tip, viewer), sight, svg("g", { class: "tl-camera", style },
-        ...drawCamera(space, tip, base), text(x, y + 4, `${i + 1}`, "tl-note"))];
+        drawCamera(space, tip, 0.1 * radius), text(x, y + 4, `${i + 1}`, "tl-note"))];
     }).sort(([one], [two]) => one - two);
     resize(panel, width, height).replaceChildren(
       ...[0.5, 1].map((r) => drawRing(space, r * radius)),
@@ -108,9 +95,10 @@ function render({ model, el }) {
     "Numbers are those of the table below.");
   el.replaceChildren(root);
   const given = (name, list) => list.findIndex((_, i) => `${i + 1}` === asked(name));
-  const first = Math.max(0, given("plan", plans)), chosen = given("option", plans[first].options);
-  choosePlan(first, chosen < 0 ? undefined : chosen);
+  const first = Math.max(0, given("plan", plans)), { options: those, chosen } = plans[first];
+  const named = given("option", those);
   which.value = first;
+  choose(plans[first], named < 0 ? chosen : named);
   return followWidth(root, panel.node, width, (now) => { width = now; draw(); });
 }
 

@@ -48,8 +48,8 @@ function secondLine(row) {
   const copy = copyButton("Copy", null, () => row.command, code);
   return html("tr", { class: "tl-ledger-second", id: `claim-${row.id}-more`, role: "row" },
     html("td", { colspan: COLUMNS.length, role: "cell" },
-      row.note ? html("p", {}, row.note, ...(row.note_href ? [" ", more] : [])) : "",
-      row.command ? html("p", {}, "Run again: ", code, " ", copy) : "",
+      row.note && html("p", {}, row.note, row.note_href && [" ", more]),
+      row.command && html("p", {}, "Run again: ", code, " ", copy),
       html("p", { class: "tl-ledger-id" }, "Link: ", html("a", { href: `#claim-${row.id}` }, row.id))));
 }
 const SHORT = /^[<>≤≥~≈ ]*\d.{0,26}$/; // a number with a band or a unit, better on one line
@@ -63,32 +63,32 @@ function claimOf(row, widest) {
   const word = row.note_href ? "why" : row.note ? "note" : "more"; // in the name, too, for those who speak to the browser
   const toggle = button(word, { "aria-expanded": false, "aria-label": `${word} about ${row.place}: ${row.what}` },
     () => {
-      const open = toggle.getAttribute("aria-expanded") === "true";
+      const open = toggle.ariaExpanded === "true";
       const second = body.rows[1] ?? body.appendChild(secondLine(row));
       second.hidden = open;
       fill(toggle, { "aria-expanded": !open, "aria-controls": second.id });
     });
-  const shown = {
-    place: [link(row.place, row.href), ...(row.counted ? [] : [html("sup", { title: "not counted" }, "†")])],
-    case: [row.case], mode: [row.modes.join(", ")], what: [row.what], stated: [row.stated], got: [row.got],
-    verdict: [drawVerdict(row.verdict), html("span", {}, row.verdict + (row.step_back ? ", not monotonic" : ""))],
-    ratio: [row.ratio?.toFixed(2) ?? ""], more: [toggle],
-  };
+  const words = row.verdict + (row.step_back ? ", not monotonic" : "");
+  const shown = { ...row, mode: row.modes.join(", "), ratio: row.ratio?.toFixed(2), more: toggle,
+    place: [link(row.place, row.href), !row.counted && html("sup", { title: "not counted" }, "†")],
+    verdict: [drawVerdict(row.verdict), html("span", {}, words)] };
   const cells = COLUMNS.map(([name, label]) => html(name === "what" ? "th" : "td", {
     class: `tl-ledger-${name}`, "data-label": label, role: name === "what" ? "rowheader" : "cell",
     "data-number": name in widest && SHORT.test(row[name]) ? "" : null,
     style: `--area: ${name}${name in widest ? pad(row[name], widest[name]) : ""}`,
-  }, ...shown[name].filter((part) => part !== "")));
-  body.append(html("tr", { role: "row" }, ...cells));
-  const words = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");
-  return { row, body, words, values: FILTERS.map(([, , of]) => of(row).map(String)) };
+  }, shown[name]));
+  body.append(html("tr", { role: "row" }, cells));
+  const text = [row.id, row.what, row.stated, row.note, row.place].map(plain).join("\n");
+  return { row, body, text, values: FILTERS.map(([, , of]) => of(row).map(String)) };
 }
 
 function render({ model, el }) {
   const onPage = Boolean(model.get("page")); // a page by static_html: its address keeps the filters
   const root = html("section", { class: "tl-ledger", "aria-label": "Claims of the thesis" });
   const count = html("p", { class: "tl-ledger-count", "aria-live": "polite" });
-  const boxes = {}; // a select per filter, and the search
+  const form = html("form", { class: "tl-ledger-controls", "aria-label": "Filters",
+    oninput: change, onchange: writeAddress, onsubmit: (event) => event.preventDefault() });
+  const chosen = () => Object.fromEntries(new FormData(form)); // of the filters and the search
   const heads = {};
   const more = button("", { class: "tl-ledger-fold", "aria-expanded": false }, () => { unfolded = !unfolded; apply(); });
   let claims = [], folded = new Set(), unfolded = false; // the last ones, and whether they are shown
@@ -96,16 +96,15 @@ function render({ model, el }) {
 
   // --- what is shown
   function apply() {
-    const chosen = FILTERS.map(([name]) => boxes[name].value);
-    const wanted = plain(boxes.search.value);
+    const { search, ...filters } = chosen(), wanted = plain(search);
     const counts = Object.fromEntries(VERDICTS.map((verdict) => [verdict, 0]));
-    const all = unfolded || Boolean(wanted) || chosen.some(Boolean);
+    const all = unfolded || Boolean(wanted) || Object.values(filters).some(Boolean);
     let shown = 0, uncounted = 0, extra = false;
     for (const claim of claims) {
-      const { row, body, words, values } = claim;
-      const fits = (all || !folded.has(claim)) && words.includes(wanted) && chosen.every((value, i) => !value || values[i].includes(value));
-      const asked = body === linked?.body;
-      body.hidden = !fits && !asked;
+      const { row, body, text, values } = claim;
+      const fits = (all || !folded.has(claim)) && text.includes(wanted) &&
+        Object.values(filters).every((value, i) => !value || values[i].includes(value));
+      body.hidden = !fits && claim !== linked;
       if (body.hidden) continue;
       shown += 1;
       extra ||= !fits;
@@ -135,8 +134,8 @@ function render({ model, el }) {
 
   // --- the address: ?chapter=3&verdict=differs for the filters, #claim-… for one claim
   function readAddress() { // what is unknown is ignored
-    for (const [name, box] of Object.entries(boxes)) {
-      const value = asked(name) ?? "";
+    for (const name of Object.keys(chosen())) {
+      const box = form.elements[name], value = asked(name) ?? "";
       if (!box.options || [...box.options].some((option) => option.value === value)) box.value = value;
     }
     const [, down, column] = /^(-?)(\w+)$/.exec(asked("sort") ?? "") ?? [];
@@ -144,9 +143,11 @@ function render({ model, el }) {
   }
   function writeAddress() {
     if (!onPage) return;
-    const said = new URLSearchParams(Object.entries(boxes).flatMap(([name, { value }]) => (value ? [[name, value]] : [])));
-    if (sorted.column) said.set("sort", `${sorted.sign < 0 ? "-" : ""}${sorted.column}`);
-    keep([...Object.keys(boxes), "sort"], said, !linked && location.hash.startsWith("#claim-") ? "" : location.hash);
+    const sort = sorted.column ? `${sorted.sign < 0 ? "-" : ""}${sorted.column}` : "";
+    const isOld = !linked && location.hash.startsWith("#claim-");
+    const values = Object.entries({ ...chosen(), sort });
+    keep(Object.fromEntries(values.map(([name, value]) => [name, value || null])),
+      isOld ? "" : location.hash);
   }
   function unlink() {
     linked?.body.removeAttribute("aria-current");
@@ -167,14 +168,13 @@ function render({ model, el }) {
   }
 
   // --- building, once per data
-  function control(name, label, node) {
-    boxes[name] = node;
-    return html("label", { class: `tl-ledger-${name}` }, html("span", {}, label), node);
-  }
+  const control = (name, label, node) =>
+    html("label", { class: `tl-ledger-${name}` }, html("span", {}, label), fill(node, { name }));
   function filter([name, label], i) {
     const values = [...new Set(claims.flatMap((claim) => claim.values[i]))].filter(Boolean);
     values.sort(name === "verdict" ? (a, b) => rank(a) - rank(b) : compare);
-    return control(name, label, html("select", {}, ...options([["", "all"], ...values.map((value) => [value, value])])));
+    return control(name, label,
+      html("select", {}, options([["", "all"], ...values.map((value) => [value, value])])));
   }
   function head([name, label]) {
     const node = html("th", { role: "columnheader", class: `tl-ledger-${name}`, "data-label": label });
@@ -191,22 +191,20 @@ function render({ model, el }) {
     claims = rows.map((row) => claimOf(row, widest));
     folded = new Set(claims.slice(claims.length - (model.get("data").folded ?? 0)));
     if (!claims.length) return root.replaceChildren("No claims to show.");
-    const controls = html("div", { class: "tl-ledger-controls", role: "group", "aria-label": "Filters" },
-      ...FILTERS.map(filter), control("search", "Search", html("input", { type: "search" })),
+    form.replaceChildren(...FILTERS.map(filter),
+      control("search", "Search", html("input", { type: "search" })),
       button("Reset", {}, () => {
-        for (const box of Object.values(boxes)) box.value = "";
+        form.reset();
         sort(null, 1);
         change();
         writeAddress();
       }), ...(onPage ? linkButton(writeAddress) : []));
-    controls.addEventListener("input", change);
-    controls.addEventListener("change", writeAddress); // of the search: when it is left
     table = html("table", { role: "table", "aria-label": "Claims and verdicts" },
-      html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, ...COLUMNS.map(head))),
-      ...claims.map(({ body }) => body));
-    const uncounted = claims.some(({ row }) => !row.counted);
-    root.replaceChildren(controls, count, table, more,
-      ...(uncounted ? [html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals.")] : []));
+      html("thead", { role: "rowgroup" }, html("tr", { role: "row" }, COLUMNS.map(head))),
+      claims.map(({ body }) => body));
+    root.replaceChildren(form, count, table, more);
+    if (claims.some(({ row }) => !row.counted)) root.append(
+      html("p", { class: "tl-ledger-foot" }, "† Listed, but not counted in the totals."));
     if (onPage) readAddress();
     apply();
   }

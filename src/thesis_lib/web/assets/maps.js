@@ -1,5 +1,5 @@
 // Maps of signed values: one diverging scale centred on zero, axes in mm, a colour bar.
-import { clamp, fixed, html, path, svg, text, ticks } from "./parts.js";
+import { clamp, fixed, html, path, svg, text, ticks, ticksBelow } from "./parts.js";
 
 export const MIDDLE = 127;
 const STEPS = 255; // odd: the middle one is zero
@@ -38,8 +38,7 @@ export function createMap(width, [left, right], [low, high], xTitle, yTitle) {
   const count = (size, each) => clamp(size / each, [3.5, 7]);
   const node = svg("svg", { width, height, viewBox: `0 0 ${width} ${height}` },
     text(2, 11, yTitle, "tl-muted", "start"), text(x(right), height - 4, xTitle, "tl-muted", "end"),
-    ...ticks(left, right, count(width - 46, 55)).flatMap(([value, words]) => [
-      path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]),
+    ticksBelow(ticks(left, right, count(width - 46, 55)), x, bottom),
     ...ticks(low, high, count(bottom - margin.top, 36)).flatMap(([value, words]) => [
       path("tl-axis", `M${margin.left - 4} ${y(value)}h4`),
       text(margin.left - 7, y(value) + 4, words, null, "end")]));
@@ -53,14 +52,13 @@ export function colourBar(id, palette, most, unit, words, width) {
   const stops = palette.filter((_, i) => i % 2 === 0).map((triple, i, all) =>
     svg("stop", { offset: i / (all.length - 1), "stop-color": rgb(triple) }));
   const box = { x: first, y: 1, width: long, height: 10 }, limit = most / scale.factor;
-  const numbers = ticks(-limit, limit, Math.min(5, long / 38)).flatMap(([value, label]) => {
-    const at = first + ((value / limit + 1) / 2) * long;
-    return [path("tl-axis", `M${at} 11v4`), text(at, 26, label)];
-  });
+  const numbers = ticks(-limit, limit, Math.min(5, long / 38));
+  const at = (value) => first + ((value / limit + 1) / 2) * long;
   return html("div", { class: "tl-scale" }, html("span", {}, `${words} (${scale.unit})`),
     svg("svg", { width, height: 30, viewBox: `0 0 ${width} 30`, "aria-hidden": "true" },
       svg("linearGradient", { id }, ...stops),
-      svg("rect", { class: "tl-frame", ...box, fill: `url(#${id})` }), ...numbers));
+      svg("rect", { class: "tl-frame", ...box, fill: `url(#${id})` }),
+      ticksBelow(numbers, at, box.y + box.height)));
 }
 
 // Three maps in a row, or on a phone as many as `narrow` says; px.

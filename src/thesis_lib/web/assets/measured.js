@@ -1,9 +1,10 @@
 // A measured shape that moves in space, in colours by deflection, with the uncertainty of each
 // marker as a whisker. Front end of thesis_lib.measure.report.build in the form that static_html
 // runs.
+import { colourBar, paletteOf, rgb, stepOf } from "./maps.js";
 import { createMotion } from "./motion.js";
 import {
-  circle, clamp, field, figure, fill, fixed, followWidth, html, lines, path, resize, svg, text, xy,
+  circle, field, figure, fill, followWidth, html, lines, path, resize, svg, xy,
 } from "./parts.js";
 import { RAD, dot, drawAxes, orbit, turnable } from "./space.js";
 
@@ -12,7 +13,7 @@ const STRONGEST = 3; // and what that may be multiplied by
 
 function render({ model, el }) {
   const { points, real, imag, error, faces, edges, frequency, colormap, outline } = model.get("data");
-  const view = { azimuth: 155, elevation: 28 }, last = colormap.length - 1;
+  const view = { azimuth: 155, elevation: 28 }, palette = paletteOf(colormap);
   const most = Math.max(...real.map((re, i) => Math.hypot(re, imag[i])));
   const extent = Math.max(...outline.map((place) => Math.hypot(...place)));
   const motion = createMotion(move), panel = figure("a", svg("svg"), "");
@@ -26,41 +27,32 @@ function render({ model, el }) {
       `${points.length} markers, up to ${most.toPrecision(3)} mm. Colours show the deflection at ` +
       "each instant; whiskers are two standard errors either way."),
     html("div", { class: "tl-controls" }, field("Drawn larger", strength),
-      field("Whiskers (2 ±)", whiskers)), panel.node, motion.node);
-  const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" }), scale = svg("g");
+      field("Whiskers (2 ±)", whiskers)), panel.node,
+    colourBar("tl-measured-scale", palette, most, "mm", "deflection", 260), motion.node);
+  const scene = svg("g"), shape = svg("g", { class: "tl-measured-shape" });
   let width = 480, at = (i, w) => [i, w], phase = 0;
   const polygons = faces.map(() => path("tl-face", "")), bars = edges.map(() => path("tl-mesh", ""));
   const errors = points.map(() => path("tl-whisker", ""));
   const dots = points.map(() => circle("tl-dot", 0, 0, 3.2));
   const mean = (list, of) => list.reduce((sum, i) => sum + of(i), 0) / list.length;
-  const tint = (w) => colormap[clamp(Math.round(((w / most + 1) / 2) * last), [0, last])];
+  const tint = (w) => rgb(palette[stepOf(w, most)]);
 
   function draw() { // what only turning and the width change
-    const height = Math.max(260, Math.round(width * 0.5));
+    const height = Math.max(220, Math.round(width * 0.5) - 40);
     const tall = 2 * extent * Math.abs(Math.sin(view.elevation * RAD)) + 2 * RISE * extent;
-    const unit = Math.min((width - 40) / (2 * extent), (height - 90) / tall);
-    const space = orbit(view, unit, [width / 2, (height - 40) / 2]), { viewer, flat, centre } = space;
+    const unit = Math.min((width - 40) / (2 * extent), (height - 50) / tall);
+    const space = orbit(view, unit, [width / 2, height / 2]), { viewer, flat, centre } = space;
     const rise = (Number(strength.value) * RISE * extent) / most;
     at = (i, w) => flat([...points[i], rise * w]);
-    const corner = xy([44 - centre[0], height - 52 - centre[1]]);
+    const corner = xy([44 - centre[0], height - 12 - centre[1]]);
     scene.replaceChildren(
       path("tl-ex-rest", lines(outline.map((place) => flat([...place, 0])), "Z")),
       svg("g", { transform: `translate(${corner})` }, ...drawAxes(space, [0, 0, 0], 0.09 * extent)));
     const depth = (k) => mean(faces[k], (i) => dot([...points[i], 0], viewer));
     const order = faces.map((_, k) => k).sort((a, b) => depth(a) - depth(b));
     shape.replaceChildren(...order.map((k) => polygons[k]), ...bars, ...errors, ...dots);
-    drawScale(height);
-    resize(panel, width, height).replaceChildren(scene, shape, scale);
+    resize(panel, width, height).replaceChildren(scene, shape);
     move(phase);
-  }
-  function drawScale(height) {
-    const wide = Math.min(260, width * 0.5), left = (width - wide) / 2, top = height - 30;
-    const step = wide / colormap.length, digits = most < 0.1 ? 4 : most < 10 ? 2 : 1;
-    const words = [-most, 0, most].map((w) => fixed(w, digits));
-    scale.replaceChildren(...colormap.map((c, i) =>
-      svg("rect", { x: left + i * step, y: top, width: step + 0.5, height: 8, fill: c })),
-    ...[words[0], `${words[1]} mm`, `+${words[2]}`].map((word, i) =>
-      text(left + (wide * i) / 2, top + 22, word, "tl-muted")));
   }
   function move(now) {
     phase = now;

@@ -15,7 +15,7 @@ export function createMotion(draw, unasked = true) {
     onclick: () => play(!wanted) });
   const slider = html("input", { type: "range", min: 0, max: 360, value: 0, "data-testid": "phase",
     oninput() { play(false); put(Number(slider.value)); } });
-  const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed), visible = new Set();
+  const speed = select(SPEEDS, { "data-testid": "speed" }, tellSpeed, 1), visible = new Set();
   const degrees = html("span", { "aria-hidden": "true" }), slowed = html("span", { class: "tl-slowed" });
   const node = html("div", { class: "tl-time" }, button,
     html("div", { class: "tl-phase" }, html("label", {}, "phase ωt", slider), degrees),
@@ -61,7 +61,6 @@ export function createMotion(draw, unasked = true) {
   });
   still.addEventListener("change", () => { if (still.matches) play(false); }, { signal });
   print.addEventListener("change", () => { follow(); if (print.matches) put(0); }, { signal });
-  speed.value = 1;
   tell();
   play(unasked && !still.matches);
   return {

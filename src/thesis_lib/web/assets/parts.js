@@ -7,13 +7,13 @@ export const KINDS = {};
 
 // --- elements
 // Attributes, handlers of events and text only, never markup: strings of the data cannot become
-// elements.
+// elements. Lists of children are appended as well; what is null, false or empty is left out.
 export function fill(node, attributes, ...children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (typeof value === "function") node.addEventListener(name.slice(2), value);
     else if (value != null) node.setAttribute(name, value);
   }
-  node.append(...children);
+  node.append(...children.flat(Infinity).filter((one) => one || one === 0));
   return node;
 }
 export const html = (tag, attributes = {}, ...children) =>
@@ -33,9 +33,12 @@ export const icon = (width, ...parts) =>
 export const button = (words, attributes, onclick) =>
   html("button", { type: "button", ...attributes, onclick }, words);
 export const options = (pairs) => pairs.map(([value, words]) => html("option", { value }, words));
-export function select(pairs, attributes, onChange) { // of pairs of a value and its words
+// Of pairs of a value and its words.
+export function select(pairs, attributes, onChange, value = null) {
   const onchange = ({ target }) => onChange(target.value);
-  return html("select", { ...attributes, onchange }, ...options(pairs));
+  const node = html("select", { ...attributes, onchange }, options(pairs));
+  if (value !== null) node.value = value;
+  return node;
 }
 export function radios(legend, name, choices, onChange) { // a value, its words, and a smaller note
   const group = html("div", { class: "tl-modes" }, ...choices.map(([value, words, note = ""]) => {
@@ -69,6 +72,10 @@ export function ticks(low, high, count) { // pairs of a value and its text
     (_, i) => [(first + i) * step, fixed((first + i) * step || 0, digits)]);
 }
 
+// Ticks with their numbers below an axis.
+export const ticksBelow = (pairs, x, bottom) => pairs.flatMap(([value, words]) => [
+  path("tl-axis", `M${x(value)} ${bottom}v4`), text(x(value), bottom + 17, words)]);
+
 // --- marks of the settings: a shape each (null: a circle), so that colour is never the only
 // difference
 const SHAPES = [null, [[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]],
@@ -85,7 +92,7 @@ export const swatch = (i) => icon(14, path("tl-mark", mark(i, 7, 7, 4)));
 export function figure(letter, canvas, letters = letter) {
   const caption = html("span"), foot = html("div", { class: "tl-foot" });
   fill(canvas, { "data-testid": `panel-${letter}` });
-  const heading = html("figcaption", {}, ...(letters ? [html("b", {}, letters), " "] : []), caption);
+  const heading = html("figcaption", {}, letters && [html("b", {}, letters), " "], caption);
   const names = { class: `tl-panel-${letter}`, style: `--area: ${letter}` };
   const node = html("figure", names, heading, canvas, foot);
   return { node, canvas, caption, foot };
@@ -134,10 +141,12 @@ export function followWidth(root, node, width, draw) {
 
 // --- the address of a page: what is shown stands behind its "?", beside what others keep there
 export const asked = (name) => new URLSearchParams(location.search).get(name);
-export function keep(names, address, hash = location.hash) { // in place of what `names` had
+// Writes values by name into it, in place of those that it had; what is null is left out.
+export function keep(values, hash = location.hash, address = null) {
   const others = new URLSearchParams(location.search);
-  names.forEach((name) => others.delete(name));
-  const query = [address, others].filter(String).join("&");
+  Object.keys(values).forEach((name) => others.delete(name));
+  const shown = Object.entries(values).filter(([, value]) => value !== null);
+  const query = [address ?? new URLSearchParams(shown), others].filter(String).join("&");
   try {
     history.replaceState(history.state, "", `${query ? `?${query}` : location.pathname}${hash}`);
   } catch { /* some browsers refuse in a local file */ }

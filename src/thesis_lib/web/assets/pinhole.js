@@ -9,24 +9,20 @@ const hemisphereDirection = (azimuth, elevation) =>
 // Angles as readers have them, in degrees.
 export const radians = (pair) => pair.map((angle) => (angle * Math.PI) / 180);
 export const towards = (pair) => hemisphereDirection(...radians(pair)); // a camera, of length 1
-
-// Rows of the rotation from world to camera: x right, y down, z forward towards the origin.
-function hemisphereRotation(azimuth, elevation) {
-  const x = [-cos(azimuth), sin(azimuth), 0];
-  const z = hemisphereDirection(azimuth, elevation).map((c) => -c);
-  const y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
-  return [x, y, z];
-}
+export const apart = (one, two) => Math.hypot(...towards(one).map((c, i) => c - towards(two)[i]));
 
 // Projection matrices K [R | −R C] of equal cameras that look at the origin, 12 numbers each
 // (eq. 3.10).
 export function hemisphereCameras(distance, directions, focalPx, [width, height]) {
   return Float64Array.from(directions.flatMap(([azimuth, elevation]) => {
-    const C = hemisphereDirection(azimuth, elevation).map((c) => distance * c);
-    const [x, y, z] = hemisphereRotation(azimuth, elevation)
+    const out = hemisphereDirection(azimuth, elevation), C = out.map((c) => distance * c);
+    // Rows of the rotation from world to camera: x right, y down, z forward towards the origin.
+    const x = [-cos(azimuth), sin(azimuth), 0], z = out.map((c) => -c);
+    const y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
+    const [right, down, forward] = [x, y, z]
       .map((r) => [...r, -(r[0] * C[0] + r[1] * C[1] + r[2] * C[2])]);
-    const row = (axis, middle) => axis.map((c, i) => focalPx * c + middle * z[i]);
-    return [...row(x, width / 2), ...row(y, height / 2), ...z];
+    const row = (axis, middle) => axis.map((c, i) => focalPx * c + middle * forward[i]);
+    return [...row(right, width / 2), ...row(down, height / 2), ...forward];
   }));
 }
 

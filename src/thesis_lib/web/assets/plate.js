@@ -12,7 +12,7 @@ KINDS.plate = (study, uid) => {
     const panel = figure(letter, canvas), scale = html("div");
     const readout = html("p", { class: "tl-readout", "data-testid": `readout-${letter}` });
     panel.canvas.after(scale, readout);
-    return { ...panel, scale, readout, maps: [] };
+    return { ...panel, scale, readout, cursors: [] };
   });
   fill(c.readout, { "aria-live": "polite" });
   let cell = null; // the pointed one
@@ -29,11 +29,11 @@ KINDS.plate = (study, uid) => {
   }
 
   // --- one map
-  function createCells(width, deflections, most) {
+  function drawMap(panel, deflections, most, testid, heading) {
     const { length_mm: length, width_mm: across } = study.data.structure, [nx, ny] = study.data.grid;
     const palette = paletteOf(study.data.colormap), { x_mm: xs, y_mm: ys } = study.data;
     const { node, x, y, unit, frame } =
-      createMap(width, [0, length], [0, across], "X (mm)", "Y (mm)");
+      createMap(mapWidth(study, 1), [0, length], [0, across], "X (mm)", "Y (mm)");
     const size = { width: (unit * length) / nx, height: (unit * across) / ny };
     const rowOf = (n) => Math.floor(n / nx), left = x(0), top = y(across);
     const corner = (n) =>
@@ -56,22 +56,22 @@ KINDS.plate = (study, uid) => {
     fill(node, { onpointerdown: pointAt, onpointermove: pointAt,
       onpointerleave(event) { if (event.pointerType === "mouse") point(null); } },
     cells, path("tl-dots", dots[0]), path("tl-dots tl-light", dots[1]), frame(), cursor);
-    return { node, move(n) {
+    panel.canvas.append(html("div", { class: "tl-map", "data-testid": testid },
+      html("p", { class: "tl-maphead" }, heading), node));
+    panel.cursors.push((n) => {
       const { x: cx, y: cy } = corner(n ?? 0), visibility = n === null ? "hidden" : "visible";
       fill(cursor, { visibility, transform: `translate(${cx} ${cy})` });
-    } };
+    });
   }
-  function drawMap(panel, deflections, most, testid, heading) {
-    const map = createCells(mapWidth(study, 1), deflections, most);
-    panel.maps.push(map);
-    panel.canvas.append(html("div", { class: "tl-map", "data-testid": testid },
-      html("p", { class: "tl-maphead" }, heading), map.node));
+  function clear(panel) {
+    panel.cursors = [];
+    panel.canvas.replaceChildren();
   }
 
   // --- the pointed marker: by mouse, finger or arrow keys
   function point(index) {
     cell = index;
-    for (const map of [...b.maps, ...c.maps]) map.move(cell);
+    for (const move of [...b.cursors, ...c.cursors]) move(cell);
     const scale = scaleOf(limit(), "mm");
     const value = (list) => (isNumber(list[cell]) ? written(list[cell], scale) : "–");
     if (cell === null) {
@@ -102,8 +102,7 @@ KINDS.plate = (study, uid) => {
 
   function drawMeasured() {
     const most = limit();
-    c.maps = [];
-    c.canvas.replaceChildren();
+    clear(c);
     shown().forEach((i, n) => {
       const notes = [study.extremeWord(i), i === study.pinned ? "pinned" : ""].filter(Boolean);
       drawMap(c, study.results()[i].measured_mm, most, `map-${n}`,
@@ -119,8 +118,7 @@ KINDS.plate = (study, uid) => {
       const help = "Arrow keys move from marker to marker.", wide = mapWidth(study, 1) - 110;
       entitle(b, study, "img", "Reference shape", "", help);
       entitle(c, study, "img", "Measured shapes", "", help);
-      b.maps = [];
-      b.canvas.replaceChildren();
+      clear(b);
       drawMap(b, study.mode().reference_mm, most, "map-ideal", "ideal");
       [b, c].forEach(({ scale }, n) => scale.replaceChildren(
         colourBar(`${uid}-scale-${n}`, palette, most, "mm", "deflection", Math.min(wide, 240))));

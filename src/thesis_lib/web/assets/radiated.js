@@ -1,29 +1,24 @@
 // The sound field of a measured shape on the planes above it, playing.
 // Front end of thesis_lib.measure.report.build in the form that static_html runs.
-import { amplitude, coloursOf, createPressure, decode } from "./field.js";
+import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar, paletteOf } from "./maps.js";
-import { createMotion } from "./motion.js";
 import { figure, followWidth, html } from "./parts.js";
 
 function render({ model, el }) {
   const { planes, fields, halves, frequency, colormap, words } = model.get("data");
   const panel = figure("b", html("div", { class: "tl-maps" }), "");
-  const palette = paletteOf(colormap), colours = coloursOf(palette), decoded = fields.map(decode);
-  const most = Math.max(...decoded.map(amplitude)) || 1;
-  let shown = [];
-  const motion = createMotion((phase) => {
-    for (const one of shown) one.paint(colours, Math.cos(phase), Math.sin(phase));
-  }, false); // a sound plays only when it is asked to
+  const decoded = fields.map(decode), most = Math.max(...decoded.map(amplitude)) || 1;
+  const shown = [], motion = playFields(shown, colormap);
   const names = { "aria-label": "The sound field", "data-testid": "radiated" };
   const root = html("section", { class: "tl-viewer tl-radiated", ...names },
     html("p", { class: "tl-summary" }, words), panel.node, motion.node);
   function draw(width) {
     const wide = width >= 560 ? Math.floor((width - 28) / 2) : width;
-    shown = planes.map((plane, i) => createPressure(wide, plane, halves[i], decoded[i], most,
-      `${plane.name} plane`, { "aria-label": `pressure on ${plane.name}` }));
-    const bar = [palette, most, "Pa", "pressure", Math.min(width, 260)];
-    panel.canvas.replaceChildren(...shown.map(({ element }) => element),
-      colourBar("tl-radiated-scale", ...bar));
+    shown.splice(0, Infinity, ...planes.map((plane, i) =>
+      createPressure(wide, plane, halves[i], decoded[i], most, `${plane.name} plane`,
+        { "aria-label": `pressure on ${plane.name}` })));
+    panel.canvas.replaceChildren(...shown.map(({ element }) => element), colourBar(
+      "tl-radiated-scale", paletteOf(colormap), most, "Pa", "pressure", Math.min(width, 260)));
     motion.redraw();
   }
   motion.at(frequency);

@@ -4,7 +4,7 @@
 // numbers are BigInt, objects are Maps.
 import { isNumber, show } from "./parts.js";
 import { MOST_CAMERAS } from "./physics.js";
-import { rint, towards } from "./pinhole.js";
+import { apart, rint } from "./pinhole.js";
 import source from "./recompute_worker.js";
 import { formatGeneral, formatGiven } from "./request.js";
 
@@ -51,13 +51,8 @@ function peaksOf({ amplitude_mm: given, modes }, { peaks }) { // in m
 
 // --- refusals
 function findCoincident({ cameras }) { // the first two cameras in one place
-  const places = cameras.map(towards);
-  const near = (one, two) => Math.hypot(...one.map((c, k) => c - two[k])) < 1e-6;
-  for (const [i, one] of places.entries()) {
-    const j = places.findIndex((two, k) => k > i && near(one, two));
-    if (j > 0) return [cameras[i], cameras[j]];
-  }
-  return null;
+  const pairs = cameras.flatMap((one, i) => cameras.slice(i + 1).map((two) => [one, two]));
+  return pairs.find(([one, two]) => apart(one, two) < 1e-6);
 }
 function findProblem(values, settings, peaks, facts, { length, width }) {
   const { opposite, pairs, conditions } = facts;

@@ -71,9 +71,9 @@ function renderForm({ model, el }) {
   const original = model.get("data"), onPage = Boolean(model.get("page"));
   const every = Object.keys(sets), compact = every.length === 1;
   const uid = `tl-rerun-${document.querySelectorAll(".tl-rerun").length}`;
-  const texts = new Map(); // what is typed, by number of the field
-  const textOf = (n) => texts.get(n) ?? fields[n].typed;
-  let rows = [], shownOf = "", shown = null;
+  const begin = () => new Map( // what is typed, by number of the field
+    fields.map(({ name }, n) => [n, start[name]]).filter(([, text]) => text !== undefined));
+  let texts = begin(), rows = [], shownOf = "", shown = null;
 
   // --- elements
   const pairsOf = (names) => options(names.map((name) => [name, `${name}: ${sets[name].title}`]));
@@ -175,10 +175,11 @@ function renderForm({ model, el }) {
     rows = run.shown.map((n) => {
       const holders = run.sets.filter((one) => sets[one].shown.includes(n));
       const hint = holders.length < run.sets.length ? `Only in ${holders.join(", ")}.` : "";
-      const row = createField(fields[n], `${uid}-${fields[n].name}`, textOf(n), hint, (text) => {
-        texts.set(n, text);
-        update();
-      });
+      const row = createField(fields[n], `${uid}-${fields[n].name}`,
+        texts.get(n) ?? fields[n].typed, hint, (text) => {
+          texts.set(n, text);
+          update();
+        });
       return Object.assign(row, { n, first: !compact || FIRST_FIELDS.includes(row.name) });
     });
     const bodies = (first) => rows.filter((row) => row.first === first).map(({ body }) => body);
@@ -224,23 +225,18 @@ function renderForm({ model, el }) {
   }
   function writeAddress() {
     if (!onPage) return;
-    const said = new URLSearchParams(compact ? {} : { set: chooser.value });
+    const values = Object.fromEntries(fields.map(({ name }) => [name, null]));
     for (const { name, now, other } of rows)
-      if (Object.hasOwn(start, name) ? now() !== start[name] : other) said.set(name, now());
-    keep(["set", ...fields.map(({ name }) => name)], said);
-  }
-  function begin() {
-    texts.clear();
-    fields.forEach(({ name }, n) => { if (Object.hasOwn(start, name)) texts.set(n, start[name]); });
+      if (Object.hasOwn(start, name) ? now() !== start[name] : other) values[name] = now();
+    keep({ set: compact ? null : chooser.value, ...values });
   }
   function reset() {
-    begin();
+    texts = begin();
     build();
     writeAddress();
   }
 
   chooser.value = every.find((one) => Object.hasOwn(here.sets, one)) ?? every[0];
-  begin();
   if (onPage) readAddress();
   chooser.addEventListener("change", build);
   root.addEventListener("change", writeAddress);

@@ -5,69 +5,68 @@ import {
   asked, button, circle, clamp, figure, fill, fixed, followDrag, followWidth, html, keep, lines,
   linkButton, path, resize, svg, text,
 } from "./parts.js";
-import {
-  deflectionShape, deflectionVariance, markers, measureDeflections, randomNumber, worldPoints,
-} from "./physics.js";
-import { hemisphereCameras, pixelate, radians } from "./pinhole.js";
+import { markers, measureDeflections, randomNumber, simulateSetting } from "./physics.js";
+import { pixelate, radians } from "./pinhole.js";
 
 // --- what they share: controls, panels that are drawn again when something changes, draws
 const average = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 const rms = (values) => Math.sqrt(average(values.map((value) => value * value)));
-function createDice() { // numbers in [0, 1) that are the same on every visit
-  let drawn = 0;
-  return () => randomNumber(drawn += 1);
-}
+const action = (words, onClick) => button(words, { class: "tl-play" }, onClick);
 
-// A slider for a key of the state, `name` of the experiment and the first word its place in the
-// address.
-function slider({ state, set }, words, key, [low, high], step, digits, unit) {
-  const box = html("input", { type: "range", min: low, max: high, step,
+// A slider for a key of the state, as a row of an experiment describes it.
+function createSlider(state, set, [words, key, usual, range, step, digits, unit]) {
+  const shown = html("b"), box = html("input", { type: "range", min: range[0], max: range[1], step,
     oninput: () => set({ [key]: Number(box.value) }) });
-  const shown = html("b"), usual = state[key];
   const node = html("label", { class: "tl-field tl-demo-slider" },
     html("span", {}, `${words} `, shown), box);
-  return { node, usual, range: [low, high], short: words.toLowerCase().match(/[a-z]+/)[0],
-    read: () => state[key], write: (value) => set({ [key]: value }),
-    refresh() {
-      box.value = state[key];
-      shown.textContent = `${fixed(state[key], digits)}${unit}`;
-      fill(box, { "aria-valuetext": shown.textContent });
-    } };
+  return { node, key, usual, range, refresh() {
+    box.value = state[key];
+    shown.textContent = `${fixed(state[key], digits)}${unit}`;
+    fill(box, { "aria-valuetext": shown.textContent });
+  } };
 }
-const action = (words, onClick) => ({ node: button(words, { class: "tl-play" }, onClick) });
 
-// An experiment in `el`: `build` returns its controls, what tests may use, and `draw(widths)`, which
-// returns what is said below and may ask for one more frame by `request`.
-function showExperiment(el, name, label, letters, build) {
+// An experiment: `build` returns its buttons, what tests may use as `model`, `reset`, called when the
+// state changes, and `draw(widths)`, which returns what is said below and may ask for one more frame
+// by `request`.
+function render({ model, el }) {
+  const [name, label, letters, build, ...rows] = EXPERIMENTS[model.get("experiment")];
   const status = html("p", { class: "tl-summary", role: "status" });
   const panels = Object.fromEntries(
     letters.map((letter) => [letter, figure(letter, svg("svg", { role: "img" }))]));
-  let waiting = 0;
+  const state = Object.fromEntries(rows.map(([, key, usual]) => [key, usual]));
+  let waiting = 0, drawn = 0;
   const request = () => { waiting ||= requestAnimationFrame(refresh); };
-  const { controls, draw, model } = build(request, panels);
-  const sliders = controls.filter(({ range }) => range), nameOf = ({ short }) => `${name}-${short}`;
+  const random = () => randomNumber(drawn += 1); // in [0, 1), the same on every visit
+  const set = (changes) => {
+    Object.assign(state, changes);
+    built.reset?.();
+    request();
+  };
+  const built = build({ ...panels, ...model.get("data"), state, set, request, random });
+  const sliders = rows.map((row) => createSlider(state, set, row));
+  const nameOf = ({ key }) => `${name}-${key}`;
   function remember() { // in the address, what is otherwise
-    const others = sliders.filter(({ read, usual }) => read() !== usual);
-    keep(sliders.map(nameOf),
-      new URLSearchParams(others.map((one) => [nameOf(one), one.read()])));
+    keep(Object.fromEntries(sliders.map((one) =>
+      [nameOf(one), state[one.key] === one.usual ? null : state[one.key]])));
   }
   for (const one of sliders) { // what is unknown or makes no sense is ignored
     const given = asked(nameOf(one)), value = Number(given || NaN);
-    if (value === clamp(value, one.range)) one.write(value);
+    if (value === clamp(value, one.range)) set({ [one.key]: value });
   }
   const handlers = { onchange: remember, onclick: remember, onpointerup: remember };
   const root = html("section", { class: "tl-viewer tl-demo", "aria-label": label, ...handlers },
-    html("div", { class: "tl-controls" }, ...controls.map(({ node }) => node),
-      ...linkButton(remember)),
-    html("div", { class: "tl-grid" }, ...Object.values(panels).map(({ node }) => node)), status);
+    html("div", { class: "tl-controls" }, sliders.map(({ node }) => node), built.buttons,
+      linkButton(remember)),
+    html("div", { class: "tl-grid" }, Object.values(panels).map(({ node }) => node)), status);
   function refresh() {
     waiting = 0;
     root.classList.toggle("tl-wide", root.clientWidth > 640);
     sliders.forEach((one) => one.refresh());
-    status.textContent = draw(Object.fromEntries(
+    status.textContent = built.draw(Object.fromEntries(
       letters.map((letter) => [letter, panels[letter].canvas.clientWidth || 480])));
   }
-  root.demo = model; // for tests
+  root.demo = { state, set, ...built.model }; // for tests
   el.replaceChildren(root);
   refresh();
   const unfollow = followWidth(root, root, root.clientWidth, request);
@@ -98,10 +97,8 @@ function follow({ canvas }, take) {
 }
 
 // --- one marker on one pixel grid: what rounding makes of its motion, and the law from draws
-function buildMarker(request, { a, b, c }) {
-  const REST = 0.2, MOST = 3, DRAWS = 200; // px, px, draws
-  const state = { motion: 1.3, shift: 0 }, random = createDice(), found = new Map(); // errors drawn
-  const set = (changes) => { Object.assign(state, changes); request(); };
+function buildMarker({ a, b, c, state, set, request, random }) {
+  const REST = 0.2, MOST = 3, DRAWS = 200, found = new Map(); // px, px, draws, errors drawn
   const hundredth = (value) => Math.round(100 * value) / 100;
   const law = (motion) => Math.sqrt((motion % 1) * (1 - (motion % 1)));
   // Rest and moved image in whole pixels of a grid that is shifted, the error of their difference.
@@ -115,9 +112,7 @@ function buildMarker(request, { a, b, c }) {
   }
   let sweep = [];
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const controls = [
-    slider({ state, set }, "Motion δ", "motion", [0, MOST], 0.01, 2, " px"),
-    slider({ state, set }, "Shift of the grid", "shift", [-0.5, 0.5], 0.01, 2, " px"),
+  const buttons = [
     action("One random grid", () => set({ shift: hundredth(random() - 0.5) })),
     action(`${DRAWS} random grids`, () => { draws(state.motion); request(); }),
     action("… for every motion", () => {
@@ -205,24 +200,23 @@ function buildMarker(request, { a, b, c }) {
       `${whole + 1} px, an error of +${fixed(1 - f, 2)} px. The rms of all is ` +
       `√(${fixed(f, 2)} · ${fixed(1 - f, 2)}) = ${fixed(law(motion), 3)} px.${drawn}`;
   }
-  return { controls, draw, model: { state, found, law, measured, set } };
+  return { buttons, draw, model: { found, law, measured } };
 }
 
 // --- two cameras and a point, in the plane of both: pixels are strips, and two measure a height
-function buildPoint(request, { a, b }) {
+function buildPoint({ a, b, state, set, request, random }) {
   const DISTANCE = 500, FOCAL = (24 / 36) * 320, SPAN = DISTANCE / FOCAL; // mm, px, mm/px
   const DRAWS = 400, MOST = 6; // draws, mm
-  const state = { w: 2, elevation: 30 }, random = createDice();
   let shifts = [0, 0], errors = [];
-  const set = (changes) => { Object.assign(state, changes); errors = []; request(); };
   // The camera on each side looks down at the elevation φ; its image coordinate, in px, grows with X
   // by `along` and with Z by `up`.
   const rows = (phi) => [-1, 1].map((side) =>
     ({ along: (-side * Math.sin(phi)) / SPAN, up: Math.cos(phi) / SPAN }));
   // Motion of both images in px, its fraction, ∂Z/∂m of each camera in mm/px, and the standard
   // deviation of the measured deflection in mm.
-  function law({ w, elevation }) {
-    const [phi] = radians([elevation]), delta = w * rows(phi)[0].up, f = delta - Math.floor(delta);
+  function law({ deflection, elevation }) {
+    const [phi] = radians([elevation]), delta = deflection * rows(phi)[0].up;
+    const f = delta - Math.floor(delta);
     const g = SPAN / (2 * Math.cos(phi));
     return { phi, delta, f, g, sigma: g * Math.sqrt(2 * f * (1 - f)) };
   }
@@ -232,13 +226,11 @@ function buildPoint(request, { a, b }) {
       const m = by.map(({ up }, i) => pixelate(Float64Array.of(up * z + cast[i]))[0] - cast[i]);
       return { x: (m[0] - m[1]) / (2 * by[0].along), z: g * (m[0] + m[1]), m };
     };
-    const rest = rebuild(0), moved = rebuild(state.w);
-    return { rest, moved, error: moved.z - rest.z - state.w };
+    const rest = rebuild(0), moved = rebuild(state.deflection);
+    return { rest, moved, error: moved.z - rest.z - state.deflection };
   }
   const cast = () => [random() - 0.5, random() - 0.5];
-  const controls = [
-    slider({ state, set }, "Deflection w", "w", [0, MOST], 0.05, 2, " mm"),
-    slider({ state, set }, "Elevation φ", "elevation", [5, 80], 1, 0, "°"),
+  const buttons = [
     action("One random pair of grids", () => { shifts = cast(); request(); }),
     action(`${DRAWS} random pairs`, () => {
       errors.push(...Array.from({ length: DRAWS }, () => measured(cast()).error));
@@ -248,8 +240,8 @@ function buildPoint(request, { a, b }) {
 
   const height = 300, unit = height / 12;
   follow(a, (_, y0) => {
-    const { w } = state;
-    return (__, y) => set({ w: clamp(Math.round((w + (y0 - y) / unit) * 20) / 20, [0, MOST]) });
+    const from = state.deflection, twentieth = (mm) => Math.round(mm * 20) / 20;
+    return (__, y) => set({ deflection: clamp(twentieth(from + (y0 - y) / unit), [0, MOST]) });
   });
   function drawSection(width) { // around the point, a few mm
     const { rest, moved } = measured(shifts), half = width / 2 / unit, far = half + 12;
@@ -269,13 +261,14 @@ function buildPoint(request, { a, b }) {
     const cross = ({ x: px, z }) =>
       path("tl-demo-cross", `M${x(px) - 7} ${y(z) - 7}l14 14m-14 0l14 -14`);
     resize(a, width, height).replaceChildren(...strips,
-      path("tl-demo-true", `M${x(0)} ${y(0)}V${y(state.w)}`), circle("tl-demo-rest", x(0), y(0), 7),
-      circle("tl-demo-moved", x(0), y(state.w), 7), cross(rest), cross(moved),
+      path("tl-demo-true", `M${x(0)} ${y(0)}V${y(state.deflection)}`),
+      circle("tl-demo-rest", x(0), y(0), 7), circle("tl-demo-moved", x(0), y(state.deflection), 7),
+      cross(rest), cross(moved),
       path("tl-axis", `M12 ${height - 12}h${2 * unit}m0 -4v8m${-2 * unit} 0v-8`),
       text(18 + 2 * unit, height - 8, "2 mm", null, "start"),
       text(6, 16, "↖ camera 1", "tl-note", "start"),
       text(width - 6, 16, "camera 2 ↗", "tl-note", "end"));
-    const [got, right] = [moved.z - rest.z, state.w].map((mm) => `${fixed(mm, 2)} mm`);
+    const [got, right] = [moved.z - rest.z, state.deflection].map((mm) => `${fixed(mm, 2)} mm`);
     entitlePanel(a, "The plane of both cameras around the point; drag it up",
       `Measured deflection ${got}, true ${right}.`,
       "circles: true; crosses: where the middle of the strips meets");
@@ -307,25 +300,22 @@ function buildPoint(request, { a, b }) {
       `${fixed(sigma, 2)} mm.` +
       (errors.length ? ` Of ${errors.length} draws: ${fixed(rms(errors), 2)} mm.` : "");
   }
-  return { controls, draw, model: { state, set, law, errors: () => errors } };
+  return { buttons, draw, reset() { errors = []; }, model: { law, errors: () => errors } };
 }
 
 // --- many cameras and a beam: errors of its markers, drawn and by the law, and what one more camera
 // is worth
-function buildBeam(request, { a, b, c }, { structure, sensorWidth }) {
-  const DISTANCE = 0.5, SIZE = [320, 180], MOST = 24, DRAWS = 400; // m, px, cameras, draws
-  const state = { cameras: 4, mode: 3, amplitude: 5.5, elevation: 35 }, random = createDice();
+function buildBeam({ a, b, c, state, set, request, random, structure, sensorWidth }) {
+  const SIZE = [320, 180], MOST = 24, DRAWS = 400; // px, cameras, draws
   const places = markers(structure)[0].map((x) => 1000 * x), focal = (24 / sensorWidth) * SIZE[0];
   let scene = null;
-  const set = (changes) => { Object.assign(state, changes); scene = null; request(); };
-  function seen(cameras) { // what does not change from draw to draw; cameras stand evenly, none on an
-    const directions = Array.from({ length: cameras }, // axis of the beam
-      (_, i) => radians([((i + 0.3) * 360) / cameras, state.elevation]));
-    const P = hemisphereCameras(DISTANCE, directions, focal, SIZE);
-    const reference = deflectionShape(structure, state.mode, state.amplitude / 1000);
-    const [rest, deflected] = [reference.map(() => 0), reference]
-      .map((w) => worldPoints(structure, w));
-    return { P, rest, deflected, reference, variance: deflectionVariance(P, rest, deflected) };
+  function seen(count) { // what does not change from draw to draw; cameras stand evenly, none on an
+    const cameras = Array.from({ length: count }, // axis of the beam
+      (_, i) => [((i + 0.3) * 360) / count, state.elevation]);
+    const setting = { distance: 500, cameras, focal, size: SIZE };
+    const shapes = [{ mode: state.mode, peak: state.amplitude / 1000 }];
+    const { P, rest, modes: [mode] } = simulateSetting(setting, structure, shapes);
+    return { P, rest, ...mode };
   }
   const inMm = (variances) => Array.from(variances, (one) => 1000 * Math.sqrt(one));
   const rise = (variances) => 1000 * Math.sqrt(average(variances)); // over all markers, mm
@@ -341,13 +331,7 @@ function buildBeam(request, { a, b, c }, { structure, sensorWidth }) {
     scene.last.forEach((w, i) => { squares[i] += (w - reference[i]) ** 2; });
     scene.draws += 1;
   }
-  const controls = [
-    slider({ state, set }, "Cameras", "cameras", [2, MOST], 1, 0, ""),
-    slider({ state, set }, "Mode", "mode", [1, 3], 1, 0, ""),
-    slider({ state, set }, "Amplitude", "amplitude", [0.5, 12], 0.5, 1, " mm"),
-    slider({ state, set }, "Elevation", "elevation", [5, 80], 5, 0, "°"),
-    action("Draw again", () => set({})),
-  ];
+  const buttons = [action("Draw again", () => set({}))];
 
   function drawAlong(panel, width, up, title, curve, cls, dots, dotCls) { // a curve and dots, in mm
     const { x, y } = chart(panel, width, [0, 1000 * structure.length], up, "along the beam, mm", title);
@@ -387,17 +371,23 @@ function buildBeam(request, { a, b, c }, { structure, sensorWidth }) {
       `${fixed((100 * all) / state.amplitude, 2)} % of the amplitude. ` + (scene.draws < DRAWS
       ? "Drawing …" : `${DRAWS} draws give ${fixed(got, 3)} mm, ${fixed(got / all, 3)} of it.`);
   }
-  return { controls, draw, model: { state, set, scene: () => scene } };
+  return { buttons, draw, reset() { scene = null; }, model: { scene: () => scene } };
 }
 
+// Name in the address, label, letters of the panels, what builds it, and its sliders: words, key of
+// the state and of the address, usual value, range, step, digits, unit.
 const EXPERIMENTS = {
-  rounding_marker: ["marker", "One marker on one pixel grid", ["a", "b", "c"], buildMarker],
-  rounding_point: ["point", "Two cameras and a point", ["a", "b"], buildPoint],
-  rounding_beam: ["beam", "Many cameras and a beam", ["a", "b", "c"], buildBeam],
+  rounding_marker: ["marker", "One marker on one pixel grid", [..."abc"], buildMarker,
+    ["Motion δ", "motion", 1.3, [0, 3], 0.01, 2, " px"],
+    ["Shift of the grid", "shift", 0, [-0.5, 0.5], 0.01, 2, " px"]],
+  rounding_point: ["point", "Two cameras and a point", [..."ab"], buildPoint,
+    ["Deflection w", "deflection", 2, [0, 6], 0.05, 2, " mm"],
+    ["Elevation φ", "elevation", 30, [5, 80], 1, 0, "°"]],
+  rounding_beam: ["beam", "Many cameras and a beam", [..."abc"], buildBeam,
+    ["Cameras", "cameras", 4, [2, 24], 1, 0, ""],
+    ["Mode", "mode", 3, [1, 3], 1, 0, ""],
+    ["Amplitude", "amplitude", 5.5, [0.5, 12], 0.5, 1, " mm"],
+    ["Elevation", "elevation", 35, [5, 80], 5, 0, "°"]],
 };
 
-export default { render({ model, el }) {
-  const [name, label, letters, build] = EXPERIMENTS[model.get("experiment")];
-  return showExperiment(el, name, label, letters,
-    (request, panels) => build(request, panels, model.get("data")));
-} };
+export default { render };

@@ -2,7 +2,7 @@
 import { entitle, fill, heightOf, isNumber, lines, path, resize, svg, text } from "./parts.js";
 import { towards } from "./pinhole.js";
 import {
-  RAD, SQUARE, baseOf, bent, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, drawRing,
+  RAD, SQUARE, bent, dot, drawAxes, drawCamera, drawClamp, drawHemisphere, drawRing,
   orbitHemisphere, plus, times, trace, turnable,
 } from "./space.js";
 
@@ -70,10 +70,10 @@ export function createSketch(panel, study) { // returns what draws it
       if (copies && !(nested && style)) return;
       seen.set(String(camera), copies + 1);
       const tip = times(towards(angles), distance);
-      const base = baseOf(tip, angles, 0.12 * radius * (1 + 0.4 * copies));
+      const drawn = drawCamera(space, tip, 0.12 * radius * (1 + 0.4 * copies));
       if (style && !copies) scene.push(line("tl-sight", [tip, [0, 0, 0]], "", style));
-      pyramids.push([dot(tip, viewer), svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`,
-        style }, ...drawCamera(space, tip, base))]);
+      pyramids.push([dot(tip, viewer),
+        svg("g", { class: `tl-camera${style ? "" : " tl-faint"}`, style }, drawn)]);
     }
     for (const i of shown) for (const camera of every[i].cameras) pyramid(camera, study.tint(i));
     for (const one of every) for (const camera of one.cameras) pyramid(camera);

@@ -1,17 +1,13 @@
 // Panels of a sound field: the ideal pressure on each plane, and the errors of the best and the
 // worst setting, at any instant of the period.
-import { amplitude, coloursOf, createPressure, decode } from "./field.js";
+import { amplitude, createPressure, decode, playFields } from "./field.js";
 import { colourBar, mapWidth, paletteOf } from "./maps.js";
-import { createMotion } from "./motion.js";
 import { KINDS, entitle, figure, html, isNumber, swatch } from "./parts.js";
 
 KINDS.sound = (study, uid) => {
   const b = figure("b", html("div", { class: "tl-planes" }), "b, c");
-  let colours = [], shown = []; // what is on the screen
+  const shown = [], motion = playFields(shown, study.data.colormap);
 
-  const motion = createMotion((phase) => {
-    for (const one of shown) one.paint(colours, Math.cos(phase), Math.sin(phase));
-  }, false); // a sound plays only when it is asked to
   b.canvas.before(motion.node);
   b.foot.append("Best and worst by the median error of the deflection.");
   motion.watch(b.node);
@@ -50,8 +46,7 @@ KINDS.sound = (study, uid) => {
   function draw() {
     entitle(b, study, "group", "Sound pressure: ideal, and what the measured shapes add to it", "",
       "The button plays the period; the slider sets the instant.");
-    colours = coloursOf(paletteOf(study.data.colormap));
-    shown = [];
+    shown.length = 0;
     b.canvas.replaceChildren(...study.data.planes.map(drawPlane));
     motion.redraw();
   }

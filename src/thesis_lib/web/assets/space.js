@@ -49,17 +49,16 @@ export const drawAxes = ({ flat, line }, from, size) => ["X", "Y", "Z"].flatMap(
 export const drawClamp = ({ line }, half, radius) =>
   line("tl-clamp", SQUARE.map(([u, v]) => [-half, u * 0.07 * radius, v * 0.05 * radius]), "Z");
 
-// The base of a camera's pyramid, `size` before the tip and towards what it looks at; its long
-// sides are level. It is as wide as `spread` says of its distance, and as high as `ratio` of that.
-export function baseOf(tip, [azimuth, elevation], size, spread = 1, ratio = 0.56) {
-  const out = towards([azimuth, elevation]), side = times(sideways(azimuth), (size * spread) / 2);
-  const over = times(cross(side, out), ratio), centre = plus(tip, times(out, -size));
-  return SQUARE.map(([u, v]) => plus(centre, plus(times(side, u), times(over, v))));
+// A camera as a pyramid: the base `size` before the tip and towards the origin, its long sides
+// level. It is as wide as `spread` says of its distance, and as high as `ratio` of that.
+export function drawCamera({ line, flat }, tip, size, spread = 1, ratio = 0.56) {
+  const out = times(tip, 1 / Math.hypot(...tip)), azimuth = Math.atan2(tip[0], tip[1]) / RAD;
+  const side = times(sideways(azimuth), (size * spread) / 2), over = times(cross(side, out), ratio);
+  const base = SQUARE.map(([u, v]) =>
+    [0, 1, 2].map((k) => tip[k] - size * out[k] + u * side[k] + v * over[k]));
+  return [line("tl-base", base, "Z"),
+    path("", base.map((corner) => lines([tip, corner].map(flat))).join(""))];
 }
-export const edgesOf = ({ flat }, tip, base) =>
-  base.map((corner) => lines([tip, corner].map(flat))).join("");
-export const drawCamera = (space, tip, base) =>
-  [space.line("tl-base", base, "Z"), path("", edgesOf(space, tip, base))];
 
 // Lets a view be turned; `grab(event)` may return what follows the pointer in place of that.
 export function turnable(canvas, view, lowest, draw, grab = () => null) {

@@ -13,8 +13,6 @@ import "./beam.js";
 import "./plate.js";
 import "./sound.js";
 
-const KEYS = ["case", "mode", "compare", "setting"]; // of the address
-
 // What one viewer shows: the chosen case and mode, the highlighted setting, and the words for them.
 function createStudy(model) {
   const study = {
@@ -115,11 +113,8 @@ function render({ model, el }) {
 
   // --- controls
   const choose = (name) => (value) => { model.set(name, value); model.save_changes(); remember(); };
-  function choice(label, pairs, value, onChange) {
-    const box = select(pairs, { "data-testid": label.toLowerCase() }, onChange);
-    box.value = value;
-    return field(label, box);
-  }
+  const choice = (label, pairs, value, onChange) =>
+    field(label, select(pairs, { "data-testid": label.toLowerCase() }, onChange, value));
   function buildControls() {
     const { cases, modes } = study.data;
     const names = cases.map(({ name, title: words }) => [name, `${name} – ${words}`]);
@@ -138,10 +133,9 @@ function render({ model, el }) {
   // --- the address of a page: ?case=2a&mode=3, and what is compared or pinned
   function remember() {
     if (!onPage) return;
-    const { compare, pinned } = study;
-    keep(KEYS, new URLSearchParams({ case: study.case().name, mode: study.mode().mode,
-      ...(compare === "extremes" ? {} : { compare }),
-      ...(pinned === null ? {} : { setting: pinned + 1 }) }));
+    keep({ case: study.case().name, mode: study.mode().mode,
+      compare: study.compare === "all" ? "all" : null,
+      setting: study.pinned === null ? null : study.pinned + 1 });
   }
   function recall() { // what is unknown or makes no sense is ignored
     const named = study.data.cases.find(({ name }) => name === asked("case"));
