@@ -26,7 +26,13 @@ from thesis_lib.vibration.structure import Plate
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane through the plate's centre and its normal, in front of the plate."""
+    """A plane through the plate's centre and its normal.
+
+    Raises
+    ------
+    ValueError
+        If the plane does not lie in front of the plate or has no points.
+    """
 
     name: Literal["XZ", "YZ"]  #: ``XZ`` (along the length) or ``YZ`` (across)
     half_width: float  #: The points lie at |u| ≤ half_width in m, u being X or Y
@@ -108,9 +114,23 @@ def _stack_real(matrix: ComplexArray) -> Array:
 def plane_operator(
     plate: Plate, plane: Plane, omega: float, medium: radiation.Medium = radiation.AIR
 ) -> PlaneOperator:
-    """Build the operator from a plate, whose cells are the pistons, to a plane at ω in rad/s.
+    """Build the operator from a plate to a plane at a frequency.
 
-    A ValueError if the pistons are too large for the wavelength.
+    Parameters
+    ----------
+    plate : Plate
+        The radiating plate; its cells are the pistons.
+    plane : Plane
+        Where the pressure is wanted.
+    omega : float
+        Angular frequency in rad/s.
+    medium : Medium
+        The fluid.
+
+    Raises
+    ------
+    ValueError
+        If the pistons are too large for the wavelength.
     """
     parts = plate_pistons(plate)
     radiation.check_pistons(parts, omega, medium)

@@ -44,7 +44,13 @@ def _check_positive(name: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Medium:
-    """The fluid that the sound is in."""
+    """The fluid that the sound is in.
+
+    Raises
+    ------
+    ValueError
+        If either is not positive and finite.
+    """
 
     speed_of_sound: float = 343.0  #: Speed of sound c in m/s
     density: float = 1.21  #: Density ρ₀ in kg/m³
@@ -144,8 +150,13 @@ def transfer_pressure(
 ) -> ComplexArray:
     """Return the pressure per velocity, jωρ₀A_e e^{−jkR} / (2πR), shape (..., pistons) (eq. 6.7).
 
-    In Pa s/m, at points (3, ...) in m in front of the plate, Z > 0. The exponent has the sign of
-    eq. 6.4, that of outgoing waves.
+    In Pa s/m, at points (3, ...) in m in front of the plate. The exponent has the sign of eq. 6.4,
+    that of outgoing waves.
+
+    Raises
+    ------
+    ValueError
+        If a point is not in front of the plate, Z > 0, or the pistons are too large.
     """
     points = np.asarray(points, float)
     result = np.empty((points[0].size, pistons.centres.shape[1]), complex)
@@ -197,7 +208,17 @@ def rayleigh_pressure(
 ) -> ComplexArray:
     """Return the pressure in Pa of a baffled plate at any points in front of it (eq. 6.4, 6.7).
 
-    At points (3, ...) in m, Z > 0: shape (...). Memory stays bounded by a block of points.
+    Parameters
+    ----------
+    pistons, velocity, omega, medium
+        As everywhere here.
+    points : array_like, shape (3, ...)
+        Observation points, Z > 0, in m.
+
+    Returns
+    -------
+    ndarray, shape (...), complex
+        Pressure; memory stays bounded by a block of points.
     """
     points = np.asarray(points, float)
     v = np.asarray(velocity)

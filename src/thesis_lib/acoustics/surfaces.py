@@ -98,7 +98,12 @@ class Surface:
     ) -> Array:
         """Form A of the radiated power wᴴAw in W of amplitudes w (points,) in m.
 
-        `moving` (nodes, points) is the displacement of the nodes by that of the points.
+        Parameters
+        ----------
+        moving : array_like, shape (nodes, points)
+            Displacement of the nodes by that of the points.
+        omega, medium
+            Frequency in rad/s, and the fluid.
         """
         B = omega * self.share[:, None] * np.asarray(moving, float)
         return np.asarray(B.T @ radiation.radiation_matrix(self.pistons, omega, medium) @ B)
@@ -181,8 +186,17 @@ class Screen:
     ) -> Array:
         """Form A of the power wᴴAw in W that one side radiates, of amplitudes w (points,) in m.
 
-        `moving` (cells, points) is the displacement of the cells by that of the points. The form is
-        NaN where cells are too coarse for the sound's wavelength.
+        Parameters
+        ----------
+        moving : array_like, shape (cells, points)
+            Displacement of the cells by that of the points.
+        omega, medium
+            Frequency in rad/s, and the fluid.
+
+        Returns
+        -------
+        ndarray, shape (points, points)
+            NaN where cells are too coarse for the sound's wavelength.
         """
         B, k = np.asarray(moving, float), radiation.wavenumber(omega, medium)
         if k * self.size.max() > MAX_CELL_RAD:

@@ -180,8 +180,18 @@ def array_settings(
 ) -> list[Setting]:
     """Return the cases 4a–4e: pairs added one after the other; then the reader's own layouts.
 
-    `pair_order` is ``printed`` or ``reversed`` by case; cases not named are taken as printed. Each
-    layout is a list of growing sets of ``(azimuth, elevation)`` in degrees.
+    Parameters
+    ----------
+    cases : sequence of str
+        Cases of Table 3.4.
+    pair_order : mapping
+        ``printed`` or ``reversed`` by case; cases not named are taken as printed.
+    layouts : mapping
+        Name to a list of growing sets of ``(azimuth, elevation)`` in degrees.
+    distance_mm : float
+        Distance of all cameras.
+    resolution_px : tuple of int
+        Width and height of the sensor.
     """
     grown: list[tuple[str, str, Sequence[Sequence[Direction]]]] = []
     for case in cases:

@@ -151,11 +151,33 @@ def default_rig(
     The motion is at rest for a second, grows over two periods, and is filmed in its steady state
     for a second and at least five periods.
 
-    Lengths are in m: `distance` is that of all cameras from the structure's centre; pixels are
-    square and fill the sensor's width. Directions are azimuth and elevation of each camera, `size`
-    is in px, `audio_noise_db` the power of the force over that of the noise on the audio tracks.
-    The `seed` is that of all noise and of the cameras' starts. Markers are those of the thesis's
-    beam if not given, or in the plate's cells with a fifth of their side as diameter.
+    Parameters
+    ----------
+    structure : Beam or Plate
+        What is filmed.
+    directions_deg : sequence of tuple
+        Azimuth and elevation of each camera.
+    focal_length, sensor_width : float
+        In m; the pixels are square and fill the width.
+    distance : float
+        Of all cameras from the structure's centre, m.
+    size : tuple of int
+        Width and height of the sensors in px.
+    sensor : Sensor, optional
+        Exposure, spread, noise and grey levels.
+    frame_rate : float
+        Frames per second.
+    components : tuple of Component
+        The steady vibration.
+    lens_k1 : float
+        First coefficient of the lens distortion.
+    audio_noise_db : float
+        Power of the force over that of the noise on the audio tracks, dB.
+    seed : int
+        Seed of all noise and of the cameras' starts.
+    markers : Markers, optional
+        Those of the thesis's beam if not given, or in the plate's cells with a fifth of their side
+        as diameter.
     """
     angles = np.radians(directions_deg)
     rotations = pinhole.hemisphere_rotations(angles[:, 0], angles[:, 1])

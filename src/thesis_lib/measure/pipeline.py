@@ -155,18 +155,28 @@ def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
 def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
-    Results go to the folder `out`: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv``
-    and the files of :mod:`~thesis_lib.measure.exchange.files` and
-    :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
-    repeat. `say` is called, line by line, with the progress of the measurement. Returned are the
-    page ``report.html``, what was found, and notes on it.
+    Parameters
+    ----------
+    path : Path
+        The manifest.
+    out : Path
+        Folder for the results: ``report.html``, ``figures``, ``measured.nc``, ``shapes.csv`` and
+        the files of :mod:`~thesis_lib.measure.exchange.files` and
+        :mod:`~thesis_lib.measure.report.animation`; next to them steps that a second run need not
+        repeat.
+    say : callable
+        Called, line by line, with the progress of the measurement.
+
+    Returns
+    -------
+    Report
+        The page ``report.html``, what was found, and notes on it.
 
     Raises
     ------
     ManifestError, MediaError
         If the manifest or a file cannot be used.
-    CalibrationError, SynchronisationError, TrackingError
-    ChainError, ForceError, FrequencyError, ModalError
+    CalibrationError, SynchronisationError, TrackingError, ChainError, FrequencyError, ModalError
         If the recordings do not suffice; one line that says what is missing.
     """
     manifest, folder = read_manifest(path), path.parent

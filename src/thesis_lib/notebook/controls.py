@@ -62,10 +62,20 @@ class Controls:
 
 
 def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
-    """Return controls of a figure set for the end of its notebook, whose ``globals()`` are given.
+    """Return controls of a figure set for the end of its notebook.
 
-    Its parameters are what the controls begin with, and a new cube becomes its ``result``, so that
-    any cell can be run again to show it.
+    Parameters
+    ----------
+    name : str
+        Name of the figure set.
+    namespace : mapping
+        The notebook's ``globals()``: its parameters are what the controls begin with, and a new
+        cube becomes its ``result``, so that any cell can be run again to show it.
+
+    Returns
+    -------
+    LiveView or None
+        None if the notebook writes its cube to a file, for then nobody is looking.
     """
     if namespace.get("cube"):  # written to a file: nobody is looking
         return None
@@ -77,7 +87,15 @@ def rerun(name: str, namespace: MutableMapping[str, Any]) -> LiveView | None:
 
 
 def controls(request: Study, keep: Callable[[xr.Dataset], object] = lambda _: None) -> Controls:
-    """Return controls that begin with the values of a request; `keep` is given each new cube."""
+    """Return controls that begin with the values of a request.
+
+    Parameters
+    ----------
+    request : Study
+        A validated request.
+    keep : callable
+        Is given each new cube.
+    """
     made = Controls(
         _build_inputs(request),
         ipywidgets.Button(description="Rerun", button_style="primary", icon="play"),

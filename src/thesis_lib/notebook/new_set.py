@@ -70,8 +70,15 @@ class NewSetError(ValueError):
 def write_set(name: str, title: str = "") -> list[Path]:
     """Begin a figure set, in the book if `name` is a name, elsewhere if it is a path.
 
-    Returned is what was written: folder, notebook, and in the book its table of contents. A
-    NewSetError refuses what is no name, or one of something that is there.
+    Returns
+    -------
+    list of Path
+        What was written: the folder, the notebook, and in the book its table of contents.
+
+    Raises
+    ------
+    NewSetError
+        If the name is not one, or something of that name is there.
     """
     place = Path(name)
     inside = place.name == name

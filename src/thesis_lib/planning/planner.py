@@ -207,7 +207,16 @@ class Plan:
 def plan(
     request: PlanRequest, body: Body | None = None, tell: Callable[[str], object] = lambda _: None
 ) -> Plan:
-    """Find the best layouts for a request; a body takes the place of its beam or plate.
+    """Find the best layouts for a request.
+
+    Parameters
+    ----------
+    request : PlanRequest
+        Validated parameters.
+    body : Body, optional
+        What is measured, if it is not the request's beam or plate.
+    tell : callable
+        Is told, line by line, how far it is.
 
     Raises
     ------

@@ -183,9 +183,23 @@ def write_plan(
     structure: Path | None = None,
     tell: Callable[[str], object] = lambda _: None,
 ) -> list[str]:
-    """Make a plan, write its four files when all are made, and return its summary line by line.
+    """Make a plan and write its four files into a folder.
 
-    A file with the structure takes the place of the request's beam or plate.
+    Parameters
+    ----------
+    request : PlanRequest
+        Validated parameters.
+    folder : pathlib.Path
+        Where to write; nothing is written there before all is made.
+    structure : pathlib.Path, optional
+        File with the structure, instead of the request's beam or plate.
+    tell : callable
+        Called with lines about the progress.
+
+    Returns
+    -------
+    list of str
+        The summary, line by line.
     """
     check_outputs(folder, [folder / name for name in PLAN_FILES], [structure] if structure else [])
     start = time.perf_counter()

@@ -52,7 +52,13 @@ class Once:
 
 
 class Surroundings:
-    """What cameras of a scene find about them: small steps lead to the same places again."""
+    """What cameras of a scene find about them: small steps lead to the same places over and over.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is measured, and the rules.
+    """
 
     def __init__(self, scene: positions.Scene) -> None:
         self.scene = scene

@@ -137,8 +137,11 @@ def simulate_sound_errors(
 ) -> tuple[Array, Array]:
     """Return errors of the sound of drawn deflection errors (modes, trials, markers) in m, in %.
 
-    Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of its
-    size, (2, modes).
+    Returns
+    -------
+    tuple of ndarray
+        Rms over the trials, of two planes on the worse, (modes,), and the quantiles 5 and 95 % of
+        its size, (2, modes).
     """
     rms, band = [], []
     for sound, error in zip(sounds, wrong, strict=True):

@@ -141,10 +141,21 @@ def _values(path: Path, mesh: xr.Dataset, name: str, dims: tuple[str, ...]) -> A
 
 
 def modes_of(structure: Structure, modes: Sequence[int]) -> xr.Dataset:
-    """Return the markers and mode shapes of a beam, plate or panel.
+    """Return the markers and mode shapes.
 
-    ``x``, ``y``, ``z`` of each ``point`` are in m from the middle of the box around the structure,
-    ``frequency(mode)`` is in Hz, and ``shape(mode, point)`` is 1 where the structure moves most.
+    Parameters
+    ----------
+    structure : Structure
+        Beam, plate or panel.
+    modes : sequence of int
+        Numbers of the modes, from 1.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``x``, ``y``, ``z`` of each ``point`` in m from the middle of the box around the structure,
+        ``frequency(mode)`` in Hz, and ``shape(mode, point)``, which is 1 where the structure moves
+        most.
     """
     body, kind = body_of(structure, "", modes), type(structure).__name__
     places = {

@@ -62,10 +62,17 @@ def locate_points(mesh: MeshTri, points: Array) -> tuple[IntArray, Array]:
     Triangles around are tried, nearest centres first, as far as needed. A point that round-off puts
     outside of all, by less than a billionth of a triangle, is moved to the side of one.
 
+    Parameters
+    ----------
+    mesh : skfem.MeshTri
+        Triangles.
+    points : ndarray, shape (2, n)
+        Points on them.
+
     Returns
     -------
     cells : ndarray, shape (n,)
-        Number of the triangle of each of points (2, n).
+        Number of the triangle.
     weights : ndarray, shape (3, n)
         Barycentric coordinates, which are not negative and add up to 1.
     """

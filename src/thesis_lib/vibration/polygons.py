@@ -40,7 +40,17 @@ Hole = Circle | tuple[Point, ...]
 
 
 class ShapeError(ValueError):
-    """A shape that cannot be computed, in one line: which parameter, its value, what is allowed."""
+    """A shape that cannot be computed, in one line.
+
+    Parameters
+    ----------
+    what : str
+        Which of its parameters is wrong.
+    given : object
+        Its value.
+    allowed : str
+        What is allowed, in words.
+    """
 
     def __init__(self, what: str, given: object, allowed: str) -> None:
         super().__init__(f"{what}: given {given}, allowed: {allowed}")
@@ -236,7 +246,14 @@ def triangulate_polygon(
 ) -> tuple[Array, IntArray]:
     """Return the triangles of a polygon without its holes.
 
-    Corners and `size`, the length of an element's side, are in m.
+    Parameters
+    ----------
+    outline : sequence of (x, y)
+        Corners in m.
+    holes : sequence of Circle or sequence of (x, y)
+        What is cut out.
+    size : float
+        Length of an element's side in m.
 
     Returns
     -------

@@ -102,7 +102,18 @@ def full_response(
 ) -> ComplexArray:
     """Return the sum of the first `n_modes` modes (eq. 3.3), complex amplitudes in m.
 
-    At `points` (2, ...) in m, for a point force in N at the angular frequency `omega` in rad/s.
+    Parameters
+    ----------
+    structure : Structure
+        The vibrating structure.
+    points : array_like, shape (2, ...)
+        Positions in m.
+    omega : float
+        Angular frequency in rad/s.
+    n_modes : int
+        Number of modes.
+    force : float
+        Amplitude of the point force in N.
     """
     shapes = structure.mode_shapes(range(1, n_modes + 1), points)
     q = modal_coordinates(structure, omega, n_modes, force)
@@ -137,12 +148,26 @@ def deflection_shape(
 
     Parameters
     ----------
+    structure : Structure
+        The vibrating structure.
+    mode : int
+        Mode number from 1.
     points : array_like, shape (2, ...)
         Positions in m.
     peak : float, optional
         Largest |w| over the structure in m.
     force : float, optional
         Amplitude in N of the point force at the mode's resonance; instead of `peak`.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Deflection in m.
+
+    Raises
+    ------
+    ValueError
+        If not exactly one of `peak` and `force` is given.
     """
     if (peak is None) == (force is None):
         raise ValueError(f"peak, force: given {peak} and {force}, needs exactly one of them")
@@ -289,6 +314,11 @@ def cantilever_roots(n_modes: int) -> Array:
     """Return the first positive roots β = kL of cos β cosh β = −1, shape (n_modes,), ascending.
 
     Solved as cos β + 1/cosh β = 0, which neither overflows nor loses digits for high modes.
+
+    Raises
+    ------
+    ValueError
+        If `n_modes` is less than 1.
     """
     if n_modes < 1:
         raise ValueError(f"n_modes: given {n_modes}, needs 1 or more")

@@ -41,7 +41,13 @@ _SERIES_TERMS = 400  # of the series of a rounding error
 
 
 def check_motion(motion: ArrayLike, distance: ArrayLike) -> None:
-    """Refuse motions in m above `MAX_MOTION_FRACTION` of their distances; 0 is a small one."""
+    """Refuse motions in m that are too large for the closed forms; 0 stands for a small one.
+
+    Raises
+    ------
+    ValueError
+        If a motion is above `MAX_MOTION_FRACTION` of its distance.
+    """
     fraction = np.max(np.abs(motion) / np.asarray(distance, float), initial=0)
     if not fraction <= MAX_MOTION_FRACTION * (1 + 1e-9):
         raise ValueError(
@@ -79,6 +85,11 @@ def cone_deflection_error(
 
     For independent noise, and for a rounded deflection, since u does not count: g_u = 0. N cameras,
     2 or more, stand at an `angle` θ from the normal.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two cameras, or the motion is too large.
     """
     check_motion(motion, distance)
     n = np.asarray(n_cameras, float)
@@ -102,6 +113,12 @@ def cone_covariance(
     σ_x = σ_y = R σ / (f √(N (1 − ½ sin²θ))), σ_z = R σ / (f √N sin θ): equal at sin²θ = ⅔.
     Of independent noise; of rounding, each axis for motions along it, on average over amplitudes:
     a coordinate that such a motion does not move does not count for that axis either.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three cameras, which have no axis of symmetry, or the motion is too
+        large.
     """
     check_motion(motion, distance)
     if n_cameras < 3:  # which have no axis of symmetry
@@ -175,8 +192,12 @@ def useful_frames(amplitudes_px: ArrayLike) -> Array:
     """Return the useful number of frames: 1/6 px² over the mean square of `fitted_amplitude_error`.
 
     An amplitude fitted to n independent roundings has the variance 1/(6n) px². At this n it has
-    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a. It is
-    averaged over amplitudes (..., vibrations).
+    come down to what repeated roundings leave for any n: about π⁴ a / (6 ζ(3)), or 13.5 a.
+
+    Parameters
+    ----------
+    amplitudes_px : array_like, shape (..., vibrations)
+        Amplitudes in px, over which is averaged.
     """
     return np.asarray(1 / (6 * np.mean(fitted_amplitude_error(amplitudes_px) ** 2, axis=-1)))
 

@@ -240,7 +240,13 @@ _LIKELIHOOD_FALL = 1.92
 
 
 def pixel_information(sigma_px: float) -> float:
-    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels."""
+    """Return Fisher's information in 1/px² of a coordinate with noise, rounded to pixels.
+
+    Raises
+    ------
+    ValueError
+        If σ is not above 0: without noise there is no limit.
+    """
     if not 0 < sigma_px < np.inf:  # without noise there is no limit
         raise ValueError(f"sigma_px: given {sigma_px}, allowed: a number above 0, in px")
     step = min(sigma_px / _SIGMA_STEPS, 0.5 / _SIGMA_STEPS)

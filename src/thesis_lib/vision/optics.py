@@ -186,7 +186,13 @@ def join_homogeneous(first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def block_means(picture: ArrayLike, block: int) -> Array:
-    """Average an image over blocks of `block` by `block` pixels, which must fill it."""
+    """Average an image over blocks of `block` by `block` pixels.
+
+    Raises
+    ------
+    ValueError
+        If the blocks do not fill the image.
+    """
     fine = np.asarray(picture, float)
     rows, columns = fine.shape[:2]
     if block < 1 or rows % block or columns % block:
@@ -198,7 +204,12 @@ def block_means(picture: ArrayLike, block: int) -> Array:
 def bayer_masks(shape: tuple[int, int], pattern: str = "RGGB") -> Mask:
     """Return the masks of red, green and blue pixels, shape (rows, columns, 3) (Fig. 2.4).
 
-    `pattern` has the colours of the top-left two by two pixels, row by row.
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns.
+    pattern : str
+        Colours of the top-left two by two pixels, row by row.
     """
     row, column = np.indices(shape)
     place = 2 * (row % 2) + column % 2

@@ -106,8 +106,16 @@ def hemisphere_cameras(
 ) -> CameraArray:
     """Return the equal cameras at one or several distances from the origin, all looking at it.
 
-    Distances, () or (cameras,), are those of the centres of projection in m, angles (cameras,) are
-    in rad, the focal length and the sensor's width and height are in px.
+    Parameters
+    ----------
+    distance : array_like, shape () or (cameras,)
+        Distance of the centres of projection from the origin in m.
+    azimuth, elevation : array_like, shape (cameras,)
+        Angles in rad.
+    focal_px : float
+        Focal length in px.
+    size : tuple of int
+        Sensor width and height in px.
     """
     R = hemisphere_rotations(azimuth, elevation)
     K = np.broadcast_to(intrinsics(focal_px, size), R.shape)

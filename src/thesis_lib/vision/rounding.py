@@ -27,8 +27,17 @@ _SERIES_TERMS = 1000  # of a Fourier series
 def grid_shifts(seed: int, trials: int, n_cameras: int, first: int = 0) -> Array:
     """Return the shifts of the cameras' pixel grids, a function of (seed, trial, camera) alone.
 
-    From the trial `first` to the last, `trials`: shape (trials + 1 - first, n_cameras, 2), in px,
-    uniform in ±½. Trial 0 is the nominal run and has none.
+    Parameters
+    ----------
+    seed, trials, n_cameras : int
+        Seed, last trial, number of cameras.
+    first : int
+        First trial wanted.
+
+    Returns
+    -------
+    ndarray, shape (trials + 1 - first, n_cameras, 2)
+        Shifts in px, uniform in ±½; trial 0 is the nominal run and has none.
     """
     return _cached_shifts(seed, trials, n_cameras, first).copy()
 
@@ -173,8 +182,21 @@ def deflection_covariance(
     together; this matters where markers are summed, as in sound. The diagonal is
     :func:`deflection_variance`.
 
-    Of parameters as for :func:`deflection_variance`, with points (3, markers): shape
-    (markers, markers), in m².
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    rest, deflected : array_like, shape (3, markers)
+        World points in m.
+    rest_is_known : bool
+        Whether the rest position is known rather than rebuilt from rounded pixels.
+    noise_px : float
+        Standard deviation of every image before it is rounded.
+
+    Returns
+    -------
+    ndarray, shape (markers, markers)
+        Covariance in m².
     """
     points = np.stack([np.asarray(deflected, float), np.asarray(rest, float)], axis=1)
     signs = np.array([1.0, -1.0])

@@ -130,8 +130,19 @@ def triangulation_gain(P: ArrayLike, points: ArrayLike) -> Array:
 def point_covariance(P: ArrayLike, points: ArrayLike, sigma_px: float = 1.0) -> Array:
     """Return first-order covariance σ² (JᵀJ)⁻¹ of the refined points for independent pixel noise.
 
-    Of `P` and `points` as for :func:`image_jacobian`, and the standard deviation `sigma_px` of
-    every image coordinate: shape (3, 3, ...), in m².
+    Parameters
+    ----------
+    P : array_like, shape (cameras, 3, 4)
+        Projection matrices.
+    points : array_like, shape (3, ...)
+        World points in m.
+    sigma_px : float
+        Standard deviation of every image coordinate in px.
+
+    Returns
+    -------
+    ndarray, shape (3, 3, ...)
+        Covariance in m².
     """
     G = triangulation_gain(P, points)
     result: Array = sigma_px**2 * np.einsum("ick...,jck...->ij...", G, G)

@@ -254,11 +254,21 @@ def common_errors(
 ) -> ComplexArray:
     """Return the calibration's errors of amplitudes in m, independent rows of one std each.
 
-    Of one vibration or several by the cameras as calibrated, at angular frequencies in rad/s. The
-    covariance (14 n, 14 n) is of the cameras, see
-    :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`. The shape is (rows, fits,
-    markers), with as many rows as it has directions that matter, at most :data:`MAX_DIRECTIONS`.
-    Rows are mixed by real numbers: a complex one would turn an error of size into one of phase.
+    Parameters
+    ----------
+    fits, omegas
+        One vibration or several by the cameras as calibrated, and their angular frequencies, rad/s.
+    markers : Markers
+        What is on the structure.
+    exposures : ndarray
+        Exposure times in s.
+    covariance : ndarray, shape (14 n, 14 n)
+        Of the cameras, see :func:`~thesis_lib.measure.calibration.uncertainty.jackknife_cameras`.
+
+    Returns
+    -------
+    ndarray, shape (rows, fits, markers)
+        As many rows as the covariance has directions that matter, at most :data:`MAX_DIRECTIONS`.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
