@@ -22,12 +22,7 @@ from numpy.typing import NDArray
 
 from thesis_lib.arrays import Array, Mask
 from thesis_lib.vibration.structure import Structure, deflection_shape
-from thesis_lib.vision.pinhole import (
-    CameraArray,
-    hemisphere_cameras,
-    hemisphere_directions,
-    hemisphere_rotations,
-)
+from thesis_lib.vision import pinhole
 
 Limits = tuple[float, float]
 
@@ -211,16 +206,16 @@ class Scene:
 
 def camera_centres(scene: Scene, places: Array) -> Array:
     """Return the camera centres in m in the body's frame, shape (places, 3)."""
-    out = hemisphere_directions(places[:, 0], places[:, 1]) * places[:, 2:3]
+    out = pinhole.hemisphere_directions(places[:, 0], places[:, 1]) * places[:, 2:3]
     return out + scene.body.centre
 
 
-def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> CameraArray:
+def place_cameras(scene: Scene, places: Array, width: float = 1.0) -> pinhole.CameraArray:
     """Return the cameras at places, each with its own lens and `width` pixels across."""
     size = (width, scene.aspect * width)
     if width != 1:
         size = (round(size[0]), round(size[1]))
-    rig = hemisphere_cameras(places[:, 2], places[:, 0], places[:, 1], width, size)  # type: ignore[arg-type]
+    rig = pinhole.hemisphere_cameras(places[:, 2], places[:, 0], places[:, 1], width, size)  # type: ignore[arg-type]
     K = rig.K.copy()
     K[:, [0, 1], [0, 1]] *= places[:, 3:4]
     return replace(rig, K=K, centres=camera_centres(scene, places))
@@ -236,7 +231,7 @@ the centre along the direction, in m; and the cosine between its normal and the 
 
 def lens_sights(scene: Scene, grid: Array, focal: Array) -> Sights:
     """Return the sights in directions (directions, 2) through lenses (directions,)."""
-    body, R = scene.body, hemisphere_rotations(grid[:, 0], grid[:, 1])
+    body, R = scene.body, pinhole.hemisphere_rotations(grid[:, 0], grid[:, 1])
     ends = body.extremes(scene.peaks) - body.centre[:, None, None]
     across, down, beyond = np.moveaxis(np.tensordot(R, ends, 1), 1, 0)
     # an image is focal × across / (distance + beyond) from the middle of the image

@@ -13,14 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from thesis_lib.acoustics import radiation
 from thesis_lib.acoustics.planes import MAX_NODAL_PRESSURE_RATIO, PlateSound, plate_pistons
-from thesis_lib.acoustics.radiation import (
-    FINER_PISTONS,
-    Medium,
-    Pistons,
-    radiation_matrix,
-    transfer_pressure,
-)
 from thesis_lib.arrays import Array
 from thesis_lib.facts import setups
 from thesis_lib.planning import positions, search
@@ -80,7 +74,7 @@ def sounds_of(
                 place = np.array(point_mm) / 1000
                 one = _at_point(plate_pistons(plate), place, field.medium, omega, shape)
         except ValueError as error:
-            refuse_value("modes", mode, str(error).replace(FINER_PISTONS, "a lower mode"))
+            refuse_value("modes", mode, str(error).replace(radiation.FINER_PISTONS, "a lower mode"))
         if goal in SILENT_TEXTS and np.isnan(one.largest).all():
             refuse_value("modes", mode, f'allowed: modes {SILENT_TEXTS[goal]}, with goal "{goal}"')
         found.append(one)
@@ -88,13 +82,16 @@ def sounds_of(
 
 
 def _at_point(
-    parts: Pistons, point: Array, medium: Medium, omega: float, reference: Array
+    parts: radiation.Pistons, point: Array, medium: radiation.Medium, omega: float, reference: Array
 ) -> PlateSound:
     """Compute the sound at one point (3,) in m; its pressure counts as a field does."""
-    row = transfer_pressure(parts, point, omega, medium)
+    row = radiation.transfer_pressure(parts, point, omega, medium)
     own, disordered = (omega * np.abs(reference @ row), omega * np.linalg.norm(row * reference))
     largest = np.array([np.nan if own <= MAX_NODAL_PRESSURE_RATIO * disordered else own])
-    factor, resistance = np.stack([row.real, row.imag]), radiation_matrix(parts, omega, medium)
+    factor, resistance = (
+        np.stack([row.real, row.imag]),
+        radiation.radiation_matrix(parts, omega, medium),
+    )
     return PlateSound(omega, reference, (), (factor,), largest, resistance)
 
 

@@ -10,16 +10,10 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from thesis_lib.arrays import Array, ComplexArray
+from thesis_lib.measure.fitting import result
 from thesis_lib.measure.fitting.errors import common_errors, with_common_errors
 from thesis_lib.measure.fitting.harmonics import Fitted, at_rest, common_phase
 from thesis_lib.measure.fitting.reconstruction import check_frame, triangulate_seen
-from thesis_lib.measure.fitting.result import (
-    candidate_modes,
-    compare_modes,
-    list_rivals,
-    result_coordinates,
-    size_off,
-)
 from thesis_lib.measure.modes import poles as fits
 from thesis_lib.measure.modes import shapes as motions
 from thesis_lib.measure.modes.poles import Poles, Spectrum, TrackBlock
@@ -234,7 +228,7 @@ def _nearest_in_step(
     near, told = 1 / fits.span_of(blocks), []
     for k, (alpha, omega) in enumerate(poles.rates):
         own = omega / (2 * np.pi)
-        others = list_rivals(own, frames, near, max(asked.band[0], near), asked.band[1])
+        others = result.list_rivals(own, frames, near, max(asked.band[0], near), asked.band[1])
         apart: list[tuple[float, float]] = []
         for other in [own, *others] if others else []:
             trial = np.array([[alpha, 2 * np.pi * other]])
@@ -320,7 +314,7 @@ def modes_result(
     shape = found.shape * turns
     aliases = [list(own) + [(np.nan, np.nan)] for own in found.aliases]
     most = max(len(own.frequency) for own in found.orders)
-    models = candidate_modes(manifest.structure)
+    models = result.candidate_modes(manifest.structure)
     values: dict[str, Any] = {
         "x": rest.places[0],
         "y": rest.places[1],
@@ -351,13 +345,13 @@ def modes_result(
         "before": found.before.power,
         "after": found.after.power,
     } | {name: getattr(found, name) for name in COMMON_VARIABLES}
-    compared = [compare_modes(own, models)[0] for own in shape.real]
+    compared = [result.compare_modes(own, models)[0] for own in shape.real]
     values |= {
         "mac": np.reshape([one["mac"] for one in compared], (len(shape), len(models))),
         "model_frequency": [model.frequency for model in models],
         "reference_deflection": [one["reference_deflection"] for one in compared],
     }
-    coords = result_coordinates([own.camera for own in recordings], models)
+    coords = result.result_coordinates([own.camera for own in recordings], models)
     data = xr.Dataset(label_values(values, VARIABLES), coords)
     if covariance is None:
         return data
@@ -381,7 +375,7 @@ def rest_of(manifest: Manifest, recordings: Sequence[tracks.Recording]) -> tuple
     points, _ = triangulate_seen(projection_matrices(cameras), still)
     thick = manifest.structure.thickness_mm / 1000
     rest = Rest(still, frame, points, markers.centres, thick)
-    return rest, size_off(frame.scale)
+    return rest, result.size_off(frame.scale)
 
 
 def fit_window(

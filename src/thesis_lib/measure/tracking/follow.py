@@ -22,13 +22,7 @@ from scipy.spatial import KDTree
 
 from thesis_lib.arrays import Array, Image, Mask
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.tracking.homography import (
-    TrackingError,
-    View,
-    even_light,
-    find_view,
-    view_of,
-)
+from thesis_lib.measure.tracking import homography
 from thesis_lib.measure.tracking.tracker import (
     EDGE_STD_PX,
     MAX_POOR_SHARE,
@@ -66,7 +60,7 @@ class Table:
         If the lens shows a marker nowhere.
     """
 
-    def __init__(self, view: View, image: Image) -> None:
+    def __init__(self, view: homography.View, image: Image) -> None:
         markers, plane = view.markers, view.markers.positions
         n, start = plane.shape[1], view.to_image(plane)
         ellipses = markers.diameter / 2 * np.moveaxis(view.stretch(plane), 2, 0)
@@ -212,7 +206,7 @@ class Detector(Protocol):
         """Return the markers' centres in px, (2, markers), NaN where missing; frames in order."""
 
 
-DETECTORS: dict[str, Callable[[View, float, Image], Detector]] = {
+DETECTORS: dict[str, Callable[[homography.View, float, Image], Detector]] = {
     "disc": lambda view, turn, image: Follower(Tracker(view, turn), image),
 }
 """Marker detectors by name."""
@@ -255,7 +249,7 @@ def trackers_of(
         )
         try:
             own = sharpen_view(picture, own)
-        except TrackingError as error:
+        except homography.TrackingError as error:
             notes.append(f"{width} px: {error}")
         trackers.append(Tracker(own, turn))
     return trackers, notes
@@ -286,7 +280,7 @@ def first_view(
     camera: Camera,
     markers: Markers,
     corners_px: Sequence[tuple[float, float]] | None,
-) -> View:
+) -> homography.View:
     """Estimate the camera's view of the structure in its first frame, from corners and markers.
 
     Corners that are not given are looked for in the frame as it is, then with even light.
@@ -298,12 +292,12 @@ def first_view(
     """
     if corners_px is not None:
         corners = undistort_pixels(camera, np.array(corners_px, float).T)
-        return sharpen_view(image, view_of(camera, markers, corners))
-    failures: list[TrackingError] = []
-    for even in even_light(image):
+        return sharpen_view(image, homography.view_of(camera, markers, corners))
+    failures: list[homography.TrackingError] = []
+    for even in homography.even_light(image):
         try:
-            return sharpen_view(image, find_view(even, camera, markers))
-        except TrackingError as error:
+            return sharpen_view(image, homography.find_view(even, camera, markers))
+        except homography.TrackingError as error:
             failures.append(error)
         if markers.hole is None:  # nothing tells the ends apart in any light
             break
