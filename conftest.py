@@ -7,7 +7,6 @@ import tempfile
 from pathlib import Path
 
 import hypothesis
-import pytest
 
 from thesis_lib.runs.command_line import list_variables
 
@@ -17,7 +16,7 @@ hypothesis.settings.load_profile("project")
 os.environ.update(list_variables())  # before NumPy is imported, as every command does
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     """Sanitise the notebooks' outputs, and execute them by the kernel that runs have.
 
     An option with a relative path works in one folder only.

@@ -5,9 +5,6 @@ import shutil
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-from playwright.sync_api import Page
 
 from thesis_lib.book.rendering import npm_ci
 from thesis_lib.web.page import BookError
@@ -35,7 +32,7 @@ PREPARE = """() => {
 
 
 @cache
-def source() -> str:
+def source():
     """The checker's program, installed from ``package-lock.json`` unless it is there.
 
     Raises
@@ -60,7 +57,7 @@ def source() -> str:
 
 
 @cache
-def absent() -> str:
+def absent():
     """Why there is no checker; empty if there is one."""
     try:
         source()
@@ -69,7 +66,7 @@ def absent() -> str:
     return ""
 
 
-def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str]:
+def findings(page, *rules, without=()):
     """What is wrong with a page, minor or not, one line per element.
 
     Parameters
@@ -80,7 +77,7 @@ def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str
     without : tuple of str
         Selectors of parts to leave out.
     """
-    options: dict[str, Any] = {"resultTypes": ["violations"], "preload": False}
+    options = {"resultTypes": ["violations"], "preload": False}
     if rules:
         options["runOnly"] = {"type": "rule", "values": list(rules)}
     if not page.evaluate("() => 'axe' in window"):
@@ -96,7 +93,7 @@ def findings(page: Page, *rules: str, without: tuple[str, ...] = ()) -> list[str
     ]
 
 
-def light_and_dark(page: Page, *, theme: bool = False, without: tuple[str, ...] = ()) -> list[str]:
+def light_and_dark(page, *, theme=False, without=()):
     """What is wrong with an open page, by any rule in the light, by contrast in the dark.
 
     Parameters

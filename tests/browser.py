@@ -1,22 +1,15 @@
 """Open a local page in a real browser without a network, and write down what it tried."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
 import threading
-from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any
 from weakref import WeakKeyDictionary
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, ConsoleMessage, Page, Request, Response
 
 LOCAL = ("file:", "data:", "blob:", "about:")
 FLAGS = [
@@ -38,13 +31,13 @@ HEAD = (
 )
 
 
-def write_page(file: Path, *fragments: str) -> Path:
+def write_page(file, *fragments):
     """Write fragments of HTML as a page, and return its file."""
     file.write_text(f"{HEAD}<body>{''.join(fragments)}", encoding="utf-8")
     return file
 
 
-def find_browser() -> str | None:
+def find_browser():
     """Path of Chromium or Chrome on this machine, or None."""
     own = os.environ.get("CHROME_BIN", "chromium")
     names = (own, "chromium", "chromium-browser", "google-chrome")
@@ -52,7 +45,7 @@ def find_browser() -> str | None:
 
 
 @contextmanager
-def browser() -> Iterator[Browser]:
+def browser():
     """A headless browser for as long as the context lasts."""
     from playwright.sync_api import sync_playwright  # others read this file without the package
 
@@ -68,18 +61,18 @@ def browser() -> Iterator[Browser]:
 class Opened:
     """A page, and what went wrong while it was opened and used."""
 
-    page: Page
+    page: Any  # of playwright
     external: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     console: list[str] = field(default_factory=list)
     said: list[str] = field(default_factory=list)  # in the console, without being an error
 
     @property
-    def trouble(self) -> list[str]:
+    def trouble(self):
         """Requests beyond this machine, failed requests, console errors and page errors."""
         return [*self.external, *self.failed, *self.console]
 
-    def sideways_px(self) -> int:
+    def sideways_px(self):
         """How far the page itself scrolls sideways."""
         return int(
             self.page.evaluate("""() => {
@@ -89,11 +82,11 @@ class Opened:
 
 
 @contextmanager
-def server(folder: Path) -> Iterator[str]:
+def server(folder):
     """Serve a folder on this machine alone, for as long as the context lasts."""
 
     class Quiet(SimpleHTTPRequestHandler):
-        def log_message(self, *_: object) -> None:
+        def log_message(self, *_):
             pass
 
     handler = partial(Quiet, directory=str(folder))
@@ -117,12 +110,12 @@ FOCUSED = """name => { const e = document.activeElement, style = getComputedStyl
     (e.labels?.[0] ?? e).innerText.split('\\n')[0]; }"""
 
 
-def focused(opened: Opened) -> str:
+def focused(opened):
     """Name of what has the focus, or that it is not seen to have it."""
     return str(opened.page.evaluate(FOCUSED))
 
 
-def tab_through(opened: Opened, times: int) -> list[str]:
+def tab_through(opened, times):
     """Names of what gets the focus when Tab is pressed."""
     seen = []
     for _ in range(times):
@@ -131,7 +124,7 @@ def tab_through(opened: Opened, times: int) -> list[str]:
     return seen
 
 
-def drag(opened: Opened, name: str, x: float, y: float = 0) -> None:
+def drag(opened, name, x, y=0):
     """Drag from the middle of what has a test id by some px to the right and down."""
     box = opened.page.get_by_test_id(name).bounding_box()
     assert box is not None
@@ -144,16 +137,16 @@ def drag(opened: Opened, name: str, x: float, y: float = 0) -> None:
 
 @contextmanager
 def open_offline(
-    running: Browser,
-    path: Path,
-    width: int = 1280,
-    height: int = 900,
-    dark: bool = False,
-    query: str = "",
-    served: str = "",
-    fresh: bool = False,
-    still: bool = True,
-) -> Iterator[Opened]:
+    running,
+    path,
+    width=1280,
+    height=900,
+    dark=False,
+    query="",
+    served="",
+    fresh=False,
+    still=True,
+):
     """Open the file `path` with no network, and wait until it and its equations are there.
 
     With `served`, the address at which a server on this machine has the file, only that server is
@@ -170,7 +163,7 @@ def open_offline(
     in_order = False
     try:
         page.set_viewport_size({"width": width, "height": height})
-        motion: Literal["reduce", "no-preference"] = "reduce" if still else "no-preference"
+        motion = "reduce" if still else "no-preference"
         page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion=motion)
         address = served or path.resolve().as_uri()
         page.goto(address + (f"?{query}" if query else ""), wait_until="load")
@@ -188,11 +181,11 @@ def open_offline(
             page.context.close()
 
 
-_WINDOWS: WeakKeyDictionary[Browser, dict[tuple[bool, str], Opened]] = WeakKeyDictionary()
+_WINDOWS = WeakKeyDictionary()
 """Windows that may be used again, by whether they have a touch screen and by their server."""
 
 
-def _window(running: Browser, touch: bool, server: str) -> Opened:
+def _window(running, touch, server):
     """A window that reaches nothing, or one server on this machine, and what it tried."""
     local = (*LOCAL, server) if server else LOCAL
     context = running.new_context(offline=not server, has_touch=touch)
@@ -200,15 +193,15 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
         context.route(lambda url: not url.startswith(local), lambda route: route.abort())
     opened = Opened(context.new_page())
 
-    def on_request(request: Request) -> None:
+    def on_request(request):
         if not request.url.startswith(local):
             opened.external.append(f"external request: {request.url}")
 
-    def on_message(message: ConsoleMessage) -> None:
+    def on_message(message):
         told = opened.console if message.type == "error" else opened.said
         told.append(f"console: {message.text}")
 
-    def on_response(response: Response) -> None:
+    def on_response(response):
         if response.status >= 400:
             opened.failed.append(f"{response.status}: {response.url}")
 
@@ -221,7 +214,7 @@ def _window(running: Browser, touch: bool, server: str) -> Opened:
     return opened
 
 
-def _emptied(opened: Opened) -> Opened:
+def _emptied(opened):
     """A window as it was before it was used."""
     page = opened.page
     page.evaluate("() => { localStorage.clear(); sessionStorage.clear(); }")

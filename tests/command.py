@@ -6,7 +6,6 @@ import signal
 import sys
 import warnings
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
@@ -24,13 +23,13 @@ class Done:
     warned: tuple[str, ...] = ()
 
 
-def hears_signals() -> None:
+def hears_signals():
     """Undo what a shell ignores for jobs in the background and ``nohup``."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
 
-def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
+def thesis(*arguments, cwd="."):
     """Run the command in this process, as a shell would in the folder `cwd`."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
@@ -52,7 +51,7 @@ def thesis(*arguments: str | Path, cwd: Path | str = ".") -> Done:
     return Done(int(end.value.code or 0), out.getvalue(), err.getvalue(), tuple(warned))
 
 
-def refusal(done: Done) -> str:
+def refusal(done):
     """The one line of a refused request."""
     assert (done.status, done.out) == (2, ""), done.err
     assert done.err.endswith("\n")

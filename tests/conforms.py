@@ -20,7 +20,7 @@ import pytest
 Record = dict[str, Any]
 
 
-def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=None) -> Record:
+def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=None):
     """Compare real or complex numbers with what is expected, or with open bounds.
 
     Allowed is |value - expected| <= atol + rtol |expected|, or else above < value < below. The
@@ -58,10 +58,10 @@ def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=Non
 class Conforms:
     """Make checks, and keep the worst outcome of each line of the running test."""
 
-    def __init__(self) -> None:
-        self.records: dict[int, Record] = {}
+    def __init__(self):
+        self.records = {}
 
-    def _check(self, kind: str, value, expected=None, **allowed) -> None:
+    def _check(self, kind, value, expected=None, **allowed):
         __tracebackhide__ = True
         record = {"kind": kind, **compare(value, expected, **allowed)}
         line = sys._getframe(1).f_lineno
@@ -81,24 +81,24 @@ RECORDER = Conforms()
 
 
 @pytest.fixture(scope="session")  # the same for all examples of hypothesis
-def conforms() -> Conforms:
+def conforms():
     """Return the checks by kind: closed form, order, invariance, sampled, independent."""
     return RECORDER
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     config.addinivalue_line("markers", "conforms: uses the fixture `conforms`; set by itself")
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     for item in items:
         if "conforms" in getattr(item, "fixturenames", ()):
             item.add_marker("conforms")
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item):
+def pytest_runtest_call(item):
     RECORDER.records.clear()
     try:
         return (yield)

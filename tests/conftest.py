@@ -1,24 +1,17 @@
 """A copy of the project that a test may change, and the ``thesis`` command run from it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import nbformat
 import pytest
 from browser import browser, find_browser
 from command import hears_signals
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 pytest_plugins = ["conforms", "small_book", "tiers"]
 PROJECT = Path(__file__).parents[1]
@@ -26,7 +19,7 @@ PARTS = ["src", "notebooks", "data", "requirements", "pyproject.toml", "dodo.py"
          "book/_toc.yml"]  # fmt: skip
 
 
-def until_study(document: nbformat.NotebookNode) -> None:
+def until_study(document):
     """Leave a notebook its parameters and what comes until it has its cube."""
     last = next(i for i, cell in enumerate(document.cells) if cell.id.endswith("-02"))
     document.cells = document.cells[: last + 1]
@@ -35,7 +28,7 @@ def until_study(document: nbformat.NotebookNode) -> None:
 class Checkout:
     """A copy of the library, the notebooks and the data; Python started here imports the copy."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root):
         self.root = root
         root.mkdir(parents=True)
         ignored = shutil.ignore_patterns("results", ".ipynb_checkpoints")  # what is compiled stays
@@ -48,18 +41,16 @@ class Checkout:
         reader = {k: v for k, v in os.environ.items() if not k.startswith("JUPYTER_")}  # of nbval
         self.environment = {**reader, "PYTHONPATH": str(root / "src")}
 
-    def notebook(self, name: str) -> Path:
+    def notebook(self, name):
         return self.root / "notebooks" / f"{name}.ipynb"
 
-    def change(self, name: str, edit: Callable[[nbformat.NotebookNode], object]) -> None:
+    def change(self, name, edit):
         """Rewrite a notebook after `edit` has changed it."""
         document = nbformat.read(self.notebook(name), as_version=4)
         edit(document)
         nbformat.write(document, self.notebook(name))
 
-    def python(
-        self, *arguments: str | Path, cwd: Path, timeout: float = 150, **extra: str
-    ) -> subprocess.CompletedProcess[str]:
+    def python(self, *arguments, cwd, timeout=150, **extra):
         """Run Python with the copy on its path; standard input is empty."""
         return subprocess.run(
             [sys.executable, *map(str, arguments)],
@@ -72,9 +63,7 @@ class Checkout:
             timeout=timeout,
         )
 
-    def thesis(
-        self, *arguments: str | Path, cwd: Path, timeout: float = 150
-    ) -> subprocess.CompletedProcess[str]:
+    def thesis(self, *arguments, cwd, timeout=150):
         """Run the ``thesis`` command and wait for it."""
         return self.python("-m", "thesis_lib", *arguments, cwd=cwd, timeout=timeout)
 
@@ -82,7 +71,7 @@ class Checkout:
 class Running:
     """A ``thesis`` command under way, in a session of its own."""
 
-    def __init__(self, checkout: Checkout, log: Path, *arguments: str | Path) -> None:
+    def __init__(self, checkout, log, *arguments):
         self.log = log
         with log.open("w") as stream:
             self.process = subprocess.Popen(
@@ -96,10 +85,10 @@ class Running:
                 preexec_fn=hears_signals,
             )
 
-    def said(self) -> str:
+    def said(self):
         return self.log.read_text(encoding="utf-8")
 
-    def wait_for(self, condition: Callable[[], bool]) -> None:
+    def wait_for(self, condition):
         """Wait until `condition` holds while the command is still running."""
         for _ in range(6000):
             if condition():
@@ -108,26 +97,26 @@ class Running:
             time.sleep(0.05)
         pytest.fail(f"nothing came of it within five minutes:\n{self.said()}")
 
-    def end(self) -> None:
+    def end(self):
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait(timeout=30)
 
 
 @pytest.fixture(scope="module")
-def checkout(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
+def checkout(tmp_path_factory):
     """A fresh copy for the tests of one file, which leave it as it is."""
     return Checkout(tmp_path_factory.mktemp("checkout") / "project")
 
 
 @pytest.fixture
-def own_checkout(tmp_path: Path) -> Checkout:
+def own_checkout(tmp_path):
     """A fresh copy that one test may change."""
     return Checkout(tmp_path / "project")
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
+def chromium():
     """A headless browser for the tests of one file, which are skipped where there is none."""
     pytest.importorskip("playwright", reason="the browser tests need the playwright package")
     if find_browser() is None:
@@ -137,11 +126,11 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def start() -> Iterator[Callable[..., Running]]:
+def start():
     """Start ``thesis`` commands that are ended with the test at the latest."""
-    running: list[Running] = []
+    running = []
 
-    def begin(checkout: Checkout, log: Path, *arguments: str | Path) -> Running:
+    def begin(checkout, log, *arguments):
         running.append(Running(checkout, log, *arguments))
         return running[-1]
 
@@ -151,7 +140,7 @@ def start() -> Iterator[Callable[..., Running]]:
 
 
 @pytest.fixture
-def interrupts_ignored() -> Iterator[None]:
+def interrupts_ignored():
     """The tests themselves cannot be interrupted, as in a background shell; their commands can."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     yield

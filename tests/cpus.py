@@ -38,7 +38,7 @@ for name in sys.argv[2:] or sorted(STUDIES, key="claims".__eq__):  # the ledger 
 """
 
 
-def main() -> int:
+def main():
     """Compute and compare; return 1 if anything differs by more than it may."""
     failed = []
     with tempfile.TemporaryDirectory() as work:
@@ -55,7 +55,7 @@ def main() -> int:
     return bool(failed)
 
 
-def compare_files(one: Path, other: Path, exact: bool = False) -> list[str]:
+def compare_files(one, other, exact=False):
     """Return the variables of two files that differ by more than they may, or that one lacks."""
     with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
         both = set(a.variables) & set(b.variables)
@@ -63,7 +63,7 @@ def compare_files(one: Path, other: Path, exact: bool = False) -> list[str]:
         return sorted(map(str, {*a.variables, *b.variables} - same))
 
 
-def close(x: np.ndarray, y: np.ndarray, exact: bool) -> bool:
+def close(x, y, exact):
     """Return whether two arrays are equal, or close if they hold numbers."""
     numbers = x.dtype.kind == "f"
     if x.shape != y.shape or x.dtype != y.dtype or not numbers or exact:

@@ -1,15 +1,12 @@
 """What the library says to a request that it refuses."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.request import ParameterError
 
 
-def line_of(error: type[Exception], call: Callable[..., object], *given: Any) -> str:
+def line_of(error, call, *given):
     """The one line of an error that a call raises."""
     with pytest.raises(error) as caught:
         call(*given)
@@ -18,14 +15,14 @@ def line_of(error: type[Exception], call: Callable[..., object], *given: Any) ->
     return line
 
 
-def refusal(name: str, /, **values: Any) -> str:
+def refusal(name, /, **values):
     """The one line by which a figure set's request is refused."""
     message = line_of(ParameterError, validate_request, name, values)
     assert message.startswith(f"{name}: ")
     return message
 
 
-def assert_refused(name: str, values: dict[str, Any], words: list[str]) -> None:
+def assert_refused(name, values, words):
     """That a request is refused by a line with all of the words."""
     message = refusal(name, **values)
     missing = [word for word in words if word not in message]

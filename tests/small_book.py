@@ -49,7 +49,7 @@ See [its figure](fig-3-4), {numref}`fig-3-4` and [the other page](executed/beam-
 """
 
 
-def shrink(checkout, pages: bool = False) -> None:
+def shrink(checkout, pages=False):
     """Leave the book of a checkout two figure sets, and the steps of pages or not."""
     (checkout.root / "dodo.py").rename(checkout.root / "whole.py")
     text = STEPS + PAGES if pages else STEPS

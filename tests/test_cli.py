@@ -25,7 +25,7 @@ RUN = ["run", "beam-distance", "-p", "trials=3", "-p", "distances_mm=[500,800]"]
 KINDS = ("ipynb", "nc", "html")
 
 
-def refused(cwd: Path, *arguments: str | Path) -> str:
+def refused(cwd, *arguments):
     """The one line of a refused request, which writes nothing."""
     before = sorted(cwd.rglob("*"))
     line = refusal(thesis(*arguments, cwd=cwd))
@@ -33,18 +33,18 @@ def refused(cwd: Path, *arguments: str | Path) -> str:
     return line
 
 
-def as_json(*arguments: str) -> list:
+def as_json(*arguments):
     """What a command prints as JSON; nothing in it is not a number."""
     done = thesis(*arguments, "--json")
     assert (done.status, done.err) == (0, "")
     return json.loads(done.out, parse_constant=pytest.fail)
 
 
-def parsed(page: Path):
+def parsed(page):
     return document_fromstring(page.read_text(encoding="utf-8"))
 
 
-def files(folder: Path) -> list[str]:
+def files(folder):
     return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
 
 

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,13 +16,13 @@ from thesis_lib.vision import pinhole, triangulation
 ROOT = Path(__file__).parents[1]
 
 
-def run(example: int) -> dict[str, Any]:
+def run(example):
     """The names that one of the two examples leaves."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     both = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     assert len(both) == 2
     assert len([line for line in both[example].splitlines() if line.strip()]) <= 10
-    names: dict[str, Any] = {}
+    names = {}
     exec(both[example], names)
     return names
 
@@ -46,7 +45,7 @@ def test_law_of_the_readme_holds_for_drawn_motions(capsys):
     np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=1)), stated, rtol=0.05)
 
 
-def readme_commands() -> list[str]:
+def readme_commands():
     """Lines that begin with a dollar sign, without comments and without the two of ``make``."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     lines = re.findall(r"^\$ (.+?)(?: +#.*)?$", text, re.MULTILINE)

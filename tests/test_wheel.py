@@ -63,7 +63,7 @@ print(*{m.__file__ for n, m in sys.modules.items() if n.startswith("thesis_lib")
 class Reader:
     """A folder under git with an environment that has the wheel, and packages of this one."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root):
         self.root, self.bin = root, root / ".venv" / "bin"
         other = {"PYTHONPATH", "PYTHONHOME"}
         self.environment = {
@@ -89,19 +89,19 @@ class Reader:
         (Path(ours) / "sitecustomize.py").write_text(GUARD.format(project=project))
         self.package = Path(ours) / "thesis_lib"
 
-    def python(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def python(self, *arguments):
         return self.call("python", *arguments)
 
-    def thesis(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def thesis(self, *arguments):
         return self.call("thesis", *arguments)
 
-    def call(self, program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    def call(self, program, *arguments):
         return subprocess.run(
             [self.bin / program, *map(str, arguments)], cwd=self.root, env=self.environment,
             text=True, capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=600,
         )  # fmt: skip
 
-    def written(self) -> list[str]:
+    def written(self):
         """What there is besides the environment."""
         return sorted({path.name for path in self.root.iterdir()} - {".git", ".venv"})
 

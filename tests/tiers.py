@@ -9,13 +9,13 @@ import pytest
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m leaves out what is nightly
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
+def pytest_collection_modifyitems(items):
+    cases = defaultdict(list)
     for item in items:
         if item.get_closest_marker("few"):
             cases[item.nodeid.partition("[")[0]].append(item)
     for alike in cases.values():
-        (count,) = alike[0].get_closest_marker("few").args  # type: ignore[union-attr]
+        (count,) = alike[0].get_closest_marker("few").args
         spread = {round(i * (len(alike) - 1) / max(count - 1, 1)) for i in range(count)}
         for index, item in enumerate(alike):
             if index not in spread:

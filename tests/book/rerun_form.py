@@ -1,9 +1,5 @@
 """Fill the form of the rerun page as a reader does, and read what it says."""
 
-from typing import Any
-
-from browser import Opened
-
 # Messages by parameter, status, commands.
 FILL = """all => {
   const root = document.querySelector('.tl-rerun'), said = node => node.textContent;
@@ -39,6 +35,5 @@ FILL = """all => {
 }"""
 
 
-def fill(opened: Opened, *all_: tuple[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = opened.page.evaluate(FILL, [list(one) for one in all_])
-    return found
+def fill(opened, *all_):
+    return opened.page.evaluate(FILL, [list(one) for one in all_])

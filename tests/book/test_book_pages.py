@@ -3,10 +3,8 @@
 import base64
 import os
 import re
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
 
 import nbformat
@@ -15,10 +13,10 @@ import pytest
 pytest.importorskip("playwright", reason="the browser tests need the playwright package")
 
 import axe
-from browser import Opened, browser, find_browser, open_offline, server, write_page
+from browser import browser, find_browser, open_offline, server, write_page
 from lxml.html import document_fromstring
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
-from playwright.sync_api import Browser, Page, TimeoutError
+from playwright.sync_api import TimeoutError
 
 from thesis_lib.book import explorer
 from thesis_lib.book.pieces import manifest as recordings
@@ -53,16 +51,13 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-T = TypeVar("T")
-
-
-def needs_book(test: T) -> T:
+def needs_book(test):
     """Mark a test, or a class of them, that opens the rendered book."""
     rendered = pytest.mark.skipif(not PAGES, reason="no book in build/html: render it first")
     return pytest.mark.book(rendered(test))
 
 
-def by_night(at_night: set[str]) -> list[Any]:
+def by_night(at_night):
     """All pages but the first, which is home; some of them at night."""
     names = [name for name in PAGES if name != "index.html"]
     return [pytest.param(n, marks=[pytest.mark.nightly] * (n in at_night)) for n in names]
@@ -110,12 +105,12 @@ FITS = """async () => {
 SAME = (".bd-sidebar-primary", ".bd-header-article", ".bd-footer")  # on every page
 
 
-def said_by_us(opened: Opened) -> list[str]:
+def said_by_us(opened):
     """Messages in the console but those of the theme and its extensions."""
     return [one for one in opened.said if not re.match(r"console: \[(PST|togglebutton)\]", one)]
 
 
-def assert_it_fits(opened: Opened, *widths: int) -> None:
+def assert_it_fits(opened, *widths):
     """That nothing sticks out, is too small for a finger, or is cut: on a phone tables scroll."""
     for width in widths:
         opened.page.set_viewport_size({"width": width, "height": 900})
@@ -123,7 +118,7 @@ def assert_it_fits(opened: Opened, *widths: int) -> None:
         assert opened.sideways_px() <= 0, width
 
 
-def choose(page: Page) -> bool:
+def choose(page):
     """Take another choice in the first widget that has one: whether its picture changes."""
     lists = page.locator(".cell_output select:has(option:nth-of-type(2))")
     buttons = page.locator(".cell_output input[type=radio]:not(:checked)")
@@ -143,13 +138,13 @@ def choose(page: Page) -> bool:
 
 
 @pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
+def running():
     with browser() as one:
         yield one
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[str]:
+def address():
     """Where a server on this machine has the book."""
     with server(BOOK) as one:
         yield one
@@ -157,7 +152,7 @@ def address() -> Iterator[str]:
 
 @needs_book
 @pytest.mark.parametrize("name", by_night(ALIKE))
-def test_page_is_whole(running: Browser, name: str) -> None:
+def test_page_is_whole(running, name):
     """It loads nothing from outside, fits, is typeset, and its pictures are there and described."""
     with open_offline(running, BOOK / name) as opened:
         opened.page.mouse.wheel(0, 20_000)
@@ -177,9 +172,7 @@ def test_page_is_whole(running: Browser, name: str) -> None:
 
 @needs_book
 @pytest.mark.parametrize("name", by_night({*PAGES} - ONE_OF_EACH))
-def test_page_is_whole_on_a_phone_in_the_dark_and_served(
-    running: Browser, address: str, name: str
-) -> None:
+def test_page_is_whole_on_a_phone_in_the_dark_and_served(running, address, name):
     with open_offline(running, BOOK / name, 390, 844, True, served=f"{address}/{name}") as opened:
         assert all(opened.page.evaluate(FACTS)["math"])
         assert_it_fits(opened, 390)
@@ -188,7 +181,7 @@ def test_page_is_whole_on_a_phone_in_the_dark_and_served(
 
 @needs_book
 @pytest.mark.parametrize("name", by_night({*PAGES} - ONE_OF_EACH))
-def test_nothing_is_amiss_for_those_who_cannot_see_well(running: Browser, name: str) -> None:
+def test_nothing_is_amiss_for_those_who_cannot_see_well(running, name):
     if axe.absent():
         pytest.skip(axe.absent())
     without = () if name == "intro.html" else SAME
@@ -197,7 +190,7 @@ def test_nothing_is_amiss_for_those_who_cannot_see_well(running: Browser, name: 
 
 
 @pytest.mark.slow
-def test_nothing_is_amiss_in_a_form_that_refuses(running: Browser, tmp_path: Path) -> None:
+def test_nothing_is_amiss_in_a_form_that_refuses(running, tmp_path):
     if axe.absent():
         pytest.skip(axe.absent())
     file = write_page(tmp_path / "form.html", f"<main><h1>x</h1>{explorer.rerun_form_html()}")
@@ -209,11 +202,11 @@ def test_nothing_is_amiss_in_a_form_that_refuses(running: Browser, tmp_path: Pat
 
 @needs_book
 @pytest.mark.parametrize("name", LONGEST)
-def test_first_paint_within_half_a_second(running: Browser, name: str) -> None:
+def test_first_paint_within_half_a_second(running, name):
     """Of the longest pages, in a window that has seen no page before."""
     paint = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN"
     waiting = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # jobs for each processor
-    tried: list[float] = []
+    tried = []
     while not tried or (min(tried) > PAINT_MS * waiting and len(tried) < 8):  # it may be busy
         with open_offline(running, BOOK / name, fresh=True) as opened:
             tried.append(opened.page.evaluate(paint))
@@ -221,7 +214,7 @@ def test_first_paint_within_half_a_second(running: Browser, name: str) -> None:
 
 
 @needs_book
-def test_pages_refer_to_what_is_there_and_load_nothing_from_elsewhere() -> None:
+def test_pages_refer_to_what_is_there_and_load_nothing_from_elsewhere():
     titles = []
     for name in PAGES:
         page = document_fromstring((BOOK / name).read_text(encoding="utf-8"))
@@ -242,7 +235,7 @@ def test_pages_refer_to_what_is_there_and_load_nothing_from_elsewhere() -> None:
 
 
 @cache
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     """The names of all places of a page; those of claims are made by the ledger's script."""
     text = page.read_text(encoding="utf-8")
     claims = re.findall(r'"id":"([\w-]+)","kind"', text) if page.stem == "claims" else ()
@@ -250,7 +243,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @needs_book
-def test_home_answers_and_leads_to_the_explorer(running: Browser) -> None:
+def test_home_answers_and_leads_to_the_explorer(running):
     with open_offline(running, BOOK / "intro.html", height=800) as opened:
         page = opened.page
         before = page.locator(".tl-ex-status").inner_text()
@@ -274,7 +267,7 @@ list.addEventListener("change", show); show();
 </script>"""
 
 
-def test_the_page_of_a_run_works_alone(running: Browser, tmp_path: Path) -> None:
+def test_the_page_of_a_run_works_alone(running, tmp_path):
     """A small executed notebook with one of everything that a page shows."""
     figure = {"figure": {"name": "fig-a", "caption": "*Error* of $w$."}, "image": {"alt": 'a "b"'}}
     view = {"application/vnd.jupyter.widget-view+json": {"model_id": "m"}, "text/html": WIDGET}

@@ -15,7 +15,7 @@ ITEM = re.compile(
 ITEMS = ITEM.findall(TEXT)
 
 
-def code_only(text: str) -> str:
+def code_only(text):
     """The page's pycon blocks on the lines where they stand, all other lines empty."""
     kept, inside = [], False
     for line in text.splitlines():
@@ -30,7 +30,7 @@ def test_code_prints_what_the_page_says():
     code = code_only(TEXT)
     assert TEXT.count("\n>>> ") == code.count("\n>>> ")  # none is left out
     test = doctest.DocTestParser().get_doctest(code, {}, PAGE.name, str(PAGE), 0)
-    report: list[str] = []
+    report = []
     result = doctest.DocTestRunner(verbose=False).run(test, out=report.append)
     assert result.attempted > 60
     assert not result.failed, "".join(report)

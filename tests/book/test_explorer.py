@@ -1,15 +1,11 @@
 """The explorer: its draws are measurements, and it can be used in a real browser."""
 
-from __future__ import annotations
-
 import re
 import shlex
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, focused, open_offline, tab_through, write_page
+from browser import focused, open_offline, tab_through, write_page
 
 from thesis_lib.book.explorer import explorer_data, explorer_html
 from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
@@ -20,9 +16,6 @@ from thesis_lib.studies import cubes
 from thesis_lib.vision.pinhole import pixelate
 from thesis_lib.web.html import read_asset
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
-
 DATA = explorer_data()
 SUBJECTS = ("beam", "plate")
 STUDIES_OF = {s: [one() for one in CAMERA_STUDIES.values() if one.subject == s] for s in SUBJECTS}
@@ -32,7 +25,7 @@ TWO = "s=beam&m=3&w=320&f=24&d=500&c=20,30;-60,40"
 # --- the data
 
 
-def test_setups_are_those_of_the_thesis_and_errors_the_published_ones() -> None:
+def test_setups_are_those_of_the_thesis_and_errors_the_published_ones():
     for subject in SUBJECTS:
         setups = iter(DATA["structures"][subject]["setups"])
         for study in STUDIES_OF[subject]:
@@ -56,12 +49,12 @@ def test_setups_are_those_of_the_thesis_and_errors_the_published_ones() -> None:
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(tmp_path_factory):
     file = tmp_path_factory.mktemp("explorer") / "the explorer.html"
     return write_page(file, "<h1 id='top'>Explorer</h1>", explorer_html())
 
 
-def state(opened: Opened) -> dict[str, Any]:
+def state(opened):
     """What is shown, once it is."""
     opened.page.wait_for_function(
         "() => document.querySelector('.tl-explorer').explorer.app.result?.means.length === 100"
@@ -69,19 +62,19 @@ def state(opened: Opened) -> dict[str, Any]:
     return dict(opened.page.evaluate("document.querySelector('.tl-explorer').explorer.app.state"))
 
 
-def refusal(opened: Opened) -> str:
+def refusal(opened):
     opened.page.wait_for_timeout(50)
     return opened.page.locator(".tl-ex-refused").inner_text()
 
 
-def camera(opened: Opened, number: int) -> Locator:
+def camera(opened, number):
     return opened.page.get_by_role("slider", name=f"Camera {number}", exact=True)
 
 
 # --- the model
 
 
-def with_physics(opened: Opened, script: str, given: Any = None) -> Any:
+def with_physics(opened, script, given=None):
     """What a script makes of `given`, with the physics of the pages as `model`."""
     source = re.sub(r"^import [^;]*;\n", "", read_asset("pinhole.js") + read_asset("physics.js"),
                     flags=re.MULTILINE)  # fmt: skip
@@ -95,7 +88,7 @@ def with_physics(opened: Opened, script: str, given: Any = None) -> Any:
     )
 
 
-def test_draws_are_measurements(chromium: Browser, path: Path) -> None:
+def test_draws_are_measurements(chromium, path):
     """A draw begins where the markers are: the same as from a linear start; ties are Python's."""
     noise = np.array([0, 1e-12, -1e-12, 9e-10, -9e-10, 1.1e-9, -1.1e-9, 0.2, -0.2])
     ties = (np.arange(-8, 9)[:, None] / 2 + noise).ravel()
@@ -114,7 +107,7 @@ def test_draws_are_measurements(chromium: Browser, path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path) -> None:
+def test_the_band_is_that_of_the_library(conforms, chromium, path):
     """Other draws, but the same distribution; and the numbers shown are those computed."""
     with open_offline(chromium, path, query="s=beam&m=1&t=4a-12") as opened:
         state(opened)
@@ -139,10 +132,8 @@ def test_the_band_is_that_of_the_library(conforms, chromium: Browser, path: Path
 
 
 @pytest.mark.slow
-def test_the_nearest_camera_follows_the_finger_and_the_curve_is_in_sight(
-    chromium: Browser, path: Path
-) -> None:
-    def place(i: int) -> tuple[float, float]:
+def test_the_nearest_camera_follows_the_finger_and_the_curve_is_in_sight(chromium, path):
+    def place(i):
         box = camera(opened, i + 1).locator("circle").bounding_box()
         assert box is not None
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -166,7 +157,7 @@ def test_the_nearest_camera_follows_the_finger_and_the_curve_is_in_sight(
         assert f";{azimuth:g},{elevation:g}" in opened.page.url
 
 
-def touch(opened: Opened, places: list[tuple[float, float]]) -> None:
+def touch(opened, places):
     session = opened.page.context.new_cdp_session(opened.page)
     for kind, one in [("touchStart", places[0]), *(("touchMove", p) for p in places[1:])]:
         point = {"x": one[0], "y": one[1]}
@@ -175,7 +166,7 @@ def touch(opened: Opened, places: list[tuple[float, float]]) -> None:
     session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 
-def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
+def test_everything_by_keyboard(chromium, path):
     with open_offline(chromium, path, query=TWO) as opened:
         state(opened)
         seen = tab_through(opened, 22)
@@ -216,7 +207,7 @@ DEFAULT = {
     "s": "beam", "m": 1, "d": 500, "w": [320, 180], "f": 24, "a": 5.5, "r": "rebuilt",
     "c": [[7, 15], [-7, 15], [14, 15], [-14, 15]], "t": "4a-4",
 }  # fmt: skip
-SILLY: dict[str, dict[str, Any]] = {
+SILLY = {
     "": {},
     "s=cube&m=4&w=1e9&f=-3&d=12&a=x&r=maybe&t=9z-1&c=1,2": {},
     "c=7,15;7,15": {},  # one place
@@ -228,9 +219,7 @@ SILLY: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.slow
-def test_a_link_shows_what_it_says_and_a_silly_one_is_ignored(
-    chromium: Browser, path: Path
-) -> None:
+def test_a_link_shows_what_it_says_and_a_silly_one_is_ignored(chromium, path):
     with open_offline(chromium, path) as opened:
         for query in LINKS:
             address = f"{path.as_uri()}?{query}&other=1#top"
@@ -248,8 +237,8 @@ def test_a_link_shows_what_it_says_and_a_silly_one_is_ignored(
 # --- the thesis
 
 
-def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, path: Path) -> None:
-    def texts(kind: str) -> list[str]:
+def test_a_setup_of_the_thesis_shows_its_published_errors(chromium, path):
+    def texts(kind):
         return [
             one.replace("\u00a0", " ")
             for one in opened.page.locator(f"td.tl-ex-{kind}").all_inner_texts()
@@ -283,7 +272,7 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium: Browser, pat
 # --- the command
 
 
-def test_the_command_runs_the_layout(chromium: Browser, path: Path) -> None:
+def test_the_command_runs_the_layout(chromium, path):
     with open_offline(chromium, path) as opened:
         opened.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
         for query in (*LINKS[:2], "s=beam&m=1&t=4a-12"):

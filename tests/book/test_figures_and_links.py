@@ -11,7 +11,6 @@ import axe
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
 from PIL import Image
-from playwright.sync_api import Browser
 
 from thesis_lib import __version__
 
@@ -23,7 +22,7 @@ CORNER = """async (image) => { image.loading = 'eager'; await image.decode();
 
 
 @needs_book
-def test_a_figure_grows_by_keyboard_and_by_mouse(chromium: Browser) -> None:
+def test_a_figure_grows_by_keyboard_and_by_mouse(chromium):
     with open_offline(chromium, RESULTS) as opened:
         page = opened.page
         grow = page.locator("#fig-3-7 .tl-grow")
@@ -62,7 +61,7 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(chromium: Browser) -> None:
         ("how-to.html", "a[href$='#fig-3-8']", r"Figure 3\.8"),
     ],
 )
-def test_a_link_tells_what_it_leads_to(chromium: Browser, name: str, link: str, says: str) -> None:
+def test_a_link_tells_what_it_leads_to(chromium, name, link, says):
     with open_offline(chromium, BOOK / name) as opened:
         page = opened.page
         one = page.locator(f".bd-article {link}").first
@@ -80,7 +79,7 @@ def test_a_link_tells_what_it_leads_to(chromium: Browser, name: str, link: str, 
 
 
 @needs_book
-def test_a_first_tap_shows_and_a_second_goes(chromium: Browser) -> None:
+def test_a_first_tap_shows_and_a_second_goes(chromium):
     with open_offline(chromium, BOOK / "how-to.html", width=390) as opened:
         page = opened.page
         link = page.locator(".bd-article a[href$='#fig-3-8']").first
@@ -93,7 +92,7 @@ def test_a_first_tap_shows_and_a_second_goes(chromium: Browser) -> None:
 
 
 @needs_book
-def test_drawings_follow_the_page(chromium: Browser) -> None:
+def test_drawings_follow_the_page(chromium):
     """Also against the browser's own wish: the page's switch decides."""
     with open_offline(chromium, RESULTS) as opened:
         page = opened.page
@@ -111,7 +110,7 @@ def test_drawings_follow_the_page(chromium: Browser) -> None:
 
 
 @needs_book
-def test_pages_figures_and_cubes_are_cited_with_their_edition(chromium: Browser) -> None:
+def test_pages_figures_and_cubes_are_cited_with_their_edition(chromium):
     with open_offline(chromium, RESULTS) as opened:
         page = opened.page
         page.locator("button.tl-cite").click()

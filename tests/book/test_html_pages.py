@@ -12,7 +12,7 @@ from thesis_lib.book.html_pages import draw_intervals
 from thesis_lib.plotting.style import figure_svg
 
 
-def test_cells_of_five_numbers_are_drawn_on_one_scale() -> None:
+def test_cells_of_five_numbers_are_drawn_on_one_scale():
     cells = ("12.5 · 10.0 (5.0–20.0) · 15.0", "5.0 · 5.0 (2.5–7.5) · 5.0", "nodal [1.4]")
     page = document_fromstring(
         f"<table><tr>{''.join(f'<td><p>{one}</p></td>' for one in cells)}</tr></table>"
@@ -28,14 +28,14 @@ def test_cells_of_five_numbers_are_drawn_on_one_scale() -> None:
     assert "nominal run 12.5, median 10.0, 5–95 % of the trials 5.0 to 20.0" in text
 
 
-def test_colours_in_the_dark_have_the_contrast_of_text() -> None:
+def test_colours_in_the_dark_have_the_contrast_of_text():
     ground = html_pages.compute_luminance(html_pages.DARK_GROUND)
     for colour in ("#0072b2", "#b22222", "#1d3557"):
         dark = [int(html_pages.find_dark_colour(colour)[i : i + 2], 16) for i in (1, 3, 5)]
         assert (html_pages.compute_luminance(dark) + 0.05) / (ground + 0.05) >= 4.4
 
 
-def test_panels_of_a_figure_are_where_matplotlib_draws_them() -> None:
+def test_panels_of_a_figure_are_where_matplotlib_draws_them():
     """Four panels, of which the last has a colour scale; a single column has none."""
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
     axes = figure.subplots(2, 2)

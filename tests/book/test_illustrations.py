@@ -17,11 +17,11 @@ from thesis_lib.vibration.structure import peak_deflection
 CHAPTERS = ("introduction", "cameras", "beam", "plate", "layouts", "motions", "recordings")
 
 
-def page(name: str) -> str:
+def page(name):
     return (files.project_root() / "book" / f"{name}.md").read_text(encoding="utf-8")
 
 
-def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
+def test_every_figure_stands_in_a_chapter_and_the_other_way_round():
     pages = "".join(map(page, (*CHAPTERS, "equal-pixels")))
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
@@ -29,7 +29,7 @@ def test_every_figure_stands_in_a_chapter_and_the_other_way_round() -> None:
 
 
 @pytest.mark.parametrize("of", ["distance", "aperture", "resolution", "arrays"])
-def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
+def test_curves_are_the_rms_of_the_trials_and_the_law(of):
     cases = {"cases": ["4a"]} if of == "arrays" else {"cases": ["2b"]} if of == "aperture" else {}
     cube = cube_of(camera_study(f"beam-{of}", {"trials": 9, "modes": [3], **cases}))
     with in_style():
@@ -47,16 +47,16 @@ def test_curves_are_the_rms_of_the_trials_and_the_law(of) -> None:
         assert at == pytest.approx(part["predicted_error"].values, rel=0.02)
 
 
-def test_what_a_newton_moves_is_drawn() -> None:
+def test_what_a_newton_moves_is_drawn():
     with in_style():
         beam = illustrations.draw_deflections().axes[0].lines[0].get_ydata()
     assert beam[0] == pytest.approx(1000 * peak_deflection(setups.thesis_beam(), 1))
     assert list(beam) == sorted(beam, reverse=True)
 
 
-def test_every_case_of_the_beam_is_drawn_with_all_its_cameras() -> None:
+def test_every_case_of_the_beam_is_drawn_with_all_its_cameras():
     studies = [one() for one in CAMERA_STUDIES.values() if one.subject == "beam"]
-    places: dict[str, set[tuple[float, ...]]] = {}
+    places = {}
     for study in studies:
         for setting in study.settings():
             at = {(*direction, setting.distance_mm) for direction in setting.directions_deg}

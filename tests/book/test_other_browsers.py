@@ -1,6 +1,5 @@
 """The book in Firefox and in WebKit: nothing asked of a network, no message, Chromium's numbers."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +8,7 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 from book.test_book_pages import BOOK, PAGES, needs_book, said_by_us
 from browser import FLAGS, find_browser, open_offline
-from playwright.sync_api import Browser, Playwright, sync_playwright
+from playwright.sync_api import sync_playwright
 
 pytestmark = pytest.mark.nightly
 UNSETTLED = """async () => {
@@ -33,13 +32,13 @@ NUMBERS = """async () => {
 
 
 @pytest.fixture(scope="module")
-def playwright() -> Iterator[Playwright]:
+def playwright():
     with sync_playwright() as running:
         yield running
 
 
 @pytest.fixture(scope="module", params=["firefox", "webkit"])
-def other(request: pytest.FixtureRequest, playwright: Playwright) -> Iterator[Browser]:
+def other(request, playwright):
     kind = getattr(playwright, request.param)
     if not Path(kind.executable_path).exists():
         pytest.skip(f"no browser: `playwright install {request.param}`")
@@ -50,14 +49,14 @@ def other(request: pytest.FixtureRequest, playwright: Playwright) -> Iterator[Br
 
 @needs_book
 @pytest.mark.parametrize("name", [name for name in PAGES if name != "index.html"])
-def test_pages_ask_for_nothing_and_say_nothing(other: Browser, name: str) -> None:
+def test_pages_ask_for_nothing_and_say_nothing(other, name):
     with open_offline(other, BOOK / name) as opened:
         assert opened.page.evaluate(UNSETTLED) <= 0  # equations are typeset
         assert said_by_us(opened) == []
 
 
 @needs_book
-def test_the_explorer_has_the_same_numbers(playwright: Playwright, other: Browser) -> None:
+def test_the_explorer_has_the_same_numbers(playwright, other):
     chromium = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
     for layout in LAYOUTS:
         numbers = []

@@ -43,7 +43,7 @@ def test_widgets_give_way_to_a_line_that_says_where_they_are():
     assert '<details open=""' in printed
 
 
-def plain(text: str) -> str:
+def plain(text):
     """Letters and digits alone: a PDF breaks lines and joins letters as it likes."""
     return re.sub(r"\W+", "", unicodedata.normalize("NFKC", text)).lower()
 

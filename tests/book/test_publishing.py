@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 import zipfile
-from pathlib import Path
 
 import nbformat
 import pytest
@@ -31,7 +30,7 @@ def whole(small):
     return copy
 
 
-def page(book: Path, name: str) -> str:
+def page(book, name):
     return (book / "executed" / f"{name}.html").read_text(encoding="utf-8")
 
 

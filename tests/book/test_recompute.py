@@ -1,18 +1,14 @@
 """Rerun in the page: beam and plate, computed by the page, are what the library computes."""
 
-from __future__ import annotations
-
 import json
 import random
 import re
 import shlex
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from book.rerun_form import fill
-from browser import Opened, focused, open_offline, tab_through, write_page
+from browser import focused, open_offline, tab_through, write_page
 from refused import refusal
 
 from thesis_lib.book import explorer
@@ -26,78 +22,75 @@ from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision.pinhole import hemisphere_directions
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
 FORM = ".tl-rerun"
 STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pre code"
 
 
-def atlas(name: str, **values: Any) -> str:
+def atlas(name, **values):
     """What the page of a figure set shows, its viewer with the parameters above it."""
     cube = cube_file.cube_of(validate_request(name, values))
     return str(show.viewer(cube)._repr_mimebundle_()[0]["text/html"])
 
 
 @pytest.fixture(scope="module")
-def form(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def form(tmp_path_factory):
     file = tmp_path_factory.mktemp("recompute") / "a form.html"
     return write_page(file, explorer.rerun_form_html())
 
 
 @pytest.fixture(scope="module")
-def distance(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def distance(tmp_path_factory):
     file = tmp_path_factory.mktemp("recompute") / "beam distance.html"
     return write_page(file, "<h1 id='top'>x</h1>", atlas("beam-distance"))
 
 
-def until(opened: Opened, what: str) -> None:
+def until(opened, what):
     """Until the worker has said what was asked last: `literal`, `looked` or `drawn`."""
     script = f"() => document.querySelector('{FORM}').recompute.times.{what} > 0"
     opened.page.wait_for_function(script, timeout=120_000)
 
 
-def shown(opened: Opened) -> Any:
+def shown(opened):
     """What the viewer of the page draws."""
     data = f"document.querySelector('{FORM}').recompute.model.get('data')"
     return opened.page.evaluate(f"() => JSON.parse(JSON.stringify({data}))")
 
 
-def type_in(opened: Opened, name: str, values: dict[str, Any]) -> None:
+def type_in(opened, name, values):
     as_is = ("cases",)  # boxes to tick
     fill(opened, (name, {k: v if k in as_is or isinstance(v, str) else json.dumps(v)
                          for k, v in values.items()}))  # fmt: skip
 
 
-def asked(opened: Opened, name: str, values: dict[str, Any], what: str = "literal") -> Any:
+def asked(opened, name, values, what="literal"):
     """A request typed into the form, and what the page makes of it."""
     type_in(opened, name, values)
     until(opened, what)
     return shown(opened)
 
 
-def said(opened: Opened, css: str) -> str:
+def said(opened, css):
     return opened.page.locator(css).first.inner_text()
 
 
 # --- equal to the library
 
 
-def apart(directions: list[list[float]], least_deg: float = 4) -> bool:
+def apart(directions, least_deg=4):
     away = hemisphere_directions(*np.radians(directions).T)
     cosines = (away @ away.T)[np.triu_indices(len(away), 1)]
     return bool(np.all(np.abs(cosines) < np.cos(np.radians(least_deg))))
 
 
-def drawn_request(rng: random.Random, name: str) -> CameraStudy:
+def drawn_request(rng, name):
     """A random request that the library takes, with cameras well apart."""
     subject, study = name.split("-")
     near = 420 if subject == "beam" else 700
 
-    def some(low: float, high: float, digits: int = 1) -> float:
+    def some(low, high, digits=1):
         return round(rng.uniform(low, high), digits)
 
-    def directions(count: int) -> list[list[float]]:
+    def directions(count):
         while True:
             found = [[some(-180, 180), some(5, 88)] for _ in range(count)]
             if apart(found):
@@ -108,7 +101,7 @@ def drawn_request(rng: random.Random, name: str) -> CameraStudy:
     far = some(near, 2000)
     halves, elevations = ([some(5, 40), some(41, 80)] for _ in range(2))
     layout = [directions(2), directions(24 if rng.random() < 0.2 else 3)]
-    own: dict[str, Any] = {
+    own = {
         "distance": {
             "distances_mm": sorted({some(near, 2500) for _ in range(3)}),
             "resolution_px": size,
@@ -151,7 +144,7 @@ def drawn_request(rng: random.Random, name: str) -> CameraStudy:
     return request
 
 
-def held(conforms: Any, request: CameraStudy, there: Any) -> None:
+def held(conforms, request, there):
     """What the page shows of a request against the library's cube."""
     cube, settings = compute.run(request), request.settings()
     # 1e-9 of the peak (in %), and the last digits of coordinates, more where a peak is nanometres
@@ -184,7 +177,7 @@ def held(conforms: Any, request: CameraStudy, there: Any) -> None:
         assert mode["frequency_hz"] == pytest.approx(float(cube["frequency"][m]), rel=1e-5)
 
 
-def typed(request: CameraStudy) -> dict[str, Any]:
+def typed(request):
     left = {"trials", "seed", "estimator", "noise_px"}
     return {key: one for key, one in request.request.items() if key not in left}
 
@@ -194,8 +187,8 @@ def typed(request: CameraStudy) -> dict[str, Any]:
     ("seed", "times"), [(22, 2), pytest.param(23, 13, marks=pytest.mark.nightly)]
 )
 def test_random_requests_of_every_set_are_what_the_library_makes_of_them(
-    conforms: Any, chromium: Browser, form: Path, seed: int, times: int
-) -> None:
+    conforms, chromium, form, seed, times
+):
     rng = random.Random(seed)
     with open_offline(chromium, form) as opened:
         for name in COMPUTED_SETS * times:
@@ -209,9 +202,7 @@ def test_random_requests_of_every_set_are_what_the_library_makes_of_them(
 @pytest.mark.slow
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", COMPUTED_SETS)
-def test_the_published_run_comes_out_and_stands_behind(
-    conforms: Any, chromium: Browser, form: Path, name: str
-) -> None:
+def test_the_published_run_comes_out_and_stands_behind(conforms, chromium, form, name):
     """All settings and modes as they are, with their ties; draws of its own, the same spread."""
     table = read_published(name)
     assert table is not None
@@ -238,7 +229,7 @@ def test_the_published_run_comes_out_and_stands_behind(
 # --- refused, and left to the command
 
 PAIR, FAR = [[0, 20], [90, 20]], [[0, 20], [90, 20], [180, 20]]
-REFUSED: list[tuple[str, dict[str, Any]]] = [
+REFUSED = [
     ("beam-distance", {"distances_mm": [320], "amplitude_mm": [5, 8.5, 9]}),
     ("beam-distance", {"azimuth_deg": 360}),
     ("beam-distance", {"amplitude_mm": [1, 1, 2], "modes": [2]}),
@@ -249,9 +240,7 @@ REFUSED: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-def test_what_the_library_refuses_the_page_refuses_in_its_words(
-    chromium: Browser, form: Path
-) -> None:
+def test_what_the_library_refuses_the_page_refuses_in_its_words(chromium, form):
     with open_offline(chromium, form) as opened:
         for name, values in REFUSED:
             type_in(opened, name, values)
@@ -262,7 +251,7 @@ def test_what_the_library_refuses_the_page_refuses_in_its_words(
         assert said(opened, CODE) == "thesis run beam-distance -p azimuth_deg=31.0"
 
 
-LEFT: list[tuple[str, dict[str, Any], str]] = [
+LEFT = [
     ("beam-distance", {"estimator": "interval"}, "the estimator interval"),
     ("plate-aperture", {"noise_px": 0.1}, "noise in the images"),
     ("beam-arrays", {"layouts": {"mine": [[[i, 20 + i % 3] for i in range(0, 300, 12)]]}},
@@ -272,7 +261,7 @@ LEFT: list[tuple[str, dict[str, Any], str]] = [
 ]  # fmt: skip
 
 
-def test_what_a_page_cannot_do_is_left_to_the_command(chromium: Browser, form: Path) -> None:
+def test_what_a_page_cannot_do_is_left_to_the_command(chromium, form):
     with open_offline(chromium, form) as opened:
         stale = opened.page.locator(".tl-rerun-figure[data-stale]")
         for name, values, words in LEFT:
@@ -289,7 +278,7 @@ def test_what_a_page_cannot_do_is_left_to_the_command(chromium: Browser, form: P
 # --- on the page of a figure set
 
 
-def test_a_parameter_is_changed_on_the_page_of_its_set(chromium: Browser, distance: Path) -> None:
+def test_a_parameter_is_changed_on_the_page_of_its_set(chromium, distance):
     with open_offline(chromium, distance) as opened:
         page, first = opened.page, shown(opened)
         assert said(opened, STATUS) == "As published, no parameter changed:"
@@ -319,7 +308,7 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium: Browser, distan
         assert page.locator(".tl-rerun-figure[data-stale]").count() == 0
 
 
-def test_a_page_of_other_parameters_begins_with_them(chromium: Browser, tmp_path: Path) -> None:
+def test_a_page_of_other_parameters_begins_with_them(chromium, tmp_path):
     own = atlas("beam-resolution", widths_px=[640], rest="known", trials=20)
     file = write_page(tmp_path / "run.html", own)
     with open_offline(chromium, file) as opened:
@@ -335,7 +324,7 @@ def test_a_page_of_other_parameters_begins_with_them(chromium: Browser, tmp_path
         assert len(shown(opened)["cases"][0]["settings"]) == 1
 
 
-def test_a_link_shows_what_it_says(chromium: Browser, distance: Path) -> None:
+def test_a_link_shows_what_it_says(chromium, distance):
     with open_offline(chromium, distance, query="other=1#top") as opened:
         page = opened.page
         page.get_by_label("distances_mm").fill("600, 900")
@@ -359,7 +348,7 @@ def test_a_link_shows_what_it_says(chromium: Browser, distance: Path) -> None:
         assert "Mode 3" in said(opened, ".tl-summary")
 
 
-def test_it_is_used_by_keyboard(chromium: Browser, distance: Path) -> None:
+def test_it_is_used_by_keyboard(chromium, distance):
     with open_offline(chromium, distance) as opened:
         seen = tab_through(opened, 12)
         assert {"azimuth_deg", "Copy the command", "Reset"} < {*seen}

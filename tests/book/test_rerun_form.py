@@ -1,13 +1,9 @@
 """The form of the rerun page: the command's words, the command's values, in a real browser."""
 
-from __future__ import annotations
-
 import json
 import math
 import random
 import shlex
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
 from book.rerun_form import fill
@@ -23,9 +19,6 @@ from thesis_lib.notebook.show import form_data
 from thesis_lib.runs.command_line import Refused, parse_assignments, requests_of
 from thesis_lib.studies.fields import describe_permitted
 from thesis_lib.studies.request import ParameterError, describe_parameters, study_command
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 ODD = "a\u00a0b\u2028c\u200bd\U000e0001"
 DISTANCE, ARRAYS = "beam-distance", "beam-arrays"
@@ -58,7 +51,7 @@ SILLY = [
 ]  # fmt: skip
 
 
-def typed(value: Any, rng: random.Random) -> str:
+def typed(value, rng):
     """A value as a reader may type it: with or without a point or the brackets of a list."""
     if isinstance(value, str):
         return value
@@ -69,7 +62,7 @@ def typed(value: Any, rng: random.Random) -> str:
     return text[1:-1] if flat and rng.random() < 0.5 else text
 
 
-def test_the_form_knows_every_parameter_in_the_models_words() -> None:
+def test_the_form_knows_every_parameter_in_the_models_words():
     data = form_data()
     assert list(data["sets"]) == list(STUDIES)
     assert list(data["chapters"]) == list(CHAPTER_SETS)
@@ -97,12 +90,12 @@ def test_the_form_knows_every_parameter_in_the_models_words() -> None:
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(tmp_path_factory):
     return write_page(tmp_path_factory.mktemp("rerun") / "a form.html", explorer.rerun_form_html())
 
 
 @pytest.mark.slow
-def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) -> None:
+def test_silly_values_get_the_commands_own_words(chromium, path):
     with open_offline(chromium, path) as opened:
         found = fill(opened, *((name, {field: text}) for name, field, text, _ in SILLY))
         for (name, field, text, value), said in zip(SILLY, found, strict=True):
@@ -113,7 +106,7 @@ def test_silly_values_get_the_commands_own_words(chromium: Browser, path: Path) 
             assert said["commands"] == []
 
 
-def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> None:
+def test_nothing_changed_is_the_plain_command(chromium, path):
     with open_offline(chromium, path) as opened:
         names = [*STUDIES, *CHAPTER_SETS]
         for name, said in zip(names, fill(opened, *((name, {}) for name in names)), strict=True):
@@ -127,7 +120,7 @@ def test_nothing_changed_is_the_plain_command(chromium: Browser, path: Path) -> 
         assert said["commands"][0] == "thesis run beam-distance"
 
 
-def filled(rng: random.Random, name: str) -> dict[str, Any]:
+def filled(rng, name):
     """Some parameters of a set with other values."""
     fields = STUDIES[name].model_fields
     changes = {**CHANGES, **OWN_CHANGES.get(name, {})} | {
@@ -144,12 +137,12 @@ def filled(rng: random.Random, name: str) -> dict[str, Any]:
     return {key: changes[key] for key in keys}
 
 
-def papermill_values(line: str, monkeypatch: pytest.MonkeyPatch) -> tuple[str, dict[str, Any]]:
+def papermill_values(line, monkeypatch):
     """The notebook and the parameters that papermill reads from its command line."""
     from click.testing import CliRunner
     from papermill import cli as papermill_cli
 
-    given: dict[str, Any] = {}
+    given = {}
     monkeypatch.setattr(papermill_cli, "execute_notebook", lambda **more: given.update(more))
     word, *arguments = shlex.split(line)
     assert word == "papermill"
@@ -158,7 +151,7 @@ def papermill_values(line: str, monkeypatch: pytest.MonkeyPatch) -> tuple[str, d
     return given["input_path"], given["parameters"]
 
 
-def outcome(name: str, values: dict[str, Any]) -> Any:
+def outcome(name, values):
     try:
         return validate_request(name, values)
     except ParameterError as error:
@@ -166,9 +159,7 @@ def outcome(name: str, values: dict[str, Any]) -> Any:
 
 
 @pytest.mark.slow
-def test_commands_say_what_the_form_holds(
-    chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_say_what_the_form_holds(chromium, path, monkeypatch):
     rng = random.Random(7)
     cases = [(name, filled(rng, name)) for name in STUDIES]
     named = ("cases", "readings", "topics", "camera_counts")
@@ -201,9 +192,7 @@ def test_commands_say_what_the_form_holds(
         assert accepted > 10
 
 
-def test_a_chapters_command_reaches_each_set(
-    chromium: Browser, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_chapters_command_reaches_each_set(chromium, path, monkeypatch):
     texts = {"focal_length_mm": "35", "distances_mm": "600, 900", "modes": "1"}
     with open_offline(chromium, path, query="set=ch3") as opened:
         note = opened.page.locator(".tl-rerun-note")
@@ -222,7 +211,7 @@ def test_a_chapters_command_reaches_each_set(
         assert "set=beam-aperture" in opened.page.url
 
 
-def test_a_number_of_cameras_is_answered_by_how_to_say_it() -> None:
+def test_a_number_of_cameras_is_answered_by_how_to_say_it():
     for names in (["ch3"], ["beam-arrays"], ["sound-distance"]):
         with pytest.raises(Refused) as caught:
             requests_of(names, {"cameras": 5})
@@ -231,7 +220,7 @@ def test_a_number_of_cameras_is_answered_by_how_to_say_it() -> None:
         assert validate_request(ARRAYS, layouts).request["layouts"] == layouts["layouts"]
 
 
-def test_the_address_keeps_the_form(chromium: Browser, path: Path) -> None:
+def test_the_address_keeps_the_form(chromium, path):
     query = (
         "set=beam-arrays&other=1&focal_length_mm=35&cases=%5B%224a%22%2C%224e%22%5D&rest=%3Cb%3E"
     )

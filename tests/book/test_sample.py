@@ -1,16 +1,11 @@
 """The report on the shipped example that the book shows: as measured, and as users get theirs."""
 
-from __future__ import annotations
-
 import html
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import axe
 import numpy as np
 import pytest
-import xarray as xr
 from browser import open_offline
 
 from thesis_lib import files
@@ -20,32 +15,29 @@ from thesis_lib.measure.messages import ALL_MESSAGES
 from thesis_lib.measure.report.build import summarise_shape
 from thesis_lib.measure.report.warnings import check_shape
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
 BOOK = files.project_root() / "build" / "html"
 
 
 @pytest.fixture(scope="module")
-def data() -> xr.Dataset:
+def data():
     return example.read_sample()
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(tmp_path_factory):
     """What the book makes of it."""
     folder = tmp_path_factory.mktemp("sample")
     sample.write_sample(folder)
     return folder / sample.SAMPLE_PAGE
 
 
-def test_it_is_small_and_its_files_are_those_that_the_step_names(page: Path) -> None:
+def test_it_is_small_and_its_files_are_those_that_the_step_names(page):
     assert page.stat().st_size < 1.5e6
     assert {file.name for file in page.parent.iterdir()} == {*sample.SAMPLE_FILES}
 
 
 @pytest.mark.slow
-def test_it_opens_offline_without_an_error(chromium: Browser, page: Path) -> None:
+def test_it_opens_offline_without_an_error(chromium, page):
     with open_offline(chromium, page, width=390, dark=True, fresh=True) as opened:
         opened.page.mouse.wheel(0, 20_000)
         pictures = "all => all.map(one => [one.naturalWidth, one.alt])"
@@ -60,9 +52,7 @@ def test_it_opens_offline_without_an_error(chromium: Browser, page: Path) -> Non
         assert axe.absent() or axe.light_and_dark(opened.page) == []
 
 
-def test_every_note_unfolds_into_its_meaning(
-    chromium: Browser, page: Path, data: xr.Dataset
-) -> None:
+def test_every_note_unfolds_into_its_meaning(chromium, page, data):
     said = check_shape(data)
     assert said
     with open_offline(chromium, page) as opened:
@@ -77,7 +67,7 @@ def test_every_note_unfolds_into_its_meaning(
             assert words.inner_text() == ALL_MESSAGES[note.code].meaning.replace("`", "")
 
 
-def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
+def test_it_tells_what_was_measured(page, data):
     text = page.read_text(encoding="utf-8")
     for line in summarise_shape(data):
         assert html.escape(line) in text
@@ -85,7 +75,7 @@ def test_it_tells_what_was_measured(page: Path, data: xr.Dataset) -> None:
     assert [*block.splitlines()][1 : 1 + len(summarise_shape(data))] == summarise_shape(data)
 
 
-def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:
+def test_the_measured_tip_is_the_true_one(data):
     tip = np.abs(data["deflection"].values).max()
     error = data["standard_error"].values[np.abs(data["deflection"].values).argmax()]
     truth = example.example_rig().motion.components[0]
@@ -95,7 +85,7 @@ def test_the_measured_tip_is_the_true_one(data: xr.Dataset) -> None:
 
 @pytest.mark.book
 @pytest.mark.skipif(not BOOK.is_dir(), reason="no book in build/html: render it first")
-def test_the_book_has_it_and_leads_to_it() -> None:
+def test_the_book_has_it_and_leads_to_it():
     assert (BOOK / sample.SAMPLE_PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     guide = (BOOK / "recordings.html").read_text(encoding="utf-8")
     assert len(re.findall(f'href="{sample.SAMPLE_PAGE}"', guide)) >= 2

@@ -1,6 +1,5 @@
 """The search of the rendered book, from its folder, and what it looks through."""
 
-from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
@@ -10,12 +9,11 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 import axe
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
-from playwright.sync_api import Browser, Page
 
 TITLES = ".tl-found-title"
 
 
-def ask(page: Page, words: str) -> list[str]:
+def ask(page, words):
     """Titles of what is found for some words."""
     status = page.locator(".tl-results-status")
     page.locator("#pst-search-dialog input").fill("")
@@ -26,7 +24,7 @@ def ask(page: Page, words: str) -> list[str]:
 
 
 @contextmanager
-def searching(chromium: Browser, name: str = "intro.html") -> Iterator[Page]:
+def searching(chromium, name="intro.html"):
     """A page of the book whose search is open; nothing may be amiss on it."""
     with open_offline(chromium, BOOK / name) as opened:
         opened.page.keyboard.press("Control+k")
@@ -48,7 +46,7 @@ FIRST = {
 
 
 @needs_book
-def test_what_is_meant_comes_first_or_nearly(chromium: Browser) -> None:
+def test_what_is_meant_comes_first_or_nearly(chromium):
     with searching(chromium, "executed/beam-aperture.html") as page:
         first = {words: ask(page, words)[:3] for words in FIRST}
         wrong = {words: first[words] for words in FIRST if FIRST[words] not in first[words]}
@@ -56,7 +54,7 @@ def test_what_is_meant_comes_first_or_nearly(chromium: Browser) -> None:
 
 
 @needs_book
-def test_endings_typos_and_words_too_many_are_no_hindrance(chromium: Browser) -> None:
+def test_endings_typos_and_words_too_many_are_no_hindrance(chromium):
     typed = {
         "roundign": "rounding", "roundinng": "rounding", "triangulating": "triangulation",
         "apertures": "aperture",
@@ -75,7 +73,7 @@ def test_endings_typos_and_words_too_many_are_no_hindrance(chromium: Browser) ->
 
 
 @needs_book
-def test_it_is_used_by_keyboard_and_loads_when_opened(chromium: Browser) -> None:
+def test_it_is_used_by_keyboard_and_loads_when_opened(chromium):
     with open_offline(chromium, BOOK / "executed" / "beam-aperture.html", fresh=True) as opened:
         page = opened.page
         loaded = "() => 'thesisEntries' in window || 'MiniSearch' in window"

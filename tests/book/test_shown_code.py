@@ -2,10 +2,8 @@
 
 import inspect
 import re
-from collections.abc import Callable
 from importlib import import_module
 from types import CodeType
-from typing import Any
 
 import pytest
 
@@ -20,12 +18,12 @@ SHOWN = {
 }
 
 
-def function(name: str) -> Callable[..., object]:
+def function(name):
     module, _, name = name.rpartition(".")
     return getattr(import_module(f"thesis_lib.{module}"), name)
 
 
-def steps(code: CodeType, description: str | None) -> tuple[object, ...]:
+def steps(code, description):
     """What a function does, wherever it stands and whatever it is said to do."""
     inside = [steps(c, None) for c in code.co_consts if isinstance(c, CodeType)]
     constants = {repr(c) for c in code.co_consts if not isinstance(c, CodeType)}
@@ -33,7 +31,7 @@ def steps(code: CodeType, description: str | None) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("name", sorted({name for _, name in SHOWN}))
-def test_what_is_shown_is_what_runs(name: str) -> None:
+def test_what_is_shown_is_what_runs(name):
     shown = function(name)
     text = extension.read_source(shown)
     assert shown.__doc__
@@ -43,5 +41,5 @@ def test_what_is_shown_is_what_runs(name: str) -> None:
     flags = postponed.compiler_flag if postponed else 0
     module = compile(text, "shown", "exec", flags)
     (again,) = (c for c in module.co_consts if isinstance(c, CodeType))
-    runs: Any = inspect.unwrap(shown)
+    runs = inspect.unwrap(shown)
     assert steps(again, None) == steps(runs.__code__, shown.__doc__)

@@ -2,9 +2,7 @@
 
 import re
 import runpy
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,7 +12,7 @@ pytest.importorskip("doit", reason="the book needs doit")
 INCLUDED = re.compile(r"executed/([\w.-]+\.(?:md|svg|webp|html|ipynb))")
 
 
-def tasks() -> Iterator[dict[str, Any]]:
+def tasks():
     found = runpy.run_path(str(project_root() / "dodo.py"))
     for name, make in found.items():
         if name.startswith("task_"):

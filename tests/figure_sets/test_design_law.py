@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes.small import REQUESTS, small_cube
@@ -248,7 +247,7 @@ def test_cone_of_the_cube(conforms, cube):
 # (c) The findings.
 
 
-def of(cube: xr.Dataset, kind: str, finding: str) -> np.ndarray:
+def of(cube, kind, finding):
     return cube[f"{kind}_exponent"].sel(finding=finding).values
 
 

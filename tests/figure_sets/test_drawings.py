@@ -23,7 +23,7 @@ def cube():
     return cube_of(camera_study("beam-distance", {"trials": 2, "modes": [1]}))
 
 
-def drawn(cube) -> str:
+def drawn(cube):
     return as_svg(cube, "1", 1)
 
 
@@ -32,10 +32,10 @@ def test_threads_at_once_and_what_others_set_change_no_drawing(cube):
     alone, found = drawn(cube), []
     before = dict(matplotlib.rcParams)
 
-    def draw() -> None:
+    def draw():
         found.extend(drawn(cube) for _ in range(3))
 
-    def other() -> None:
+    def other():
         for size in (5, 30):
             with style.in_style({"font.size": size, "axes.titlelocation": "center"}):
                 style.figure_svg(style.subplots()[0])

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.container import BarContainer
-from matplotlib.figure import Figure
 from scenes.ledger import own_cube
 from scenes.small import OF_LEDGER, REQUESTS, small_cube
 
@@ -32,7 +31,7 @@ from thesis_lib.studies.schema import Variable
 WHICH = {("claims", "chapter"): [(n,) for n in (3, 4, 5, 6)], ("lab-modes", "aliases"): [(2,)]}
 
 
-def drawings(cube: xr.Dataset) -> dict[str, Figure]:
+def drawings(cube):
     """Return the figures of a cube: those shown by name, and the first and last of its cases."""
     name = cube.attrs["figure_set"]
     found = {
@@ -49,7 +48,7 @@ def drawings(cube: xr.Dataset) -> dict[str, Figure]:
 # No bar where its length means nothing, and no two names that look alike.
 
 
-def misleading(drawing: Figure) -> list[str]:
+def misleading(drawing):
     """Return what a reader of a figure would read wrongly."""
     faults = []
     for axes in drawing.axes:
@@ -60,7 +59,7 @@ def misleading(drawing: Figure) -> list[str]:
             inks = {patch.get_facecolor() for patch in bars}
             if len(inks) not in (1, len(bars)):
                 faults.append("bars of one colour that are not one setting")
-        looks: dict[tuple[object, ...], set[str]] = defaultdict(set)
+        looks = defaultdict(set)
         for line in axes.get_lines():
             if not (label := str(line.get_label())).startswith("_"):
                 style = line.get_linestyle(), line.get_marker(), line.get_linewidth()
@@ -195,7 +194,7 @@ POINTING = re.compile(r"^that\b|\b(it|its|they|their|them|these|this|those|the s
 
 
 @cache
-def declared() -> dict[str, Variable]:
+def declared():
     """Return what figure sets and `measure` declare for their results, by module and name."""
     found = [
         one
@@ -211,7 +210,7 @@ def declared() -> dict[str, Variable]:
     return {f"{module}.{name}": one for module, table in tables for name, one in table.items()}
 
 
-def faults(variables: dict[str, dict[str, str]]) -> list[str]:
+def faults(variables):
     """Return the variables that lack a unit or whose words need another variable's."""
     return [
         f"{name}: {attributes}"
@@ -221,7 +220,7 @@ def faults(variables: dict[str, dict[str, str]]) -> list[str]:
     ]
 
 
-def attributes_of(cube: xr.Dataset) -> dict[str, dict[str, str]]:
+def attributes_of(cube):
     units = {name: v.encoding.get("units", "") for name, v in cube.variables.items()}
     return {
         str(name): {"units": units[name]} | dict(variable.attrs)
@@ -237,7 +236,7 @@ def test_declared_variables_are_understood_alone():
 SMALL = [*REQUESTS, *OF_LEDGER, "claims-layouts"]
 
 
-def small(name: str) -> xr.Dataset:
+def small(name):
     return own_cube() if name == "claims-layouts" else small_cube(name)
 
 
@@ -249,7 +248,7 @@ def test_small_cubes_have_units_and_long_names(name):
 # Chapter 5 declares some variables by other dimensions: those of its recordings.
 @pytest.mark.parametrize("name", sorted({*SMALL} - {"experiment-cameras"}))
 def test_variables_are_numbers_or_words_along_the_declared_dimensions(name):
-    known: dict[str, list[tuple[tuple[str, ...], str]]] = {}
+    known = {}
     for path, one in declared().items():
         known.setdefault(path.rpartition(".")[2], []).append((tuple(one.dims), one.units))
     cube = small(name)

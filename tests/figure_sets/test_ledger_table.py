@@ -1,19 +1,12 @@
 """The table of claims: safe to inline, and usable in a real browser from a local file."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
-from browser import Opened, open_offline
+from browser import open_offline
 
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
 
 EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
 KINDS = ("figure", "trend", "number")
@@ -21,7 +14,7 @@ CASES = ("", "1", "2a", "2b, 2c", "4a'")
 COUNT = 408
 
 
-def row(i: int) -> dict[str, Any]:
+def row(i):
     """A plausible claim by formula."""
     kind, verdict = KINDS[i % 7 % 3], VERDICTS[i % 11 % 5]
     chapter = 2 + i * 4 // COUNT
@@ -45,11 +38,11 @@ def row(i: int) -> dict[str, Any]:
 ROWS = [row(i) for i in range(COUNT)]
 
 
-def bundle(rows: list[dict[str, Any]]) -> str:
+def bundle(rows):
     return str(LedgerTable(data={"rows": rows})._repr_mimebundle_()[0]["text/html"])
 
 
-def page(*fragments: str) -> str:
+def page(*fragments):
     head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
     return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
 
@@ -58,22 +51,22 @@ def page(*fragments: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(tmp_path_factory):
     file = tmp_path_factory.mktemp("ledger") / "the claims.html"
     file.write_text(page("<h1 id='top'>Claims</h1>", bundle(ROWS)), encoding="utf-8")
     return file
 
 
-def box(opened: Opened, label: str) -> Locator:
-    kind: Any = "searchbox" if label == "Search" else "combobox"
+def box(opened, label):
+    kind = "searchbox" if label == "Search" else "combobox"
     return opened.page.get_by_role(kind, name=label, exact=True)
 
 
-def pick(opened: Opened, label: str, value: str) -> None:
+def pick(opened, label, value):
     box(opened, label).select_option(value)
 
 
-def shown(opened: Opened) -> list[int]:
+def shown(opened):
     """Numbers of the rows in sight, in their order."""
     ids = opened.page.evaluate(
         "[...document.querySelectorAll('.tl-ledger tbody')].filter(e => e.offsetHeight)"
@@ -82,15 +75,15 @@ def shown(opened: Opened) -> list[int]:
     return [int(re.sub(r".*-", "", one)) for one in ids]
 
 
-def count(opened: Opened) -> str:
+def count(opened):
     return opened.page.locator(".tl-ledger-count").inner_text()
 
 
-def those(**wanted: Any) -> list[int]:
+def those(**wanted):
     return [i for i, one in enumerate(ROWS) if all(one[k] == v for k, v in wanted.items())]
 
 
-def is_counted(opened: Opened, numbers: list[int]) -> bool:
+def is_counted(opened, numbers):
     """Whether what is said of the rows in sight has their number, by verdict, and not counted."""
     counted = [ROWS[i]["verdict"] for i in numbers if ROWS[i]["counted"]]
     told = [len(numbers), COUNT, *(counted.count(verdict) for verdict in VERDICTS)]
@@ -99,11 +92,11 @@ def is_counted(opened: Opened, numbers: list[int]) -> bool:
     return [int(one) for one in re.findall(r"\d+", count(opened))] == told
 
 
-def claim(opened: Opened, i: int) -> Locator:
+def claim(opened, i):
     return opened.page.locator(f"[id='claim-{ROWS[i]['id']}']")
 
 
-def test_filters_and_a_search_combine_and_are_counted(chromium: Browser, path: Path) -> None:
+def test_filters_and_a_search_combine_and_are_counted(chromium, path):
     with open_offline(chromium, path) as opened:
         everything = list(range(COUNT))
         assert shown(opened) == everything
@@ -133,7 +126,7 @@ def test_filters_and_a_search_combine_and_are_counted(chromium: Browser, path: P
         assert opened.page.url == path.resolve().as_uri()
 
 
-def test_the_last_are_folded_until_asked_for(chromium: Browser, tmp_path: Path) -> None:
+def test_the_last_are_folded_until_asked_for(chromium, tmp_path):
     path = tmp_path / "folded.html"
     table = LedgerTable(data={"rows": ROWS[:30], "folded": 10})
     path.write_text(page(str(table._repr_mimebundle_()[0]["text/html"])), encoding="utf-8")
@@ -147,12 +140,12 @@ def test_the_last_are_folded_until_asked_for(chromium: Browser, tmp_path: Path) 
         assert shown(opened) == [28]
 
 
-def test_sorting(chromium: Browser, path: Path) -> None:
+def test_sorting(chromium, path):
     with open_offline(chromium, path) as opened:
         pick(opened, "Chapter", "3")
         rows = those(chapter=3)
 
-        def press(name: str) -> Any:
+        def press(name):
             button = opened.page.get_by_role("button", name=name, exact=True)
             button.click()
             states = opened.page.locator("th[aria-sort]").evaluate_all(
@@ -176,7 +169,7 @@ def test_sorting(chromium: Browser, path: Path) -> None:
         assert shown(opened) == list(range(COUNT))
 
 
-def test_the_address_keeps_the_filters(chromium: Browser, path: Path) -> None:
+def test_the_address_keeps_the_filters(chromium, path):
     start = path.resolve().as_uri()
     with open_offline(chromium, path, query="chapter=3&other=1#top") as opened:
         assert shown(opened) == those(chapter=3)
@@ -207,7 +200,7 @@ def test_the_address_keeps_the_filters(chromium: Browser, path: Path) -> None:
         assert opened.page.url == f"{start}?other=1#top"
 
 
-def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path) -> None:
+def test_a_link_to_a_claim_shows_it(chromium, path):
     query = f"chapter=2&verdict=agrees#claim-{ROWS[333]['id']}"
     with open_offline(chromium, path, query=query, width=390) as opened:
         assert shown(opened) == [*those(chapter=2, verdict="agrees"), 333]
@@ -227,7 +220,7 @@ def test_a_link_to_a_claim_shows_it(chromium: Browser, path: Path) -> None:
         assert 0 < place["y"] < 850
 
 
-def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None:
+def test_words_of_the_data_stay_words(chromium, tmp_path):
     texts = ("case", "what", "stated", "got", "note", "place", "command", "kind")
     evil = {**ROWS[0], **dict.fromkeys(texts, EVIL), "href": "java\nscript:alert(3)"}
     file = tmp_path / "evil.html"
@@ -249,7 +242,7 @@ def test_words_of_the_data_stay_words(chromium: Browser, tmp_path: Path) -> None
         assert opened.page.locator(".tl-ledger").inner_html().count("<script") == 0
 
 
-def test_a_row_says_what_is_stated_and_why_it_differs(chromium: Browser, path: Path) -> None:
+def test_a_row_says_what_is_stated_and_why_it_differs(chromium, path):
     with open_offline(chromium, path) as opened:
         cells = claim(opened, 6).locator("td, th")
         assert [one.strip() for one in cells.all_inner_texts()] == [
@@ -275,7 +268,7 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium: Browser, path: P
         assert verdict.inner_text().strip() == f"{ROWS[7]['verdict']}, not monotonic"
 
 
-def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
+def test_everything_by_keyboard(chromium, path):
     focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
       if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
       return e.labels?.[0]?.innerText.split('\\n')[0] ?? e.innerText; }"""
@@ -298,7 +291,7 @@ def test_everything_by_keyboard(chromium: Browser, path: Path) -> None:
         assert opened.page.evaluate(focused) == "Ratio"  # sorting leaves the focus
 
 
-def test_the_rows_of_a_phone_are_cards(chromium: Browser, path: Path) -> None:
+def test_the_rows_of_a_phone_are_cards(chromium, path):
     with open_offline(chromium, path, width=320) as opened:
         for width in (320, 699, 740):
             opened.page.set_viewport_size({"width": width, "height": 900})
@@ -310,7 +303,7 @@ def test_the_rows_of_a_phone_are_cards(chromium: Browser, path: Path) -> None:
             opened.page.get_by_role("button", name="Ratio").click()  # remains
 
 
-def test_paper_gets_what_the_filters_leave(chromium: Browser, path: Path) -> None:
+def test_paper_gets_what_the_filters_leave(chromium, path):
     with open_offline(chromium, path, dark=True, width=700, query="chapter=3") as opened:
         opened.page.emulate_media(media="print", color_scheme="dark")
         assert shown(opened) == those(chapter=3)

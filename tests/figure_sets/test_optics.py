@@ -23,7 +23,7 @@ lengths = st.floats(0.1, 100)
 far = st.floats(1.01, 1000)  # in focal lengths
 
 
-def beside(baseline: float, focal_px: float = 213.3) -> CameraArray:
+def beside(baseline, focal_px=213.3):
     """Two parallel cameras that look along Z, the second to the right of the first."""
     K = np.broadcast_to(intrinsics(focal_px, SIZE), (2, 3, 3))
     centres = np.array([[0.0, 0, 0], [baseline, 0, 0]])
@@ -67,7 +67,7 @@ def test_two_rays_through_a_lens_meet_in_the_image(conforms, focal, times, heigh
     )
 
 
-def spread(focal: float, f_number: float, focused: float, z: float) -> float:
+def spread(focal, f_number, focused, z):
     """Diameter on the sensor of the rays from a point on the axis through the lens's rim."""
     rim = focal / f_number / 2
     sensor = focal * focused / (focused - focal)

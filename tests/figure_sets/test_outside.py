@@ -3,7 +3,6 @@
 import re
 import shutil
 import sys
-from pathlib import Path
 
 import nbformat
 import pytest
@@ -117,7 +116,7 @@ def test_a_notebook_beside_it_finds_it_without_the_command(footprint, monkeypatc
     assert "<svg" in show.picture(cube, "line").svg
 
 
-def rewrite(file: Path, old: str, new: str) -> None:
+def rewrite(file, old, new):
     text = file.read_text(encoding="utf-8")
     assert old in text
     file.write_text(text.replace(old, new), encoding="utf-8")

@@ -33,7 +33,7 @@ ARRAYS, PLATE, SOUND = "beam-arrays", "plate-distance", "sound-aperture"
 LAW, SHAPE = "design-law", "shape-l"
 
 
-def allowed(name: str, field: str) -> str:
+def allowed(name, field):
     row = next(row for row in describe_parameters(STUDIES[name]) if row["name"] == field)
     return f"allowed: {row['allowed']}" + (f", in {row['unit']}" if row["unit"] else "")
 
@@ -214,7 +214,7 @@ def test_papermill_reads_defaults_types_and_units_from_the_cell(name):
         assert len(row["help"]) > 5, field
 
 
-def kinds(annotation: object) -> set[type]:
+def kinds(annotation):
     """The types of values that a field may hold, however deep."""
     inside = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Literal:

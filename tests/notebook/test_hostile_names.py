@@ -38,7 +38,7 @@ INERT = ("alt", "aria-label", "data-case")  # attributes that are read, not foll
 class Tags(HTMLParser):
     """The tags of a page with their attributes, its scripts' beginnings and its text."""
 
-    def __init__(self, page: str) -> None:
+    def __init__(self, page):
         super().__init__()
         self.tags, self.text = [], ""
         self.feed(page)
@@ -53,7 +53,7 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def asked(name: str):
+def asked(name):
     layouts = {name: [[[60, 30], [-60, 30]]]}
     given = {"trials": 1, "modes": [1], "cases": [], "layouts": layouts, "amplitude_mm": 300,
              "distance_mm": 700}  # fmt: skip
@@ -61,7 +61,7 @@ def asked(name: str):
 
 
 @cache
-def page_of(name: str) -> str:
+def page_of(name):
     """A page with all that a notebook shows of a cube with this layout."""
     request, shown = asked(name), []
     cube = cube_of(request)

@@ -23,15 +23,15 @@ MARK = "# NBVAL_CHECK_OUTPUT"
 LAYOUT = {"m*y": [[[60, 30], [-60, 30]]]}
 
 
-def cells(path: Path) -> list[nbformat.NotebookNode]:
+def cells(path):
     return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
 
 
-def committed(name: str) -> list[nbformat.NotebookNode]:
+def committed(name):
     return cells(PROJECT / "notebooks" / f"{name}.ipynb")
 
 
-def texts(cell: nbformat.NotebookNode) -> list[str]:
+def texts(cell):
     """All text that a cell's outputs carry."""
     found = []
     for output in cell.outputs:
@@ -78,7 +78,7 @@ def test_committed_notebooks_are_plain_counted_and_have_numbers_to_check(name):
 # What may differ.
 
 
-def sanitised(text: str) -> str:
+def sanitised(text):
     for pattern, replacement in get_sanitize_patterns(SANITIZE.read_text(encoding="utf-8")):
         text = re.sub(pattern, replacement, text)
     return text
@@ -90,7 +90,7 @@ def test_addresses_identifiers_times_and_dates_do_not_count():
     assert sanitised(f"{one} on 2025-01-31") == sanitised(f"{other} on 2026-12-01")
 
 
-def told(cell: nbformat.NotebookNode) -> list[str]:
+def told(cell):
     """What nbval compares of a cell: all that it printed, and the text of its results."""
     printed = "".join(output.text for output in cell.outputs if "text" in output)
     kinds = [sorted(output.get("data", {}).items()) for output in cell.outputs]

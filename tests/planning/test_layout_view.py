@@ -1,22 +1,15 @@
 """The image of a plan that can be turned: what it shows is where the cameras are."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 import numpy as np
 import pytest
 import xarray as xr
-from browser import Opened, open_offline
+from browser import open_offline
 from scipy.spatial.distance import pdist
 
 from thesis_lib.planning.report import write_plan
 from thesis_lib.planning.request import plan_request
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
 
 QUICK = {"counts": [2, 5], "starts": 1, "step_deg": 15, "trials": 20, "target_percent": 12}
 TIPS = """root => [...root.querySelectorAll('.tl-camera')].map(one => {
@@ -27,20 +20,18 @@ TIPS = """root => [...root.querySelectorAll('.tl-camera')].map(one => {
 
 
 @pytest.fixture(scope="module")
-def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def planned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plan")
     write_plan(plan_request(QUICK), folder)
     return folder
 
 
-def tips(opened: Opened) -> np.ndarray[Any, Any]:
+def tips(opened):
     """Numbers and places of the drawn centres of projection, (cameras, 3) in px."""
     return np.array(opened.page.locator("[data-testid=layouts]").evaluate(TIPS))
 
 
-def test_every_option_shows_and_tells_where_its_cameras_are(
-    chromium: Browser, planned: Path
-) -> None:
+def test_every_option_shows_and_tells_where_its_cameras_are(chromium, planned):
     """Seen from above, distances in the image are those on the ground, in one scale for all."""
     with (
         xr.open_dataset(planned / "plan.nc") as cube,
@@ -71,7 +62,7 @@ def test_every_option_shows_and_tells_where_its_cameras_are(
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])
-def test_page_is_for_everybody(chromium: Browser, planned: Path, width: int, dark: bool) -> None:
+def test_page_is_for_everybody(chromium, planned, width, dark):
     """Nothing beyond the picture's box, nothing wrong for those who do not see it."""
     import axe
 
@@ -90,7 +81,7 @@ def test_page_is_for_everybody(chromium: Browser, planned: Path, width: int, dar
 
 
 @pytest.mark.slow
-def test_the_address_keeps_the_option_and_bears_rubbish(chromium: Browser, planned: Path) -> None:
+def test_the_address_keeps_the_option_and_bears_rubbish(chromium, planned):
     with open_offline(chromium, planned / "plan.html") as opened:
         said = opened.page.locator(".tl-summary")
         address, words = opened.page.url, said.inner_text()

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import nbformat
 import pytest
@@ -51,7 +50,7 @@ shutil.disk_usage = lambda _: usage(1, 1, 0)
 NO_SPACE = 'raise OSError(28, "No space left on device")'
 
 
-def shorten(checkout: Checkout, name: str, last: str = "") -> None:
+def shorten(checkout, name, last=""):
     """Leave a notebook its parameters and its study, and give it one more cell."""
 
     def edit(document):
@@ -62,22 +61,22 @@ def shorten(checkout: Checkout, name: str, last: str = "") -> None:
     checkout.change(name, edit)
 
 
-def append(path: Path, text: str = "\n") -> None:
+def append(path, text="\n"):
     with path.open("ab") as stream:
         stream.write(text.encode())
 
 
-def flip(path: Path, place: int) -> None:
+def flip(path, place):
     content = bytearray(path.read_bytes())
     content[place] ^= 1
     path.write_bytes(content)
 
 
-def library(checkout: Checkout, place: str) -> Path:
+def library(checkout, place):
     return checkout.root / "src" / "thesis_lib" / place
 
 
-def cubes(folder: Path) -> dict[str, xr.Dataset]:
+def cubes(folder):
     found = {}
     for path in sorted(folder.glob("*.nc")):
         with xr.open_dataset(path) as cube:
@@ -88,7 +87,7 @@ def cubes(folder: Path) -> dict[str, xr.Dataset]:
 
 
 @pytest.fixture(scope="module")
-def book(tmp_path_factory) -> Checkout:
+def book(tmp_path_factory):
     """A checkout whose book has two figure sets, executed."""
     made = Checkout(tmp_path_factory.mktemp("book") / "project")
     shrink(made)
@@ -106,7 +105,7 @@ def states(book):
     command = [sys.executable, "-c", STATES]
     with subprocess.Popen(command, cwd=book.root, env=book.environment, **pipes) as running:
 
-        def ask(*names: str) -> dict[str, list[object]]:
+        def ask(*names):
             running.stdin.write(" ".join(names) + "\n")
             running.stdin.flush()
             return json.loads(running.stdout.readline())
@@ -130,7 +129,7 @@ def restored(book, states):
 
 
 @pytest.fixture(scope="module")
-def apart(tmp_path_factory) -> Checkout:
+def apart(tmp_path_factory):
     """A checkout whose notebook each test shortens as it needs."""
     return Checkout(tmp_path_factory.mktemp("apart") / "project")
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-from pathlib import Path
 
 import psutil
 import pytest
@@ -18,13 +17,13 @@ RUN = ["run", NAME, "-p", "trials=2", "-p", "modes=[1]", "--out"]
 FALSIFIES = "import numpy\nnumpy.rint = numpy.floor\n"
 
 
-def write(path: Path, text: str) -> Path:
+def write(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def hostile(folder: Path) -> dict[str, str]:
+def hostile(folder):
     """A home, a working directory and an environment that interfere wherever one can."""
     home, cwd, evil = folder / "home", folder / "cwd", folder / "evil"
     said = f"open({str(folder / 'ran')!r}, 'a').write(__file__ + '\\n')\n"
@@ -70,7 +69,7 @@ def hostile(folder: Path) -> dict[str, str]:
     }
 
 
-def same(one: Path, other: Path) -> bool:
+def same(one, other):
     with xr.open_dataset(one) as a, xr.open_dataset(other) as b:
         a, b = a.load(), b.load()
     for name in RUN_DEPENDENT:

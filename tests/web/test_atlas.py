@@ -1,7 +1,5 @@
 """The switch of the mode between the figures of one case, on a page as a browser has it."""
 
-from pathlib import Path
-
 import pytest
 from browser import open_offline, write_page
 
@@ -16,7 +14,7 @@ SHOWN = """() => [...document.querySelectorAll('figure')]
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(tmp_path_factory):
     """Two cases of two and three modes, one of one mode, and a figure without either."""
     cases = {"2a": (1, 2, 3), "4a'": (1, 2), "own": (1,)}
     figures = [

@@ -1,15 +1,12 @@
 """The experiments on the law of rounding draw the library's law, and can be used."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline, write_page
+from browser import open_offline, write_page
 
 from thesis_lib.book import explorer
 from thesis_lib.facts import setups
@@ -17,16 +14,13 @@ from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
 Show = Callable[..., Any]
 
 
 @pytest.fixture
-def show(chromium: Browser, tmp_path: Path) -> Show:
+def show(chromium, tmp_path):
     @contextmanager
-    def opened(name: str, width: int = 900) -> Iterator[Opened]:
+    def opened(name, width=900):
         file = write_page(tmp_path / f"{name}.html", explorer.write_experiment(name))
         with open_offline(chromium, file, width) as page:
             yield page
@@ -35,27 +29,27 @@ def show(chromium: Browser, tmp_path: Path) -> Show:
     return opened
 
 
-def run(opened: Opened, script: str) -> Any:
+def run(opened, script):
     """A script in which `demo` is what the experiment offers to tests."""
     return opened.page.evaluate(
         f"() => {{ const {{ demo }} = document.querySelector('.tl-demo'); {script} }}"
     )
 
 
-def said(opened: Opened) -> str:
+def said(opened):
     return opened.page.locator(".tl-summary").inner_text()
 
 
-def press(opened: Opened, name: str) -> None:
+def press(opened, name):
     opened.page.get_by_role("button", name=name).click()
 
 
-def put(opened: Opened, label: str, value: float) -> None:
+def put(opened, label, value):
     opened.page.get_by_role("slider", name=label).fill(str(value))
 
 
 @pytest.mark.slow
-def test_a_marker_is_drawn_as_the_library_draws_it(show: Show) -> None:
+def test_a_marker_is_drawn_as_the_library_draws_it(show):
     motions = [0.0, 0.05, 0.5, 1.0, 1.3, 2.75]
     with show("rounding_marker") as opened:
         law = run(opened, f"return {motions}.map(demo.law)")
@@ -77,7 +71,7 @@ def test_a_marker_is_drawn_as_the_library_draws_it(show: Show) -> None:
         assert said(opened) == "A motion of 2 px is measured without error on every grid."
 
 
-def test_two_cameras_have_the_law_of_the_library(show: Show) -> None:
+def test_two_cameras_have_the_law_of_the_library(show):
     angles = np.radians([[90, 40], [-90, 40]])
     cameras = hemisphere_cameras(0.5, *angles.T, 24 / 36 * 320, (320, 180))
     law = 1e3 * np.sqrt(deflection_variance(cameras.P, [0, 0, 0], [0, 0, 2e-3]))
@@ -93,7 +87,7 @@ def test_two_cameras_have_the_law_of_the_library(show: Show) -> None:
         assert np.sqrt(np.mean(errors**2)) == pytest.approx(law, rel=0.15)
 
 
-def test_a_beam_has_the_law_of_the_library(show: Show) -> None:
+def test_a_beam_has_the_law_of_the_library(show):
     beam = setups.thesis_beam()
     shape = deflection_shape(beam, 2, beam.markers, 5.5e-3)
     azimuths = (np.arange(6) + 0.3) * 2 * np.pi / 6

@@ -1,15 +1,12 @@
 """What vibrates moves, pauses and stands still; a camera's image is the library's."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline, write_page
+from browser import open_offline, write_page
 
 from thesis_lib.book.explorer import explorer_html
 from thesis_lib.figure_sets.cube_file import cube_of
@@ -17,10 +14,6 @@ from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook.show import viewer
 from thesis_lib.studies import schema
 from thesis_lib.vision.pinhole import hemisphere_cameras, pixelate, project
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from playwright.sync_api import Browser
 
 KINDS = {
     "beam": ("beam-arrays", {"cases": ["4a", "4e"]}),
@@ -31,7 +24,7 @@ Show = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
-def cubes() -> dict[str, xr.Dataset]:
+def cubes():
     return {
         kind: cube_of(validate_request(name, {"trials": 3, **asked}), "")
         for kind, (name, asked) in KINDS.items()
@@ -39,8 +32,8 @@ def cubes() -> dict[str, xr.Dataset]:
 
 
 @pytest.fixture
-def show(chromium: Browser, cubes: dict[str, xr.Dataset], tmp_path: Path) -> Show:
-    def fragment(kind: str) -> str:
+def show(chromium, cubes, tmp_path):
+    def fragment(kind):
         if kind == "explorer":
             return explorer_html()
         made = viewer(cubes[kind])
@@ -48,7 +41,7 @@ def show(chromium: Browser, cubes: dict[str, xr.Dataset], tmp_path: Path) -> Sho
         return str(made._repr_mimebundle_()[0]["text/html"])
 
     @contextmanager
-    def opened(kind: str, query: str = "", still: bool = False) -> Iterator[Opened]:
+    def opened(kind, query="", still=False):
         file = write_page(tmp_path / f"{kind}.html", fragment(kind))
         with open_offline(chromium, file, 900, query=query, still=still) as page:
             yield page
@@ -57,18 +50,18 @@ def show(chromium: Browser, cubes: dict[str, xr.Dataset], tmp_path: Path) -> Sho
     return opened
 
 
-def mesh(opened: Opened) -> str:
+def mesh(opened):
     return str(opened.page.locator(".tl-mesh").first.get_attribute("d"))
 
 
-def later(opened: Opened) -> bool:
+def later(opened):
     """Whether anything has moved a quarter of a second later."""
     before = mesh(opened), opened.page.get_by_test_id("phase").input_value()
     opened.page.wait_for_timeout(250)
     return (mesh(opened), opened.page.get_by_test_id("phase").input_value()) != before
 
 
-def moves(opened: Opened) -> bool:
+def moves(opened):
     """Whether anything moves; a busy machine may draw nothing for a while."""
     return any(later(opened) for _ in range(40))
 
@@ -76,7 +69,7 @@ def moves(opened: Opened) -> bool:
 @pytest.mark.few(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KINDS, "explorer"])
-def test_it_moves_pauses_and_rests_for_readers_who_want_no_movement(show: Show, kind: str) -> None:
+def test_it_moves_pauses_and_rests_for_readers_who_want_no_movement(show, kind):
     with show(kind) as opened:
         button = opened.page.get_by_test_id("play")
         slider = opened.page.get_by_role("slider", name="phase ωt")
@@ -123,9 +116,7 @@ SEEN = """([angle, camera]) => {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_image_is_the_librarys_in_whole_pixels(
-    show: Show, cubes: dict[str, xr.Dataset], kind: str
-) -> None:
+def test_the_image_is_the_librarys_in_whole_pixels(show, cubes, kind):
     cube = cubes[kind]
     with show(kind, query="setting=2", still=True) as opened:
         for mode, angle, camera in ((1, 0, 0), (1, 60, 1), (3, 0, 0), (3, 200, 1)):

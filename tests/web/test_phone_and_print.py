@@ -9,7 +9,6 @@ pytest.importorskip("playwright", reason="the browser tests need the playwright 
 
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
-from playwright.sync_api import Browser
 
 BOXES = """parts => parts.map(one => one.getBoundingClientRect())
   .map(({ top, width }) => [top, width])"""
@@ -19,7 +18,7 @@ PRESSED = """() => [...document.querySelectorAll(
 
 
 @needs_book
-def test_a_phone_enlarges_to_twice_the_width(chromium: Browser) -> None:
+def test_a_phone_enlarges_to_twice_the_width(chromium):
     """Panels stay one below the other."""
     with open_offline(chromium, BOOK / "executed" / "beam-aperture.html", 390, 844) as opened:
         figure = opened.page.locator("#fig-3-7").first
@@ -39,7 +38,7 @@ def test_a_phone_enlarges_to_twice_the_width(chromium: Browser) -> None:
     ("name", "sheets"),
     [("executed/beam-arrays", 18), ("explorer", 2)],
 )
-def test_nothing_to_press_is_printed(chromium: Browser, name: str, sheets: int) -> None:
+def test_nothing_to_press_is_printed(chromium, name, sheets):
     pypdf = pytest.importorskip("pypdf", reason="sheets are counted with pypdf")
     with open_offline(chromium, BOOK / f"{name}.html", 1280, 800) as opened:
         opened.page.emulate_media(media="print")

@@ -1,19 +1,15 @@
 """The viewer: safe to inline, shown with or without a kernel, and usable in a real browser."""
 
-from __future__ import annotations
-
 import base64
 import copy
 import json
 import math
 import re
 from functools import cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from browser import Opened, open_offline, write_page
+from browser import open_offline, write_page
 
 from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.registry import validate_request
@@ -21,32 +17,29 @@ from thesis_lib.notebook import show
 from thesis_lib.web.html import static_html
 from thesis_lib.web.viewer import Viewer
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
-
 EVIL = "</script><script>alert(1)</script><!-- \u2028 <img src=x onerror=alert(2)> & ]]>"
 PAIRS = {"cases": ["2a", "2c"], "half_apertures_deg": [8, 30, 55, 80], "trials": 3}
 NODAL = "nodal plane: no reference pressure"
 
 
 @cache
-def computed(kind: str) -> dict[str, Any]:
+def computed(kind):
     few = {"plane_shape": [15, 10], "modes": [1, 2], "cases": ["2a"], "half_apertures_deg": [8, 80]}
     more = few if kind == "sound" else {}
     return dict(show.viewer(cube_of(validate_request(f"{kind}-aperture", PAIRS | more))).data)
 
 
-def study(kind: str) -> dict[str, Any]:
+def study(kind):
     """What the viewer of a figure set gets, of which a test may change what it likes."""
     return copy.deepcopy(computed(kind))
 
 
-def html_of(data: dict[str, Any]) -> str:
+def html_of(data):
     """The page's part of a viewer."""
     return str(Viewer(data=data, case="2a", mode=1)._repr_mimebundle_()[0]["text/html"])
 
 
-def test_state_cannot_break_out_of_its_script() -> None:
+def test_state_cannot_break_out_of_its_script():
     state = {"data": {"title": EVIL, EVIL: [EVIL]}}
     text = static_html("export default { render() {} };", ".a {}", state)
     assert text.count("<script") == text.count("</script>") == 1
@@ -57,7 +50,7 @@ def test_state_cannot_break_out_of_its_script() -> None:
     assert json.loads(literal[1]) == state
 
 
-def test_fragment_is_a_function_of_its_arguments_without_numbers_that_do_not_exist() -> None:
+def test_fragment_is_a_function_of_its_arguments_without_numbers_that_do_not_exist():
     esm, state = "export default { render() {} };", {"a": 1.23456789, "b": [math.nan, -math.inf]}
     one = static_html(esm, "", state)
     assert one == static_html(esm, "", dict(state)) != static_html(esm, "", {"a": 2, "b": []})
@@ -72,7 +65,7 @@ PATHS = """e => [...e.querySelectorAll('path, rect')].map(p => ['d', 'x', 'y', '
 
 
 @pytest.fixture(scope="module")
-def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def beams(tmp_path_factory):
     """A page with two viewers of the same state, and one whose words try to break it."""
     data, hostile = study("beam"), study("beam")
     data["cases"][0]["settings"][3]["in_view"] = 0.924
@@ -83,7 +76,7 @@ def beams(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def plates(tmp_path_factory):
     """A page with two plates, the second one much smaller and without the errors of its markers."""
     data = study("plate")
     for setting in data["cases"][0]["settings"]:
@@ -97,27 +90,27 @@ def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def sounds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sounds(tmp_path_factory):
     """A page with two viewers of a sound study."""
     file = tmp_path_factory.mktemp("viewer") / "sounds.html"
     return write_page(file, *[html_of(study("sound"))] * 2)
 
 
-def viewers(opened: Opened) -> list[Locator]:
+def viewers(opened):
     found = opened.page.get_by_test_id("viewer")
     found.last.locator(".tl-bar").first.wait_for()
     return [found.nth(i) for i in range(found.count())]
 
 
-def drawn(viewer: Locator, letter: str) -> str:
+def drawn(viewer, letter):
     return str(viewer.get_by_test_id(f"panel-{letter}").evaluate(PATHS))
 
 
-def words(viewer: Locator) -> str:
+def words(viewer):
     return viewer.get_by_test_id("summary").inner_text()
 
 
-def test_choosing_with_keyboard_and_mouse(chromium: Browser, beams: Path) -> None:
+def test_choosing_with_keyboard_and_mouse(chromium, beams):
     with open_offline(chromium, beams, width=1100) as opened:
         first, second, hostile = viewers(opened)
         before = {letter: drawn(first, letter) for letter in "abcd"}
@@ -146,7 +139,7 @@ def test_choosing_with_keyboard_and_mouse(chromium: Browser, beams: Path) -> Non
         assert hostile.locator("img").count() == 0
 
 
-def test_highlighting_a_setting(chromium: Browser, beams: Path) -> None:
+def test_highlighting_a_setting(chromium, beams):
     with open_offline(chromium, beams, width=1100) as opened:
         viewer = viewers(opened)[0]
         bars = viewer.locator(".tl-bar")
@@ -177,12 +170,10 @@ def test_highlighting_a_setting(chromium: Browser, beams: Path) -> None:
         assert shown.count() == 4
 
 
-def test_bars_stand_at_their_errors_and_best_and_worst_go_by_the_median(
-    chromium: Browser, tmp_path: Path
-) -> None:
+def test_bars_stand_at_their_errors_and_best_and_worst_go_by_the_median(chromium, tmp_path):
     """On a logarithmic axis where they are far apart."""
 
-    def tops(factor: float) -> list[float]:
+    def tops(factor):
         data = study("beam")
         for power, setting in zip((2, 0, 3, 1), data["cases"][0]["settings"], strict=True):
             for name in ("mean", "median", "low", "high", "predicted"):
@@ -201,13 +192,13 @@ def test_bars_stand_at_their_errors_and_best_and_worst_go_by_the_median(
     np.testing.assert_allclose(far, far[0], rtol=1e-6)
 
 
-def colours(viewer: Locator, testid: str) -> list[str]:
+def colours(viewer, testid):
     """Fill of each cell of a map, the first row of markers first."""
     script = "e => [...e.querySelectorAll('.tl-cells rect')].map(c => c.getAttribute('fill'))"
     return list(viewer.get_by_test_id(testid).evaluate(script))
 
 
-def test_a_plate_as_maps_whose_cells_are_read(chromium: Browser, plates: Path) -> None:
+def test_a_plate_as_maps_whose_cells_are_read(chromium, plates):
     with open_offline(chromium, plates, width=1100) as opened:
         viewer, other = viewers(opened)
         ideal, best, worst = (colours(viewer, f"map-{one}") for one in ("ideal", 0, 1))
@@ -249,7 +240,7 @@ def test_a_plate_as_maps_whose_cells_are_read(chromium: Browser, plates: Path) -
         assert viewer.locator("[data-testid=panel-c] .tl-map").count() == 4
 
 
-def pixels(viewer: Locator, testid: str) -> str:
+def pixels(viewer, testid):
     return str(viewer.get_by_test_id(testid).evaluate("e => e.toDataURL()"))
 
 
@@ -259,9 +250,7 @@ COLOURS = """e => { const copy = document.createElement('canvas').getContext('2d
 
 
 @pytest.mark.slow
-def test_the_sound_of_a_plate_is_drawn_and_plays_when_asked_to(
-    chromium: Browser, sounds: Path
-) -> None:
+def test_the_sound_of_a_plate_is_drawn_and_plays_when_asked_to(chromium, sounds):
     data = computed("sound")
     with open_offline(chromium, sounds, width=1100) as opened:
         viewer, other = viewers(opened)
@@ -312,7 +301,7 @@ def test_the_sound_of_a_plate_is_drawn_and_plays_when_asked_to(
         assert viewer.get_by_test_id("field-YZ-ideal").inner_text() == NODAL
 
 
-def test_one_live_viewer_takes_any_kind(chromium: Browser, beams: Path) -> None:
+def test_one_live_viewer_takes_any_kind(chromium, beams):
     """The module of a live notebook has all kinds, and stops what it showed before."""
     script = """async ([esm, studies]) => {
       const file = new Blob([esm], { type: 'text/javascript' });
