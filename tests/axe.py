@@ -35,10 +35,7 @@ PREPARE = """() => {
 def source():
     """The checker's program, installed from ``package-lock.json`` unless it is there.
 
-    Raises
-    ------
-    thesis_lib.web.page.BookError
-        If there is no npm, or no network the first time.
+    Without npm, or without a network the first time, it raises a `BookError`.
     """
     lock = ROOT / "package-lock.json"
     stamp, file = FOLDER / ".lock-sha256", FOLDER / "axe.min.js"
@@ -67,16 +64,12 @@ def absent():
 
 
 def findings(page, *rules, without=()):
-    """What is wrong with a page, minor or not, one line per element.
+    """What is wrong with a page, minor or not, one line per element; nothing without the checker.
 
-    Parameters
-    ----------
-    page : Page
-    *rules : str
-        Those to check; all, if none is named.
-    without : tuple of str
-        Selectors of parts to leave out.
+    All rules are checked if none is named; `without` has selectors of parts to leave out.
     """
+    if absent():
+        return []
     options = {"resultTypes": ["violations"], "preload": False}
     if rules:
         options["runOnly"] = {"type": "rule", "values": list(rules)}
@@ -96,14 +89,8 @@ def findings(page, *rules, without=()):
 def light_and_dark(page, *, theme=False, without=()):
     """What is wrong with an open page, by any rule in the light, by contrast in the dark.
 
-    Parameters
-    ----------
-    page : Page
-        Cut short where it repeats itself: nothing else can be asked of it afterwards.
-    theme : bool
-        Whether the page has a theme of its own that follows the browser's.
-    without : tuple of str
-        Selectors of parts to leave out.
+    The page is cut short where it repeats itself: nothing else can be asked of it afterwards. With
+    `theme`, it has a theme of its own that follows the browser's.
     """
     page.evaluate(PREPARE)
     page.emulate_media(color_scheme="light")

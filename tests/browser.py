@@ -25,15 +25,17 @@ FLAGS = [
 ]
 
 
-HEAD = (
-    '<!doctype html><html lang="en"><meta charset="utf-8"><title>Page</title>'
-    '<meta name="viewport" content="width=device-width">'
-)
-
-
 def write_page(file, *fragments):
-    """Write fragments of HTML as a page, and return its file."""
-    file.write_text(f"{HEAD}<body>{''.join(fragments)}", encoding="utf-8")
+    """Write fragments of HTML, or widgets as a page shows them, as a page, and return its file."""
+    head = (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Page</title>'
+        '<meta name="viewport" content="width=device-width">'
+    )
+    texts = [
+        one if isinstance(one, str) else one._repr_mimebundle_()[0]["text/html"]
+        for one in fragments
+    ]
+    file.write_text(f"{head}<body>{''.join(texts)}", encoding="utf-8")
     return file
 
 
@@ -74,11 +76,9 @@ class Opened:
 
     def sideways_px(self):
         """How far the page itself scrolls sideways."""
-        return int(
-            self.page.evaluate("""() => {
+        return self.page.evaluate("""() => {
             const e = document.scrollingElement;
             return Math.max(e.scrollWidth, document.body.scrollWidth) - innerWidth; }""")
-        )
 
 
 @contextmanager
@@ -112,7 +112,7 @@ FOCUSED = """name => { const e = document.activeElement, style = getComputedStyl
 
 def focused(opened):
     """Name of what has the focus, or that it is not seen to have it."""
-    return str(opened.page.evaluate(FOCUSED))
+    return opened.page.evaluate(FOCUSED)
 
 
 def tab_through(opened, times):
@@ -127,7 +127,6 @@ def tab_through(opened, times):
 def drag(opened, name, x, y=0):
     """Drag from the middle of what has a test id by some px to the right and down."""
     box = opened.page.get_by_test_id(name).bounding_box()
-    assert box is not None
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     opened.page.mouse.move(*middle)
     opened.page.mouse.down()
@@ -137,15 +136,7 @@ def drag(opened, name, x, y=0):
 
 @contextmanager
 def open_offline(
-    running,
-    path,
-    width=1280,
-    height=900,
-    dark=False,
-    query="",
-    served="",
-    fresh=False,
-    still=True,
+    running, path, width=1280, height=900, dark=False, query="", served="", fresh=False, still=True
 ):
     """Open the file `path` with no network, and wait until it and its equations are there.
 

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("playwright", reason="the browser tests need the playwright package")
 
 import axe
-from browser import browser, find_browser, open_offline, server, write_page
+from browser import open_offline, server, write_page
 from lxml.html import document_fromstring
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from playwright.sync_api import TimeoutError
@@ -45,10 +45,6 @@ ONE_OF_EACH = {
     "executed/plate-resolution.html", "executed/sound-resolution.html", "intro.html",
     "planner.html", "recordings-warnings.html", "rerun.html", "rounding.html",
 }  # fmt: skip
-
-pytestmark = pytest.mark.skipif(
-    find_browser() is None, reason="no Chromium or Chrome on this machine"
-)
 
 
 def needs_book(test):
@@ -138,23 +134,16 @@ def choose(page):
 
 
 @pytest.fixture(scope="module")
-def running():
-    with browser() as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
 def address():
-    """Where a server on this machine has the book."""
     with server(BOOK) as one:
         yield one
 
 
 @needs_book
 @pytest.mark.parametrize("name", by_night(ALIKE))
-def test_page_is_whole(running, name):
+def test_page_is_whole(chromium, name):
     """It loads nothing from outside, fits, is typeset, and its pictures are there and described."""
-    with open_offline(running, BOOK / name) as opened:
+    with open_offline(chromium, BOOK / name) as opened:
         opened.page.mouse.wheel(0, 20_000)
         seen = opened.page.evaluate(FACTS)
         assert all(seen["math"])
@@ -172,8 +161,8 @@ def test_page_is_whole(running, name):
 
 @needs_book
 @pytest.mark.parametrize("name", by_night({*PAGES} - ONE_OF_EACH))
-def test_page_is_whole_on_a_phone_in_the_dark_and_served(running, address, name):
-    with open_offline(running, BOOK / name, 390, 844, True, served=f"{address}/{name}") as opened:
+def test_page_is_whole_on_a_phone_in_the_dark_and_served(chromium, address, name):
+    with open_offline(chromium, BOOK / name, 390, 844, True, served=f"{address}/{name}") as opened:
         assert all(opened.page.evaluate(FACTS)["math"])
         assert_it_fits(opened, 390)
         assert said_by_us(opened) == []
@@ -181,34 +170,34 @@ def test_page_is_whole_on_a_phone_in_the_dark_and_served(running, address, name)
 
 @needs_book
 @pytest.mark.parametrize("name", by_night({*PAGES} - ONE_OF_EACH))
-def test_nothing_is_amiss_for_those_who_cannot_see_well(running, name):
+def test_nothing_is_amiss_for_those_who_cannot_see_well(chromium, name):
     if axe.absent():
         pytest.skip(axe.absent())
     without = () if name == "intro.html" else SAME
-    with open_offline(running, BOOK / name) as opened:
+    with open_offline(chromium, BOOK / name) as opened:
         assert axe.light_and_dark(opened.page, theme=True, without=without) == []
 
 
 @pytest.mark.slow
-def test_nothing_is_amiss_in_a_form_that_refuses(running, tmp_path):
+def test_nothing_is_amiss_in_a_form_that_refuses(chromium, tmp_path):
     if axe.absent():
         pytest.skip(axe.absent())
     file = write_page(tmp_path / "form.html", f"<main><h1>x</h1>{explorer.rerun_form_html()}")
     for dark, query in ((False, "set=beam-arrays&modes=1"), (True, "set=lab-plate&frames=x")):
-        with open_offline(running, file, dark=dark, query=query) as opened:
+        with open_offline(chromium, file, dark=dark, query=query) as opened:
             opened.page.evaluate(axe.PREPARE)
             assert axe.findings(opened.page) == []
 
 
 @needs_book
 @pytest.mark.parametrize("name", LONGEST)
-def test_first_paint_within_half_a_second(running, name):
+def test_first_paint_within_half_a_second(chromium, name):
     """Of the longest pages, in a window that has seen no page before."""
     paint = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN"
     waiting = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))  # jobs for each processor
     tried = []
     while not tried or (min(tried) > PAINT_MS * waiting and len(tried) < 8):  # it may be busy
-        with open_offline(running, BOOK / name, fresh=True) as opened:
+        with open_offline(chromium, BOOK / name, fresh=True) as opened:
             tried.append(opened.page.evaluate(paint))
     assert min(tried) <= PAINT_MS * waiting, tried
 
@@ -243,8 +232,8 @@ def anchors(page):
 
 
 @needs_book
-def test_home_answers_and_leads_to_the_explorer(running):
-    with open_offline(running, BOOK / "intro.html", height=800) as opened:
+def test_home_answers_and_leads_to_the_explorer(chromium):
+    with open_offline(chromium, BOOK / "intro.html", height=800) as opened:
         page = opened.page
         before = page.locator(".tl-ex-status").inner_text()
         page.locator(".tl-explorer .tl-camera").first.focus()
@@ -267,7 +256,7 @@ list.addEventListener("change", show); show();
 </script>"""
 
 
-def test_the_page_of_a_run_works_alone(running, tmp_path):
+def test_the_page_of_a_run_works_alone(chromium, tmp_path):
     """A small executed notebook with one of everything that a page shows."""
     figure = {"figure": {"name": "fig-a", "caption": "*Error* of $w$."}, "image": {"alt": 'a "b"'}}
     view = {"application/vnd.jupyter.widget-view+json": {"model_id": "m"}, "text/html": WIDGET}
@@ -289,7 +278,7 @@ def test_the_page_of_a_run_works_alone(running, tmp_path):
     assert base64.b64encode(SVG.encode()).decode() in text
     assert "hidden_word" not in text
     assert "secret" not in text
-    with open_offline(running, html) as opened:
+    with open_offline(chromium, html) as opened:
         page = opened.page
         assert page.title() == "<i>R</i> & co"
         assert page.locator("figure#fig-a figcaption").inner_text().startswith("Error")
@@ -302,4 +291,4 @@ def test_the_page_of_a_run_works_alone(running, tmp_path):
         for width in (1280, 390):
             page.set_viewport_size({"width": width, "height": 900})
             assert opened.sideways_px() <= 0
-        assert axe.absent() or axe.light_and_dark(page) == []
+        assert axe.light_and_dark(page) == []

@@ -3,11 +3,8 @@
 import re
 from io import BytesIO
 
-import pytest
-
-pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-
 import axe
+import pytest
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
 from PIL import Image
@@ -43,8 +40,7 @@ def test_a_figure_grows_by_keyboard_and_by_mouse(chromium):
         page.keyboard.press("0")
         assert page.evaluate(WIDTH) == pytest.approx(small, rel=0.01)
         page.locator(".tl-zoom-view").focus()
-        if not axe.absent():
-            assert axe.findings(page) == []
+        assert axe.findings(page) == []
         page.keyboard.press("Escape")
         assert not page.locator(".tl-zoom").is_visible()
         page.locator("#fig-3-7 img").click()
@@ -70,7 +66,7 @@ def test_a_link_tells_what_it_leads_to(chromium, name, link, says):
         preview.wait_for()
         assert re.search(says, preview.inner_text())
         assert one.get_attribute("aria-describedby") == "tl-preview"
-        if not axe.absent() and name == "how-to.html":
+        if name == "how-to.html":
             assert axe.findings(page, "color-contrast", "aria-tooltip-name") == []
         page.keyboard.press("Escape")
         assert not preview.is_visible()
@@ -124,5 +120,4 @@ def test_pages_figures_and_cubes_are_cited_with_their_edition(chromium):
         assert "executed/beam-aperture.html#fig-3-8" in said.nth(1).inner_text()
         page.get_by_role("button", name="Copy BibTeX").click()
         page.get_by_text("BibTeX: copied.").wait_for()
-        if not axe.absent():
-            assert axe.findings(page) == []
+        assert axe.findings(page) == []

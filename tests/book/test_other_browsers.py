@@ -3,9 +3,6 @@
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-
 from book.test_book_pages import BOOK, PAGES, needs_book, said_by_us
 from browser import FLAGS, find_browser, open_offline
 from playwright.sync_api import sync_playwright

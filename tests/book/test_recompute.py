@@ -14,7 +14,6 @@ from refused import refusal
 from thesis_lib.book import explorer
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.parametric import compute
-from thesis_lib.figure_sets.parametric.camera_study import CameraStudy
 from thesis_lib.figure_sets.parametric.in_page import COMPUTED_SETS
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show
@@ -27,9 +26,8 @@ STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pr
 
 
 def atlas(name, **values):
-    """What the page of a figure set shows, its viewer with the parameters above it."""
-    cube = cube_file.cube_of(validate_request(name, values))
-    return str(show.viewer(cube)._repr_mimebundle_()[0]["text/html"])
+    """The viewer of a figure set's page, with the parameters above it."""
+    return show.viewer(cube_file.cube_of(validate_request(name, values)))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +49,6 @@ def until(opened, what):
 
 
 def shown(opened):
-    """What the viewer of the page draws."""
     data = f"document.querySelector('{FORM}').recompute.model.get('data')"
     return opened.page.evaluate(f"() => JSON.parse(JSON.stringify({data}))")
 
@@ -79,7 +76,7 @@ def said(opened, css):
 def apart(directions, least_deg=4):
     away = hemisphere_directions(*np.radians(directions).T)
     cosines = (away @ away.T)[np.triu_indices(len(away), 1)]
-    return bool(np.all(np.abs(cosines) < np.cos(np.radians(least_deg))))
+    return np.all(np.abs(cosines) < np.cos(np.radians(least_deg)))
 
 
 def drawn_request(rng, name):
@@ -139,9 +136,7 @@ def drawn_request(rng, name):
     }  # fmt: skip
     markers = {"first_marker_mm": some(0, 23)} if subject == "beam" else {
         "grid": rng.choice([[15, 10], [6, 5], [9, 17]])}  # fmt: skip
-    request = validate_request(name, {**own, **shared, **markers, "trials": 0})
-    assert isinstance(request, CameraStudy)
-    return request
+    return validate_request(name, {**own, **shared, **markers, "trials": 0})
 
 
 def held(conforms, request, there):
@@ -205,7 +200,6 @@ def test_random_requests_of_every_set_are_what_the_library_makes_of_them(
 def test_the_published_run_comes_out_and_stands_behind(conforms, chromium, form, name):
     """All settings and modes as they are, with their ties; draws of its own, the same spread."""
     table = read_published(name)
-    assert table is not None
     table = table[table["error"] == "mean_error"]
     with open_offline(chromium, form, query=f"set={name}") as opened:
         until(opened, "drawn")
@@ -289,7 +283,6 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium, distance):
         mode = shown(opened)["cases"][0]["settings"][1]["modes"][1]
         assert mode["low"] < mode["median"] < mode["high"]
         table = read_published("beam-distance")
-        assert table is not None
         row = table.query("value == 750 and mode == 2 and error == 'mean_error'").iloc[0]
         assert mode["published"]["median"] == row["median"]
         page.wait_for_function("() => document.querySelectorAll('.tl-published').length === 5")
@@ -310,8 +303,7 @@ def test_a_parameter_is_changed_on_the_page_of_its_set(chromium, distance):
 
 def test_a_page_of_other_parameters_begins_with_them(chromium, tmp_path):
     own = atlas("beam-resolution", widths_px=[640], rest="known", trials=20)
-    file = write_page(tmp_path / "run.html", own)
-    with open_offline(chromium, file) as opened:
+    with open_offline(chromium, write_page(tmp_path / "run.html", own)) as opened:
         words = shlex.split(said(opened, CODE))
         assert words[:3] == ["thesis", "run", "beam-resolution"]
         assert parse_assignments(words[4::2]) == {"widths_px": [640], "rest": "known", "trials": 20}

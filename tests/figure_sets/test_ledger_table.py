@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser import open_offline
+from browser import focused, open_offline, tab_through, write_page
 
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.ledger.verdicts import VERDICTS
@@ -38,23 +38,10 @@ def row(i):
 ROWS = [row(i) for i in range(COUNT)]
 
 
-def bundle(rows):
-    return str(LedgerTable(data={"rows": rows})._repr_mimebundle_()[0]["text/html"])
-
-
-def page(*fragments):
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-    return f"<!doctype html><html><head>{head}</head><body>{''.join(fragments)}</body></html>"
-
-
-# --- in a browser
-
-
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     file = tmp_path_factory.mktemp("ledger") / "the claims.html"
-    file.write_text(page("<h1 id='top'>Claims</h1>", bundle(ROWS)), encoding="utf-8")
-    return file
+    return write_page(file, "<h1 id='top'>Claims</h1>", LedgerTable(data={"rows": ROWS}))
 
 
 def box(opened, label):
@@ -127,10 +114,8 @@ def test_filters_and_a_search_combine_and_are_counted(chromium, path):
 
 
 def test_the_last_are_folded_until_asked_for(chromium, tmp_path):
-    path = tmp_path / "folded.html"
     table = LedgerTable(data={"rows": ROWS[:30], "folded": 10})
-    path.write_text(page(str(table._repr_mimebundle_()[0]["text/html"])), encoding="utf-8")
-    with open_offline(chromium, path) as opened:
+    with open_offline(chromium, write_page(tmp_path / "folded.html", table)) as opened:
         fold = opened.page.locator(".tl-ledger-fold")
         assert shown(opened) == list(range(20))
         fold.click()
@@ -206,7 +191,6 @@ def test_a_link_to_a_claim_shows_it(chromium, path):
         assert shown(opened) == [*those(chapter=2, verdict="agrees"), 333]
         assert count(opened).endswith("; one is shown by its link")
         place = claim(opened, 333).bounding_box()
-        assert place is not None
         assert 0 < place["y"] < 850
         pick(opened, "Verdict", "")  # the reader's own choice ends the exception
         assert shown(opened) == those(chapter=2)
@@ -216,16 +200,14 @@ def test_a_link_to_a_claim_shows_it(chromium, path):
         assert shown(opened) == [*those(chapter=2), 400]
     with open_offline(chromium, path, query=f"#claim-{ROWS[207]['id']}") as opened:
         place = claim(opened, 207).bounding_box()  # among rows that were never drawn
-        assert place is not None
         assert 0 < place["y"] < 850
 
 
 def test_words_of_the_data_stay_words(chromium, tmp_path):
     texts = ("case", "what", "stated", "got", "note", "place", "command", "kind")
     evil = {**ROWS[0], **dict.fromkeys(texts, EVIL), "href": "java\nscript:alert(3)"}
-    file = tmp_path / "evil.html"
     rows = [evil, {**ROWS[1], "href": "", "place": "section 2"}]
-    file.write_text(page(bundle(rows)), encoding="utf-8")
+    file = write_page(tmp_path / "evil.html", LedgerTable(data={"rows": rows}))
     with open_offline(chromium, file, query="search=%3Cscript%3E") as opened:
         opened.page.on("dialog", lambda dialog: opened.console.append(dialog.message))
         first, second = opened.page.locator("tbody").all()
@@ -269,26 +251,21 @@ def test_a_row_says_what_is_stated_and_why_it_differs(chromium, path):
 
 
 def test_everything_by_keyboard(chromium, path):
-    focused = """() => { const e = document.activeElement, style = getComputedStyle(e);
-      if (style.outlineStyle === 'none' || parseFloat(style.outlineWidth) < 2) return 'no outline';
-      return e.labels?.[0]?.innerText.split('\\n')[0] ?? e.innerText; }"""
     with open_offline(chromium, path) as opened:
-        seen = []
-        for _ in range(13):
-            opened.page.keyboard.press("Tab")
-            seen.append(opened.page.evaluate(focused))
+        seen = tab_through(opened, 13)
         controls = ["Chapter", "Case", "Mode", "Verdict", "Kind", "Search", "Reset", "Copy link"]
-        assert seen == [*controls, "Place", "Verdict", "Ratio", ROWS[0]["place"], "note"]
+        place, what = ROWS[0]["place"], ROWS[0]["what"]
+        note = f"note about {place}: {what}"
+        assert seen == [*controls, "Place", "Verdict", "Ratio", place, note]
         opened.page.keyboard.press("Enter")
         assert claim(opened, 0).locator(".tl-ledger-second").is_visible()
-        opened.page.keyboard.press("Tab")
-        assert opened.page.evaluate(focused) == "Copy"
+        assert tab_through(opened, 1) == ["Copy"]
         box(opened, "Chapter").focus()
         opened.page.keyboard.press("4")
         assert shown(opened) == those(chapter=4)
         opened.page.get_by_role("button", name="Ratio").focus()
         opened.page.keyboard.press("Space")
-        assert opened.page.evaluate(focused) == "Ratio"  # sorting leaves the focus
+        assert focused(opened) == "Ratio"  # sorting leaves the focus
 
 
 def test_the_rows_of_a_phone_are_cards(chromium, path):

@@ -1,8 +1,6 @@
 """The experiments on the law of rounding draw the library's law, and can be used."""
 
-from collections.abc import Callable
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +11,6 @@ from thesis_lib.facts import setups
 from thesis_lib.vibration.structure import deflection_shape, world_points
 from thesis_lib.vision.pinhole import hemisphere_cameras
 from thesis_lib.vision.rounding import deflection_variance, difference_variance
-
-Show = Callable[..., Any]
 
 
 @pytest.fixture

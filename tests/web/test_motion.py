@@ -1,8 +1,6 @@
 """What vibrates moves, pauses and stands still; a camera's image is the library's."""
 
-from collections.abc import Callable
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ KINDS = {
     "plate": ("plate-aperture", {"cases": ["2a"]}),
     "holes": ("shape-holes", {"cases": ["4c"]}),
 }
-Show = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +35,7 @@ def show(chromium, cubes, tmp_path):
             return explorer_html()
         made = viewer(cubes[kind])
         made.form = {}  # which would push what moves out of sight
-        return str(made._repr_mimebundle_()[0]["text/html"])
+        return made
 
     @contextmanager
     def opened(kind, query="", still=False):
@@ -51,7 +48,7 @@ def show(chromium, cubes, tmp_path):
 
 
 def mesh(opened):
-    return str(opened.page.locator(".tl-mesh").first.get_attribute("d"))
+    return opened.page.locator(".tl-mesh").first.get_attribute("d")
 
 
 def later(opened):
@@ -147,6 +144,3 @@ def test_the_image_is_the_librarys_in_whole_pixels(show, cubes, kind):
                 order, other = (np.lexsort(a) for a in (here, there))
                 here, there, clear = here[:, order], there[:, other], clear[:, order]
             np.testing.assert_array_equal(here[clear], there[clear])
-
-
-# --- the address

@@ -4,9 +4,6 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-
-pytest.importorskip("playwright", reason="the browser tests need the playwright package")
-
 from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
 
