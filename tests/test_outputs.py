@@ -11,16 +11,7 @@ import numpy as np
 import pytest
 from command import refusal, thesis
 
-from thesis_lib.files import (
-    OWNER_RECORD,
-    RECORD_NAME,
-    OutputError,
-    check_cache,
-    check_outputs,
-    mark_cache,
-    put_files,
-    staging,
-)
+from thesis_lib import files
 from thesis_lib.measure.recordings.media import write_png, write_video
 
 MINE = b"the user's own"
@@ -96,7 +87,7 @@ def test_a_measurement_never_replaces_what_it_reads(here):
     """Though the calibration was written by an earlier one into the same folder."""
     (here / "part").mkdir()
     (here / "part" / "calibration.nc").write_bytes(MINE)
-    put_files(here / "part", here / "cam1")
+    files.put_files(here / "part", here / "cam1")
     text = (here / "whole.yaml").read_text()
     for file in ("cam1/calibration.nc", "cam1"):
         (here / "whole.yaml").write_text(text.replace("cameras.toml", file))
@@ -135,7 +126,7 @@ def test_results_of_a_command_that_was_killed_are_its_own(part, tmp_path, monkey
     """At every file between the record and the last one moved."""
     out, text = tmp_path / "out", 0
     for moved in (0, 1):
-        put_files(part, out)
+        files.put_files(part, out)
         for name in "ab":
             (part / name).write_text(f"{name} {(text := text + 1)}")
         left = iter(range(moved))
@@ -148,10 +139,10 @@ def test_results_of_a_command_that_was_killed_are_its_own(part, tmp_path, monkey
         with monkeypatch.context() as patch:
             patch.setattr(Path, "replace", replace)
             with pytest.raises(KeyboardInterrupt):
-                put_files(part, out)
+                files.put_files(part, out)
         for name in "ab":
             (part / name).write_text(name)
-    put_files(part, out)
+    files.put_files(part, out)
     assert [(out / name).read_text() for name in "ab"] == ["a", "b"]
 
 
@@ -164,27 +155,27 @@ def test_what_stands_in_the_way_is_refused_and_nothing_is_moved(part, tmp_path, 
     elif mine == "a folder":
         (out / "b").mkdir()
     elif mine == "a record":
-        (out / RECORD_NAME).write_bytes(MINE)
+        (out / files.RECORD_NAME).write_bytes(MINE)
     else:
         (out / "b").symlink_to(elsewhere)
         elsewhere.write_text("b")  # even if it holds the same
     before = sorted(out.iterdir())
-    with pytest.raises(OutputError):
-        put_files(part, out)
-    with pytest.raises(OutputError):
-        check_outputs(out, [out / "b"])
+    with pytest.raises(files.OutputError):
+        files.put_files(part, out)
+    with pytest.raises(files.OutputError):
+        files.check_outputs(out, [out / "b"])
     assert sorted(out.iterdir()) == before
 
 
 def test_a_folder_of_the_users_is_no_cache(tmp_path):
-    check_cache(tmp_path / "new")
-    mark_cache(tmp_path / "new")
-    check_cache(tmp_path / "new")
+    files.check_cache(tmp_path / "new")
+    files.mark_cache(tmp_path / "new")
+    files.check_cache(tmp_path / "new")
     (tmp_path / "mine").mkdir()
-    check_cache(tmp_path / "mine")  # it is empty
+    files.check_cache(tmp_path / "mine")  # it is empty
     (tmp_path / "mine" / "tracks-00.npy").write_bytes(MINE)
-    with pytest.raises(OutputError, match="mine"):
-        check_cache(tmp_path / "mine")
+    with pytest.raises(files.OutputError, match="mine"):
+        files.check_cache(tmp_path / "mine")
 
 
 def test_only_what_a_record_proves_to_be_of_an_ended_process_is_swept(tmp_path):
@@ -198,9 +189,9 @@ def test_only_what_a_record_proves_to_be_of_an_ended_process_is_swept(tmp_path):
     for place in others:
         place.mkdir()
     elsewhere = {"thesis_lib": ["another host", 1]}
-    (others[1] / OWNER_RECORD).write_text(json.dumps(elsewhere))
-    (others[2] / OWNER_RECORD).write_text("[]")
-    with staging(tmp_path), staging(tmp_path):  # one that is in use stays
+    (others[1] / files.OWNER_RECORD).write_text(json.dumps(elsewhere))
+    (others[2] / files.OWNER_RECORD).write_text("[]")
+    with files.staging(tmp_path), files.staging(tmp_path):  # one that is in use stays
         assert len(list(tmp_path.iterdir())) == 5
     assert not abandoned.exists()
     assert sorted(tmp_path.iterdir()) == sorted(others)

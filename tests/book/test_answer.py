@@ -8,12 +8,7 @@ from command import thesis
 
 from thesis_lib.book.pieces import benchmarks
 from thesis_lib.book.pieces import manifest as filming
-from thesis_lib.measure.feasibility.assess import (
-    COMPRESSED_ERROR_PX,
-    LOSSLESS_ERROR_PX,
-    assess_manifest,
-    format_error_share,
-)
+from thesis_lib.measure.feasibility import assess
 from thesis_lib.measure.feasibility.prediction import draft_manifest
 
 
@@ -31,7 +26,7 @@ def test_the_commands_that_are_shown_tell_what_is_shown(tmp_path):
 
 @pytest.mark.parametrize(
     ("film", "error_px"),
-    [("H.264, crf 23", COMPRESSED_ERROR_PX), ("lossless", LOSSLESS_ERROR_PX)],
+    [("H.264, crf 23", assess.COMPRESSED_ERROR_PX), ("lossless", assess.LOSSLESS_ERROR_PX)],
 )
 def test_errors_of_films_are_those_that_the_benchmarks_measured(film, error_px):
     rows = benchmarks.read_benchmarks()["compression"]["rows"]
@@ -40,13 +35,13 @@ def test_errors_of_films_are_those_that_the_benchmarks_measured(film, error_px):
 
 
 def test_an_error_is_the_films_over_the_motion_of_the_camera_that_sees_least():
-    found = assess_manifest(draft_manifest(filming.EXAMPLE_PLATE))
+    found = assess.assess_manifest(draft_manifest(filming.EXAMPLE_PLATE))
     moved = min(row.motion_px for row in found.table)
-    assert found.verdict.compressed == pytest.approx(COMPRESSED_ERROR_PX / moved)
+    assert found.verdict.compressed == pytest.approx(assess.COMPRESSED_ERROR_PX / moved)
     line = next(
         line for line in filming.answer_for_plate().splitlines() if line.startswith("| full HD")
     )
-    assert f"| {moved:.2f} | {format_error_share(found.verdict.compressed)} |" in line
+    assert f"| {moved:.2f} | {assess.format_error_share(found.verdict.compressed)} |" in line
 
 
 @pytest.mark.parametrize(

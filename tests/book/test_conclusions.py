@@ -19,10 +19,9 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.schema import with_provenance
 
 
-def power_law(name, knob, power):
+def power_law(name, power):
     """A cube whose errors are exactly a power of what is varied, in every trial."""
-    request = validate_request(name, {"trials": 5, "modes": [1, 2]})
-    cube = with_provenance(studies.run(request), request, 0.0)
+    cube = cube_file.cube_of(validate_request(name, {"trials": 5, "modes": [1, 2]}))
     x = xr.DataArray(cube["value"].values.astype(float), dims="setting") ** power
     one = xr.ones_like(cube["mean_error"])
     return cube.assign(
@@ -39,7 +38,7 @@ def power_law(name, knob, power):
     ],
 )
 def test_exponents_and_factors_of_a_power_law(conforms, knob, name, power, ratio):
-    (one,) = factors.estimate_effects({name: power_law(name, knob, power)}, FACTORS[knob])
+    (one,) = factors.estimate_effects({name: power_law(name, power)}, FACTORS[knob])
     conforms.closed_form(one.exponents, power, rtol=1e-7)
     conforms.closed_form(one.predicted, power, rtol=1e-7)
     conforms.closed_form(one.ratios, ratio, rtol=1e-7)
@@ -54,7 +53,7 @@ def test_exponents_and_factors_of_a_power_law(conforms, knob, name, power, ratio
     ],
 )
 def test_what_does_not_support_a_conclusion_is_seen(power, counted, told):
-    cube = power_law("beam-distance", "closer", power)
+    cube = power_law("beam-distance", power)
     (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     assert (one.confident, one.opposite, one.unchanged, one.single) == counted
     assert told in plain(conclusions.PIECES["conclusions-closer"]({"beam-distance": cube}))
@@ -89,7 +88,7 @@ def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(errors, held)
 
 
 def test_an_error_that_neither_surely_falls_nor_rises_is_not_told_apart():
-    cube = power_law("beam-distance", "closer", 0.0)
+    cube = power_law("beam-distance", 0.0)
     scatter = 1 + 0.5 * np.random.default_rng(0).standard_normal(cube["mean_error"].shape)
     (one,) = factors.estimate_effects(
         {"beam-distance": cube.assign(mean_error=cube["mean_error"] * scatter)}, FACTORS["closer"]
@@ -102,7 +101,7 @@ def plain(text):
 
 
 def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(conforms):
-    cube = power_law("beam-aperture", "lower", 1.0)
+    cube = power_law("beam-aperture", 1.0)
     elevation = np.radians(cube["camera_elevation"].isel(camera=0).values.astype(float))
     cosine = xr.DataArray(1 / np.cos(elevation), dims="setting")
     one = xr.ones_like(cube["mean_error"])
@@ -115,7 +114,7 @@ def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(
 
 
 def test_settings_without_a_result_are_left_out_and_counted():
-    cube = power_law("beam-distance", "closer", 1.0)
+    cube = power_law("beam-distance", 1.0)
     gone = cube["mean_error"].where(cube["value"] > 600)
     (one,) = factors.estimate_effects(
         {"beam-distance": cube.assign(mean_error=gone)}, FACTORS["closer"]
@@ -144,13 +143,12 @@ def test_a_missing_cube_is_named_and_the_rest_stands(small, tmp_path, monkeypatc
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """Cubes of some simulations with few trials, as files."""
     folder = tmp_path_factory.mktemp("cubes")
     made = {}
     for name in ("beam-distance", "plate-distance", "beam-resolution", "beam-arrays"):
-        request = validate_request(name, {"trials": 4})
         made[name] = folder / f"{name}.nc"
-        storage.write_netcdf(with_provenance(studies.run(request), request, 0.0), made[name])
+        cube = cube_file.cube_of(validate_request(name, {"trials": 4}))
+        storage.write_netcdf(cube, made[name])
     return made
 
 
@@ -177,9 +175,8 @@ def test_equal_pixels_are_equal_and_the_law_is_that_of_the_study(conforms):
         conforms.independent(one.array, law, rtol=1e-3)
         # Twice as many pixels across as the first pair alone: by the law, at eight cameras.
         finer = {"trials": 1, "cases": ["4b"], "resolution_px": [640, 360]}
-        pair = studies.run(validate_request(f"{structure}-arrays", finer))[
-            "predicted_error"
-        ].values[0]
+        pair = studies.run(validate_request(f"{structure}-arrays", finer))
+        pair = pair["predicted_error"].values[0]
         assert one.n_cameras == 8
         conforms.closed_form(one.pair / np.sqrt(np.mean(pair**2)), below=1 + 1e-3)
     worse = [key for key, one in found.items() if one.ratio > 1.1]

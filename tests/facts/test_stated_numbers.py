@@ -12,11 +12,10 @@ import pytest
 
 from thesis_lib.facts import claims as stated_numbers
 from thesis_lib.facts import setups
-from thesis_lib.facts.claims import CORRECT_VALUES, read_numbers
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.vision.optics import angle_of_view
 
-NUMBERS = read_numbers()
+NUMBERS = stated_numbers.read_numbers()
 BY_ID = {number.id: number for number in NUMBERS}
 DIFFERENT = [
     "cameras-sizes", "format-1280-4-3", "view-up", "view-diagonal-43", "sine-factor", "instant",
@@ -38,7 +37,7 @@ def test_every_number_has_a_value():
     assert len(NUMBERS) > 60
     assert all(isfinite(number.value) for number in NUMBERS)
     assert len(BY_ID) == len(NUMBERS)
-    assert {number.value_of for number in NUMBERS} == set(CORRECT_VALUES)
+    assert {number.value_of for number in NUMBERS} == set(stated_numbers.CORRECT_VALUES)
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,10 @@ from scipy.stats import qmc
 
 from thesis_lib.figure_sets.design_law import shares as design_shares
 from thesis_lib.figure_sets.design_law import sweeps as design_sweeps
-from thesis_lib.figure_sets.design_law.shares import FOLLOWED_PX, MARKER_DIAMETER_M
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.studies.cubes import read_published
 from thesis_lib.vision import cone_law, rounding, simulation
-from thesis_lib.vision.cone_law import ISOTROPIC_ANGLE_RAD, MOTION_PX, cone_cameras
 from thesis_lib.vision.pinhole import hemisphere_cameras, project
-from thesis_lib.vision.simulation import fit_exponent
 from thesis_lib.vision.triangulation import point_covariance, triangulate
 
 SIZE = (320, 180)
@@ -27,13 +24,11 @@ angles = st.floats(0.05, 1.5)
 
 @pytest.fixture(scope="module")
 def study():
-    """A smaller request."""
     return validate_request("design-law", REQUESTS["design-law"])
 
 
 @pytest.fixture(scope="module")
 def cube():
-    """Its cube."""
     return small_cube("design-law")
 
 
@@ -43,15 +38,15 @@ def cube():
 @given(distances, focals, st.integers(3, 64), angles)
 def test_cone_covariance_is_that_of_the_jacobian(conforms, distance, focal, n, angle):
     closed = cone_law.cone_covariance(distance, focal, n, angle, 0.3)
-    P = cone_cameras(distance, angle, n, focal, SIZE).P
+    P = cone_law.cone_cameras(distance, angle, n, focal, SIZE).P
     scale = np.sqrt(np.outer(np.diag(closed), np.diag(closed)))
     conforms.closed_form(point_covariance(P, np.zeros(3), 0.3) / scale, np.eye(3), atol=1e-12)
 
 
 @given(distances, focals, st.integers(2, 64), angles)
 def test_deflection_error_of_a_cone_holds_from_two_cameras_on(conforms, distance, focal, n, angle):
-    P = cone_cameras(distance, angle, n, focal, SIZE).P
-    exact = np.sqrt(point_covariance(P, np.zeros(3), MOTION_PX)[2, 2])
+    P = cone_law.cone_cameras(distance, angle, n, focal, SIZE).P
+    exact = np.sqrt(point_covariance(P, np.zeros(3), cone_law.MOTION_PX)[2, 2])
     closed = cone_law.cone_deflection_error(distance, focal, n, angle)
     conforms.closed_form(closed, exact, rtol=1e-12)
 
@@ -148,9 +143,9 @@ def test_mean_over_amplitudes_is_that_of_many(conforms, displacement, least, mor
 
 
 def test_all_directions_are_alike_at_two_thirds(conforms):
-    conforms.closed_form(np.sin(ISOTROPIC_ANGLE_RAD) ** 2, 2 / 3, rtol=1e-6)
-    conforms.closed_form(np.degrees(ISOTROPIC_ANGLE_RAD), 54.7356, atol=1e-4)
-    sigmas = np.diag(cone_law.cone_covariance(1, 213, 5, float(ISOTROPIC_ANGLE_RAD)))
+    conforms.closed_form(np.sin(cone_law.ISOTROPIC_ANGLE_RAD) ** 2, 2 / 3, rtol=1e-6)
+    conforms.closed_form(np.degrees(cone_law.ISOTROPIC_ANGLE_RAD), 54.7356, atol=1e-4)
+    sigmas = np.diag(cone_law.cone_covariance(1, 213, 5, float(cone_law.ISOTROPIC_ANGLE_RAD)))
     conforms.closed_form(sigmas, sigmas[0], rtol=1e-14)
     flat = np.diag(cone_law.cone_covariance(1, 213, 5, np.pi / 2))
     steep = np.diag(cone_law.cone_covariance(1, 213, 5, 1e-6))
@@ -218,7 +213,7 @@ def test_relative_error_grows_as_the_inverse_root_below_a_pixel_and_whole_ones_a
         conforms.closed_form(cube[name].sel(motion=[1, 2, 3, 4, 5]), 0, atol=1e-9)
         conforms.closed_form(cube[name].sel(motion=[0.5, 1.5, 4.5]), 0.5, rtol=1e-9)
         relative = cube[name].values[small] / motion[small]
-        conforms.order(fit_exponent(motion[small], relative), -0.5, atol=tolerance)
+        conforms.order(simulation.fit_exponent(motion[small], relative), -0.5, atol=tolerance)
 
 
 def test_law_is_the_simulation_for_every_setting_of_the_thesis(conforms, cube):
@@ -241,7 +236,7 @@ def test_cone_of_the_cube(conforms, cube):
     conforms.sampled(np.mean(ratio, axis=0), 1, atol=0.03)
     x, z = (cube["cone_error"].sel(axis=axis).values for axis in "XZ")
     crossing = np.interp(0, x - z, cube["angle"].values)
-    conforms.closed_form(crossing, np.degrees(ISOTROPIC_ANGLE_RAD), atol=0.1)
+    conforms.closed_form(crossing, np.degrees(cone_law.ISOTROPIC_ANGLE_RAD), atol=0.1)
 
 
 # (c) The findings.
@@ -331,12 +326,12 @@ def test_the_tracker_follows_markers_from_that_height_on():
     for setting in lab.settings():
         focal = lab.focal_length_mm / lab.sensor_width_mm * setting.resolution_px[0]
         sine = np.sin(np.radians(setting.directions_deg[0][1]))
-        high = 1000 * MARKER_DIAMETER_M * focal / setting.distance_mm * sine
+        high = 1000 * design_shares.MARKER_DIAMETER_M * focal / setting.distance_mm * sine
         heights[setting.case, float(setting.value)] = high
     for _, row in published[published["error"] == "mean_error"].iterrows():
         if row["case"] != "middle-row":  # a row without neighbours is lost earlier
             fine = bool(row["median"] < 0.1)
-            assert fine == (heights[row["case"], float(row["value"])] > FOLLOWED_PX)
+            assert fine == (heights[row["case"], float(row["value"])] > design_shares.FOLLOWED_PX)
 
 
 def test_tolerated_noise_leaves_half_of_the_gain(conforms):

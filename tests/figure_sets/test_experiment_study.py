@@ -10,11 +10,7 @@ from scenes.laboratory import MATCH, estimated, recordings, replicates
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment import compute as es
 from thesis_lib.figure_sets.experiment import methods as shapes
-from thesis_lib.figure_sets.experiment.compute import rig_of
-from thesis_lib.figure_sets.experiment.figure_set import (
-    ExperimentResolution,
-    method_of,
-)
+from thesis_lib.figure_sets.experiment.figure_set import ExperimentResolution, method_of
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.measure.recordings.board import rows_on
 from thesis_lib.vibration.motion import Component
@@ -163,7 +159,7 @@ def whole_frames(offset):
     """
     study = resolution(frequency_hz=5.0, trials=0, widths_px=[1920], cases=["literal"])
     request = study.recordings.model_copy(update={"widths_px": [1920]})
-    peak = rig_of(request).motion.start + 0.25 / 5  # sin ω(t − start), the envelope apart
+    peak = es.rig_of(request).motion.start + 0.25 / 5  # sin ω(t − start), the envelope apart
     first = peak % (1 / 60) + offset / 60
     data = recordings(request, starts=first + np.array([0, 3, 7, 2]) / 60)
     return study, estimated(request, [data])
@@ -217,7 +213,7 @@ def test_the_instants_are_the_maxima_of_the_steady_part(conforms, exact):
     begin, end = exact["steady"].values
     assert np.all((instant.times > begin) & (instant.times < end))
     conforms.closed_form(np.diff(instant.times), 1 / 4.25, rtol=1e-7)
-    rig = rig_of(resolution().recordings)
+    rig = es.rig_of(resolution().recordings)
     tip = rig.motion.coordinates(instant.times + rig.stations[0].start)[0]
     conforms.closed_form(tip, 0.004, rtol=1e-8)
 
@@ -270,7 +266,7 @@ def test_markers_that_too_few_cameras_see_are_missing_and_counted(conforms, nois
 def test_the_default_rig_is_the_thesis_s():
     study = ExperimentResolution()
     assert list(study.directions_deg.values()) == [(10, 22), (-10, 22), (190, 22), (170, 22)]
-    rig = rig_of(study.recordings)
+    rig = es.rig_of(study.recordings)
     assert [s.frame_rate for s in rig.stations] == [60] * 4
     assert rig.cameras[0].size == (1920, 1080)
     assert rig.motion.components == (Component("bending", 1, 4.25, 0.004),)
@@ -283,7 +279,7 @@ def test_the_parameters_reach_the_rig():
               "elevation_deg": 35.0, "lens_k1": 0.0, "frequency_hz": 5.0, "amplitude_mm": 2.0,
               "frame_rate_hz": 100.0, "exposure_ms": 2.0, "shot_noise": 0.1, "read_noise": 2.0,
               "audio_noise_db": 30.0, "seed": 9}  # fmt: skip
-    rig = rig_of(validate_request("experiment-resolution", values).recordings)
+    rig = es.rig_of(validate_request("experiment-resolution", values).recordings)
     camera, station = rig.cameras[1], rig.stations[1]
     assert camera.K[0, 0] == pytest.approx(1600, rel=0.006)
     x, y, z = camera.centre / 0.7

@@ -10,19 +10,16 @@ import pytest
 from thesis_lib import files
 from thesis_lib.facts import claims
 from thesis_lib.figure_sets.claims import compute as ledger_power
-from thesis_lib.figure_sets.parametric import compute as studies
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import claim_errors, meets_claim
-from thesis_lib.studies.schema import with_provenance
 
 CLAIMS = claims.claims_of("beam-distance")
 
 
 @pytest.fixture(scope="module")
 def cube():
-    request = validate_request("beam-distance", {"trials": 60})
-    return with_provenance(studies.run(request), request, 0.0)
+    return cube_of(validate_request("beam-distance", {"trials": 60}))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +48,7 @@ def claim(relation, low, high, digits):
 def test_a_draw_is_printed_with_the_claims_digits(relation, digits, values, low, high):
     made = verdicts.claim_from_errors(claim(relation, 1, 1, digits), np.array(values))
     assert (made.low, made.high) == pytest.approx((low, high))
-    assert all(meets_claim(made, value, value) for value in values if relation != "about")
+    assert all(verdicts.meets_claim(made, value, value) for value in values if relation != "about")
 
 
 def test_figures_met_by_errors_as_they_are_are_those_of_the_ledger(power, cube):
@@ -67,7 +64,7 @@ def test_what_is_stated_by_the_model_itself_is_met_as_often_as_expected(conforms
     for trial in range(1, 41):
         stated = []
         for one in CLAIMS:
-            values = claim_errors(cube, one).transpose("setting", "trial").values[:, trial]
+            values = verdicts.claim_errors(cube, one).transpose("setting", "trial").values[:, trial]
             stated.append(verdicts.claim_from_errors(one, values))
         shares.append(np.mean([check.inside for check in verdicts.check_claims(cube, stated)]))
     expected = float(power["power_expected"].sel(chapter=3)) / len(CLAIMS)

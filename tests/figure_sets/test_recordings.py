@@ -7,22 +7,19 @@ import pytest
 
 from thesis_lib.figure_sets.experiment import compute as study
 from thesis_lib.figure_sets.experiment import walk
-from thesis_lib.figure_sets.experiment.compute import EXPERIMENT
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.studies.schema import with_provenance
 
 
 @pytest.fixture(scope="module")
 def data():
     """What was measured on the default recordings."""
-    return EXPERIMENT.load(validate_request("experiment-resolution", {}).recordings)
+    return study.EXPERIMENT.load(validate_request("experiment-resolution", {}).recordings)
 
 
 @pytest.fixture(scope="module")
 def results(data):
-    requests = [validate_request(f"experiment-{name}", {}) for name in ("resolution", "cameras")]
-    made = [with_provenance(study.run(r, data), r, 0.0) for r in requests]
-    return {cube.attrs["figure_set"]: cube for cube in made}
+    names = ("experiment-resolution", "experiment-cameras")
+    return {name: study.run(validate_request(name, {}), data) for name in names}
 
 
 # The chain, step by step, against the truth.

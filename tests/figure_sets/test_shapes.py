@@ -6,15 +6,14 @@ import xarray as xr
 from refused import assert_refused
 
 from thesis_lib.facts import setups
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.display import as_svg
-from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import figures as shape_figures
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.positions import body_of
 from thesis_lib.planning.structure_file import modes_of, read_body, write_modes
 from thesis_lib.plotting.selection import viewer_data
 from thesis_lib.studies import schema
-from thesis_lib.studies.schema import with_provenance
 from thesis_lib.vibration.polygons import polygon_area
 from thesis_lib.vibration.structure import deflection_shape
 
@@ -25,8 +24,7 @@ ROWS, COLUMNS = 10, 15
 
 def made(name, **values):
     quick = {} if name == shape_figures.PLATE_SET else QUICK
-    request = validate_request(name, {**quick, **values})
-    return with_provenance(studies.run(request), request, 0.0)
+    return cube_of(validate_request(name, {**quick, **values}))
 
 
 @pytest.fixture(scope="module")

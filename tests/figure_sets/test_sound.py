@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import xarray as xr
 from thesis_lib.acoustics.planes import full_factor, plane_operator, plate_pistons
 from thesis_lib.acoustics.radiation import rayleigh_pressure
 from thesis_lib.facts import claims, setups
+from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.parametric import sound
 from thesis_lib.figure_sets.registry import validate_request
@@ -25,8 +27,6 @@ from thesis_lib.vision import rounding
 STUDIES = ["distance", "aperture", "resolution", "arrays"]
 PLANES = ["XZ", "YZ"]
 NODAL = {(2, "YZ"), (3, "XZ")}  # of modes 1 to 3
-
-
 COARSE = (30, 20)  # what holds on a plane does so at as few points as at many
 
 
@@ -316,3 +316,93 @@ def test_the_viewer_draws_the_ideal_field_and_what_the_errors_add():
             assert sent["scale"] < 0.3 * np.abs(ideal).max()
     silent = [(m["mode"], p) for m in data["modes"] for p in PLANES if p not in m["fields"]]
     assert set(silent) == NODAL
+
+
+# The sum of pistons against Rayleigh's integral by other sums.
+
+
+HEARD = [(1, "XZ"), (1, "YZ"), (2, "XZ"), (3, "YZ")]
+NO_TRIALS = {"trials": 0, "plane_shape": [31, 21]}
+
+
+@pytest.fixture(scope="module")
+def summed():
+    return cube_of(validate_request("sound-resolution", NO_TRIALS))
+
+
+def finer(mode, plane):
+    """Where sums of ever smaller pistons lead to, of which each is off by the square of theirs."""
+    plate, fields = setups.thesis_plate(), []
+    omega = resonance_frequency(plate, mode)
+    for grid in ((60, 40), (90, 60)):
+        many = replace(plate, grid=grid)
+        moving = many.mode_shapes([mode], many.markers)[0] / plate.shape_peak(mode)
+        fields.append(rayleigh_pressure(plate_pistons(many), moving, plane.points, omega))
+    return fields[1] + (fields[1] - fields[0]) / (1.5**2 - 1)
+
+
+@pytest.mark.parametrize(("mode", "name"), [HEARD[0], HEARD[3]])
+def test_error_of_the_sum_is_that_against_ever_finer_ones(conforms, summed, mode, name):
+    study, plate = validate_request("sound-resolution", NO_TRIALS), setups.thesis_plate()
+    (plane,) = (one for one in study.planes if one.name == name)
+    moving = plate.mode_shapes([mode], plate.markers)[0] / plate.shape_peak(mode)
+    few = plane_operator(plate, plane, resonance_frequency(plate, mode)).field(moving)
+    off = 100 * np.abs(few - finer(mode, plane)) / np.max(np.abs(few))
+    own = summed.sel(mode=mode, plane=name)
+    conforms.independent(own["sum_error"], np.sqrt(np.mean(off**2)), rtol=0.01)
+    conforms.independent(own["sum_error_largest"], np.max(off), rtol=0.01)
+
+
+def test_nodal_planes_and_planes_too_near_have_none(summed):
+    for name in ("sum_error", "sum_error_largest"):
+        there = summed[name].notnull()
+        heard = [(m, p) for m in (1, 2, 3) for p in ("XZ", "YZ") if there.sel(mode=m, plane=p)]
+        assert heard == HEARD
+    near = {"plane_bottom_mm": 2.0, "modes": [1], "distances_mm": [750.0]}
+    near = cube_of(validate_request("sound-distance", NO_TRIALS | near))
+    assert np.all(np.isnan(near["sum_error"]))
+    assert np.all(np.isfinite(near["predicted_error"]))
+
+
+# Turned pairs: the law beside trials.
+
+
+TURNED_PAIRS = {"trials": 400, "cases": ["2d"], "elevations_deg": [40], "plane_shape": [31, 21]}
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return cube_of(validate_request("sound-aperture", TURNED_PAIRS))
+
+
+@pytest.mark.slow
+def test_pairs_that_are_not_turned_are_case_2d(conforms, pairs):
+    own = pairs["predicted_error"].transpose("setting", ...).values
+    found = pairs["turned_error"].values[0]
+    there = np.isfinite(own)
+    np.testing.assert_array_equal(there, np.isfinite(found))
+    conforms.invariance(found[there], own[there], rtol=1e-9)
+
+
+def test_law_of_turned_pairs_is_what_trials_show(conforms, pairs):
+    there = np.isfinite(pairs["turned_error"].values)
+    ratio = pairs["turned_error"].values[there] / pairs["turned_simulated"].values[there]
+    conforms.sampled(ratio, 1, atol=0.13)  # 400 trials know an rms to 4 %
+
+
+def test_a_few_degrees_take_what_markers_share_and_leave_the_shape(conforms, pairs):
+    first, turned = pairs.sel(turn=0, mode=1), pairs.sel(turn=2, mode=1)
+    shape = turned["turned_deflection"] / first["turned_deflection"]
+    conforms.sampled(shape, 1, atol=0.04)
+    conforms.sampled((turned["turned_error"] / first["turned_error"]).max(), below=0.5)
+    assert np.all(first["turned_coherence"] > 1.5)
+    assert np.all(turned["turned_coherence"] < 1)
+    assert np.all(first["turned_share"] > turned["turned_share"])
+
+
+def test_law_over_turns_is_that_of_the_turned_pairs_where_both_are(conforms, pairs):
+    fine = pairs["turned_law_error"].sel(law_turn=pairs["turn"].values).values
+    there = np.isfinite(pairs["turned_error"].values)
+    np.testing.assert_array_equal(there, np.isfinite(fine))
+    conforms.independent(fine[there], pairs["turned_error"].values[there], rtol=1e-9)
+    assert pairs.sizes["law_turn"] >= 50  # a line between fewer is not the law

@@ -9,11 +9,9 @@ import pytest
 import xarray as xr
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import read_claims, read_numbers, read_trends
 from thesis_lib.ledger import verdicts
-from thesis_lib.ledger.verdicts import Check, judge_claim
 
-CLAIMS = read_claims()
+CLAIMS = claims.read_claims()
 ROW = {
     "id": "one", "figure_set": "beam-distance", "section": "3.3.1", "figure": "3.4", "panel": "d",
     "case": "1", "mode": "1", "quantity": "mean_error", "value": "500", "relation": "about",
@@ -32,7 +30,7 @@ def stated(tmp_path, monkeypatch):
             rows.writeheader()
             rows.writerows({**ROW, **change} for change in changes)
         monkeypatch.setattr(claims, "data_folder", lambda: tmp_path)
-        return read_claims()
+        return claims.read_claims()
 
     return read
 
@@ -231,17 +229,21 @@ def test_what_is_undefined_has_a_reason_and_no_check(stated):
         (cube.isel(trial=[0]), claim, "the cube has no random trials"),
         (nodal, claim, "the reference is zero: a nodal plane"),
     ):
-        assert judge_claim(made, one) == reason
+        assert verdicts.judge_claim(made, one) == reason
         assert verdicts.check_claims(made, [one]) == []
-    assert isinstance(judge_claim(cube, claim), Check)
-    assert isinstance(judge_claim(nodal, replace(claim, values=(1000.0,))), Check)
+    assert isinstance(verdicts.judge_claim(cube, claim), verdicts.Check)
+    assert isinstance(verdicts.judge_claim(nodal, replace(claim, values=(1000.0,))), verdicts.Check)
 
 
 # -- The file --
 
 
 def test_every_statement_has_one_name_in_all_three_files():
-    names = [one.id for read in (read_claims, read_trends, read_numbers) for one in read()]
+    names = [
+        one.id
+        for read in (claims.read_claims, claims.read_trends, claims.read_numbers)
+        for one in read()
+    ]
     assert [name for name, times in Counter(names).items() if times > 1] == []
     claimed = {claim.id for claim in CLAIMS}
     assert all(claimed - {claim.id} >= set(claim.conflicts) for claim in CLAIMS)

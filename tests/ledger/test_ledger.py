@@ -12,11 +12,8 @@ import xarray as xr
 from scenes.ledger import TRIALS, cube_of, entries, own, own_cube, sets
 
 from thesis_lib.facts import claims, setups
-from thesis_lib.facts.claims import read_numbers
-from thesis_lib.facts.setups import READINGS, list_assumptions
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.claims import compute
-from thesis_lib.figure_sets.claims.compute import judge_claims
 from thesis_lib.figure_sets.claims.figure_set import OtherReadings
 from thesis_lib.figure_sets.claims.figures import LedgerTable
 from thesis_lib.figure_sets.display import list_captions
@@ -25,9 +22,7 @@ from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.registry import STUDIES, validate_request
 from thesis_lib.files import project_root
 from thesis_lib.ledger import entries as ledger
-from thesis_lib.ledger import verdicts as ledger_verdicts
-from thesis_lib.ledger.entries import explain_differences
-from thesis_lib.ledger.verdicts import VERDICTS, series_of
+from thesis_lib.ledger import verdicts
 from thesis_lib.runs.command_line import parse_assignments
 from thesis_lib.studies import cubes, storage
 from thesis_lib.studies.schema import with_provenance
@@ -107,7 +102,7 @@ def test_apart_has_for_each_distance_a_series_over_the_apertures(conforms):
     assert {case for case, _, _ in here} == cases
     for distance in distances:
         cube = studies.run(request_of(name, distance_mm=distance))
-        for series in series_of(cube.assign_attrs(figure_set=name)):
+        for series in verdicts.series_of(cube.assign_attrs(figure_set=name)):
             made_here = here[f"{series.case} at {distance:g}", series.quantity, series.mode]
             assert made_here.values.tolist() == series.values.tolist()
             conforms.independent(made_here.errors, series.errors, rtol=1e-6)
@@ -147,7 +142,7 @@ def test_the_plain_plate_of_the_askew_run_is_case_4a(conforms):
 
 def test_series_grow_with_what_is_varied_and_leave_out_the_nominal_run():
     cube = cube_of("beam-aperture").isel(setting=[3, 0, 2, 1])
-    series = {(s.quantity, s.mode): s for s in series_of(cube)}
+    series = {(s.quantity, s.mode): s for s in verdicts.series_of(cube)}
     assert series["mean_error", 2].values.tolist() == [16, 60, 110, 160]
     np.testing.assert_array_equal(
         series["mean_error", 2].errors, cube_of("beam-aperture")["mean_error"][:4, 1, 1:]
@@ -172,13 +167,15 @@ def test_own_runs_come_back_from_their_file(tmp_path):
 
 
 def stated_ids():
-    return [one.id for one in (*claims.read_claims(), *claims.read_trends(), *read_numbers())]
+    return [
+        one.id for one in (*claims.read_claims(), *claims.read_trends(), *claims.read_numbers())
+    ]
 
 
 def test_every_statement_has_one_entry_that_can_be_shown(found):
     assert sorted(entry.id for entry in found) == sorted(stated_ids())
     assert [entry.chapter for entry in found] == sorted(entry.chapter for entry in found)
-    assert {entry.verdict for entry in found} <= set(VERDICTS) - {"undefined"}
+    assert {entry.verdict for entry in found} <= set(verdicts.VERDICTS) - {"undefined"}
     LedgerTable(data={"rows": [entry.row for entry in found]})
     json.dumps([entry.record for entry in found], allow_nan=False)
     for entry in found:
@@ -216,7 +213,7 @@ def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
         trend.id for trend in claims.read_trends()
         if any(name.startswith(("experiment", "lab")) for name in trend.source)
     }  # fmt: skip
-    bookkeeping = {number.id for number in read_numbers() if number.is_bookkeeping}
+    bookkeeping = {number.id for number in claims.read_numbers() if number.is_bookkeeping}
     assert {entry.id for entry in found if not entry.counted} == rendered | bookkeeping
     assert 20 < len(bookkeeping) < 50
     of_five = {entry.id for entry in found if entry.chapter == 5 and entry.kind != "number"}
@@ -227,7 +224,7 @@ def test_rendered_recordings_and_bookkeeping_alone_are_not_counted(found):
 def test_figures_say_what_the_checks_say(found):
     by = {entry.id: entry for entry in found}
     for name in sets():
-        for check in ledger_verdicts.check_claims(cube_of(name), claims.claims_of(name)):
+        for check in verdicts.check_claims(cube_of(name), claims.claims_of(name)):
             entry = by[check.claim.id]
             assert (entry.verdict, entry.ratio) == (check.verdict, check.ratio)
             assert (entry.literal, entry.median) == (check.literal, check.median)
@@ -240,7 +237,7 @@ def test_figures_say_what_the_checks_say(found):
 
 def test_numbers_are_judged_by_what_would_be_printed_like_them(found):
     by = {entry.id: entry for entry in found}
-    for number in read_numbers():
+    for number in claims.read_numbers():
         entry = by[number.id]
         inside = number.low <= number.value <= number.high
         assert entry.verdict == ("agrees" if inside else "differs")
@@ -352,7 +349,7 @@ def test_the_report_tells_every_entry_that_differs_and_counts_all_that_count(fou
             assert words in line
     (last,) = re.findall("in all, .*: (.*)", text)
     counted = [entry.verdict for entry in found if entry.counted]
-    assert last == ", ".join(f"{counted.count(verdict)} {verdict}" for verdict in VERDICTS)
+    assert last == ", ".join(f"{counted.count(verdict)} {verdict}" for verdict in verdicts.VERDICTS)
 
 
 # -- Why claims differ --
@@ -371,7 +368,7 @@ def interpretations(met, **meets):
 
 
 def test_every_claim_that_differs_says_why_with_a_link(found, other_readings):
-    made = explain_differences(found, other_readings)
+    made = ledger.explain_differences(found, other_readings)
     assert [(e.id, e.verdict) for e in made] == [(e.id, e.verdict) for e in found]
     for entry, before in zip(made, found, strict=True):
         if entry.verdict == "differs":
@@ -386,7 +383,7 @@ def test_an_interpretation_is_named_if_it_meets_the_value():
     one = [replace(base, id="a-b", kind="figure", verdict="differs", note="")]
 
     def why(met, *meets):
-        (entry,) = explain_differences(one, interpretations(met, a_b=meets))
+        (entry,) = ledger.explain_differences(one, interpretations(met, a_b=meets))
         return entry.note
 
     none = "No explanation was found: none of 2 other interpretations meets this value."
@@ -403,7 +400,7 @@ def test_an_interpretation_is_named_if_it_meets_the_value():
 def test_reasons_are_of_claims_and_lead_to_places_of_the_book():
     known = claims.read_reasons()
     assert set(known) <= set(stated_ids())
-    items = {item["id"] for item in list_assumptions()}
+    items = {item["id"] for item in setups.list_assumptions()}
     for one in known.values():
         document, _, anchor = one.page.partition("#")
         text = (project_root() / "book" / f"{document}.md").read_text(encoding="utf-8")
@@ -437,7 +434,7 @@ def test_entries_come_back_from_their_cube(found, cube, other_readings, tmp_path
         assert [entry.record for entry in back] == [entry.record for entry in found]
         for one, other in zip(back, found, strict=True):
             assert (one.modes, one.counted) == (other.modes, other.counted)
-    undefined = judge_claims(lambda study: "no cube", {})
+    undefined = compute.judge_claims(lambda study: "no cube", {})
     back = ledger.from_cube(ledger.as_cube(undefined, other_readings))
     assert [entry.record for entry in back] == [entry.record for entry in undefined]
     for name, variable in other_readings.variables.items():
@@ -448,7 +445,7 @@ def test_entries_come_back_from_their_cube(found, cube, other_readings, tmp_path
 
 
 def test_commands_of_the_readings_are_accepted():
-    for reading in READINGS.values():
+    for reading in setups.READINGS.values():
         name, values = typed(compute.format_command(reading))
         assert name == "ch3"
         expected = camera_study("beam-arrays", compute.reading_parameters(reading, "beam-arrays"))

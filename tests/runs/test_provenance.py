@@ -10,31 +10,23 @@ import pytest
 from lxml.html import document_fromstring
 
 from thesis_lib.figure_sets import cube_file
-from thesis_lib.figure_sets.parametric import compute as studies
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import postprocess
 from thesis_lib.studies import storage
 from thesis_lib.studies.effort import Effort
-from thesis_lib.studies.schema import with_provenance
-
-
-def made(name, **values):
-    request = validate_request(name, {"trials": 4, **values})
-    return request, with_provenance(studies.run(request), request, 1.5)
 
 
 @pytest.fixture(scope="module")
-def beam():
-    return made("beam-distance")
+def cube():
+    return cube_file.cube_of(validate_request("beam-distance", {"trials": 4}))
 
 
 # Tables.
 
 
-def test_errors_table_has_every_setting_mode_and_error_once(beam):
-    _, cube = beam
+def test_errors_table_has_every_setting_mode_and_error_once(cube):
     table = plotted.errors_table(cube)
     assert len(table) == cube.sizes["setting"] * cube.sizes["mode"] * 2
     assert not table.duplicated(["case", "setting", "mode", "error"]).any()
@@ -55,8 +47,7 @@ def test_errors_table_has_every_setting_mode_and_error_once(beam):
     assert np.isnan(table.loc[(500, 1, "max_point_error")]["predicted"])
 
 
-def test_figure_table_is_what_is_drawn(beam):
-    _, cube = beam
+def test_figure_table_is_what_is_drawn(cube):
     errors = plotted.errors_table(cube)
     text = plotted.as_csv(plotted.figure_table(cube, errors, "1", 3))
     table = pd.read_csv(io.StringIO(text))
@@ -77,8 +68,7 @@ def test_figure_table_is_what_is_drawn(beam):
 # The fold-out.
 
 
-def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path, monkeypatch):
-    request, cube = beam
+def test_downloads_of_a_page_of_its_own_are_in_it(cube, tmp_path, monkeypatch):
     shown = []
     monkeypatch.setattr(notebook, "display", shown.append)
     notebook.figures(cube.sel(mode=[1, 2]))
@@ -89,6 +79,7 @@ def test_downloads_of_a_page_of_its_own_are_in_it(beam, tmp_path, monkeypatch):
     postprocess.place_figures(page)
     file = tmp_path / "cube.nc"
     storage.write_netcdf(cube, file, compact=True)
+    request = validate_request("beam-distance", {"trials": 4})
     about = postprocess.trace_results(request, cube, file, Effort(7.4, 312.0, 1.25))
     postprocess.add_provenance(page, about, cube, in_book=False)
     sources = [document_fromstring(one.source) for one in page.cells if "<a " in one.source]
@@ -112,7 +103,7 @@ def test_compact_cube_keeps_small_ones_exactly_and_large_ones_nearly(tmp_path, m
     """
     monkeypatch.setattr(storage, "_STEPPED_BYTES", 0)
     monkeypatch.setattr(storage, "_SMALL_BYTES", 1000)
-    _, cube = made("beam-distance", trials=100)
+    cube = cube_file.cube_of(validate_request("beam-distance", {"trials": 100}))
     fields = cube["measured_deflection"].isel(trial=0, drop=True)
     fields[0, 0, :3] = np.nan
     cube = cube.assign(drawn=fields)
