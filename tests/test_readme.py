@@ -1,5 +1,6 @@
-"""The README's example runs as it stands."""
+"""The README's example runs as it stands, and the project is cited as the format asks."""
 
+import datetime
 import os
 import re
 import shutil
@@ -9,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scenes.sounds import claps, later, write_film
 
+from thesis_lib import __version__
+from thesis_lib.cli import cli
 from thesis_lib.vision import pinhole, triangulation
 
 ROOT = Path(__file__).parents[1]
@@ -54,8 +58,6 @@ def readme_commands():
 
 
 def test_commands_of_the_readme_exist():
-    from thesis_lib.cli import cli
-
     commands = {line.split()[1] for line in readme_commands()}
     assert len(commands) > 10
     assert commands <= set(cli.commands)
@@ -98,3 +100,13 @@ def test_commands_of_the_readme_run_and_leave_nothing_behind(tmp_path):
         ["git", "status", "--porcelain"], cwd=clone, capture_output=True, text=True, check=True
     ).stdout
     assert left == ""
+
+
+def test_citation_file_is_valid():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert {"cff-version", "message", "title", "authors"} <= set(cited)
+    assert str(cited["version"]) == __version__
+    assert isinstance(cited["date-released"], datetime.date)
+    assert cited["license"] == "MIT"
+    for author in cited["authors"]:  # a group: no person's name is known
+        assert "name" in author

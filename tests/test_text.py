@@ -1,10 +1,11 @@
-"""Names and messages are text: nothing hidden in them, nothing that acts on a screen."""
+"""Names and messages are text: nothing hidden in them, nothing acts on a screen or is missing."""
 
+import jinja2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thesis_lib import text
+from thesis_lib import templates, text
 from thesis_lib.figure_sets.registry import validate_request
 from thesis_lib.planning.structure_file import MeshError, read_body
 from thesis_lib.runs.command_line import Refused, parse_assignments
@@ -49,3 +50,11 @@ def test_a_message_is_one_short_line_that_acts_on_nothing(said):
     assert shown.isprintable()
     assert len(shown) <= text.MAX_MESSAGE_LENGTH
     assert len(text.one_line(said)) <= 60
+
+
+def test_missing_value_is_an_error(tmp_path):
+    (tmp_path / "templates").mkdir()
+    (tmp_path / "templates" / "piece.md").write_text("The power is {{ power }}.", encoding="utf-8")
+    templates._environment.cache_clear()
+    with pytest.raises(jinja2.UndefinedError, match="power"):
+        templates.render(tmp_path / "module.py", "piece")

@@ -77,9 +77,8 @@ class Reader:
         subprocess.run(build, cwd=PROJECT, check=True, capture_output=True)
         subprocess.run([sys.executable, "-m", "venv", root / ".venv"], check=True)
         (wheel,) = root.glob("*.whl")
-        self.python(
-            "-m", "pip", "install", "-q", "--no-index", "--no-deps", wheel
-        ).check_returncode()
+        words = ["-m", "pip", "install", "-q", "--no-index", "--no-deps", wheel]
+        self.call("python", *words).check_returncode()
         wheel.unlink()
         ours = sysconfig.get_paths(vars={"base": str(root / ".venv")})["purelib"]
         (Path(ours) / "present.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
@@ -88,12 +87,6 @@ class Reader:
         project = tuple(str(PROJECT / part) for part in PARTS)
         (Path(ours) / "sitecustomize.py").write_text(GUARD.format(project=project))
         self.package = Path(ours) / "thesis_lib"
-
-    def python(self, *arguments):
-        return self.call("python", *arguments)
-
-    def thesis(self, *arguments):
-        return self.call("thesis", *arguments)
 
     def call(self, program, *arguments):
         return subprocess.run(
@@ -114,7 +107,7 @@ def reader(tmp_path_factory):
 @pytest.fixture(scope="module")
 def run(reader):
     """The folder of a run."""
-    done = reader.thesis("run", NAME, *PARAMETERS)
+    done = reader.call("thesis", "run", NAME, *PARAMETERS)
     assert done.returncode == 0, done.stderr
     (folder,) = (reader.root / "runs").iterdir()
     assert f"Open {folder / NAME}.html" in done.stdout
@@ -122,9 +115,9 @@ def run(reader):
 
 
 def test_the_project_is_out_of_reach_and_all_of_it_is_there(reader):
-    done = reader.python("-c", f"open({str(PROJECT / 'pyproject.toml')!r})")
+    done = reader.call("python", "-c", f"open({str(PROJECT / 'pyproject.toml')!r})")
     assert "is of the project" in done.stderr
-    done = reader.python("-c", EVERYTHING)
+    done = reader.call("python", "-c", EVERYTHING)
     ours, places = (line.split() for line in done.stdout.splitlines())
     assert ours == [files.library_digest(), *experiments()]
     assert len(places) > 200
@@ -132,13 +125,13 @@ def test_the_project_is_out_of_reach_and_all_of_it_is_there(reader):
 
 
 def test_what_needs_a_clone_says_so(reader):
-    done = reader.python("-c", CALLS, "book", "render", "pdf", "claims")
+    done = reader.call("python", "-c", CALLS, "book", "render", "pdf", "claims")
     assert done.stdout.split() == ["2"] * 4
     lines = done.stderr.splitlines()
     assert len(lines) == 4
     assert all("this needs a clone of the project" in line for line in lines)
     before = reader.written()
-    done = reader.thesis("list")
+    done = reader.call("thesis", "list")
     assert (done.returncode, done.stderr) == (0, "")
     assert NAME in done.stdout
     assert "MB" in done.stdout  # of the published run
@@ -146,12 +139,9 @@ def test_what_needs_a_clone_says_so(reader):
 
 
 def test_a_run_is_the_one_of_a_clone(reader, run):
-    assert (
-        storage.open_netcdf(run / f"{NAME}.nc").attrs["commit"].strip() == "unknown"
-    )  # and not the reader's own
-    targets = (run / f"{NAME}.{kind}" for kind in ("ipynb", "nc", "html"))
-    _, cube, page = targets
+    cube, page = run / f"{NAME}.nc", run / f"{NAME}.html"
     made_by = storage.open_netcdf(cube).attrs
+    assert made_by["commit"].strip() == "unknown"  # and not the reader's own
     assert made_by["parameters_hash"] == validate_request(NAME, VALUES).digest
     assert made_by["library_sha256"] == code_digest(FIGURE_SETS[NAME])
     assert files.sha256(cube) in page.read_text(encoding="utf-8")
@@ -162,7 +152,7 @@ def test_a_run_is_the_one_of_a_clone(reader, run):
 def test_measurements_need_no_clone(reader):
     part = Component(amplitude=0.003, frequency=6.3)
     rig = own.short_rig(setups.thesis_beam(), [(12, 30), (-150, 35)], part, steady=0.8)
-    done = reader.thesis("measure", own.make(reader.root / "example", rig, {}))
+    done = reader.call("thesis", "measure", own.make(reader.root / "example", rig, {}))
     assert done.returncode == 0, done.stderr
     assert (reader.root / "example" / "measured" / "report.html").is_file()
 

@@ -14,15 +14,13 @@ from thesis_lib.figure_sets.parametric.figure_set import CAMERA_STUDIES, camera_
 from thesis_lib.plotting.style import in_style
 from thesis_lib.vibration.structure import peak_deflection
 
-CHAPTERS = ("introduction", "cameras", "beam", "plate", "layouts", "motions", "recordings")
-
-
-def page(name):
-    return (files.project_root() / "book" / f"{name}.md").read_text(encoding="utf-8")
+CHAPTERS = ("introduction", "cameras", "beam", "plate", "layouts", "motions", "recordings",
+            "equal-pixels")  # fmt: skip
 
 
 def test_every_figure_stands_in_a_chapter_and_the_other_way_round():
-    pages = "".join(map(page, (*CHAPTERS, "equal-pixels")))
+    book = files.project_root() / "book"
+    pages = "".join((book / f"{name}.md").read_text("utf-8") for name in CHAPTERS)
     shown = re.findall(r"\{figure\} executed/([\w.-]+)", pages)
     assert len(shown) == len(set(shown))
     assert set(shown) - {*SAMPLE_FILES} == set(illustrations.FIGURE_NAMES)

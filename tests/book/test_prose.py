@@ -1,8 +1,9 @@
-"""The numbers in the book's prose are those of its cubes."""
+"""The numbers in the book's prose are those of its cubes, and of `make test-cpus`."""
 
 import re
 from functools import cache
 
+import cpus
 import pytest
 
 from thesis_lib import files
@@ -66,3 +67,12 @@ def test_agreement_counts_the_checks(opened, text):
         if check.claim.quantity == "mean_error"
     ]
     assert (met, total) == (sum(check.inside for check in checks), len(checks))
+
+
+def test_the_conventions_promise_what_is_compared():
+    text = (files.project_root() / "book" / "glossary.md").read_text(encoding="utf-8")
+    section = text.partition("(the-same-on-every-machine)=")[2].partition("\n## ")[2]
+    (power,) = re.findall(r"more than 10⁻([⁰¹²³⁴-⁹]) of its largest value", section)
+    assert 10.0 ** -"⁰¹²³⁴⁵⁶⁷⁸⁹".index(power) == cpus.MAX_DIFFERENCE
+    (bits,) = re.findall(r"stored to (\d+) bits", section)
+    assert 2.0 ** (1 - int(bits)) == cpus.MAX_SINGLE_DIFFERENCE

@@ -30,14 +30,10 @@ def terms(part):
     return re.findall(r"^(\S.*)\n: (.*(?:\n  .*)*)", part, flags=re.MULTILINE)
 
 
-def nodes(path):
-    return ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-
-
 def made():
     """Every note and warning that is put together in the source: code, variant, names of values."""
     for path in sorted((SOURCES / "measure").rglob("*.py")):
-        for node in nodes(path):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("make_note", "_warn"):
                 texts = [one.value for one in node.args if isinstance(one, ast.Constant)]
                 variant = texts[-1] if len(texts) > 1 and texts[-1] not in ALL_MESSAGES else ""
@@ -84,9 +80,8 @@ def test_messages_and_their_values_fit():
 def test_the_book_lists_every_message_once_with_meaning_limit_and_remedy():
     anchors = re.findall(r"\{#([\w-]+)\}", "".join(piece() for piece in reference.PIECES.values()))
     assert sorted(anchors) == sorted(ALL_MESSAGES)
-    assert len(ALL_MESSAGES) == sum(
-        map(len, [*NOTE_GROUPS.values(), *CHECK_GROUPS.values()])
-    )  # none twice
+    groups = [*NOTE_GROUPS.values(), *CHECK_GROUPS.values()]
+    assert len(ALL_MESSAGES) == sum(map(len, groups))  # none twice
     listed = {
         re.match(r"\[`([\w-]+)`\]", term)[1]: (term, words)
         for name in reference.PIECES

@@ -1,6 +1,7 @@
 """What pages show as the program text of a function is what runs."""
 
 import inspect
+import pkgutil
 import re
 from importlib import import_module
 from types import CodeType
@@ -10,17 +11,8 @@ import pytest
 from thesis_lib.book import extension
 from thesis_lib.files import project_root
 
-PAGES = {page.stem: page.read_text(encoding="utf-8") for page in project_root().glob("book/*.md")}
-SHOWN = {
-    (page, name)
-    for page, text in PAGES.items()
-    for name in re.findall(r"^```\{computed-by\} (\S+)$", text, re.MULTILINE)
-}
-
-
-def function(name):
-    module, _, name = name.rpartition(".")
-    return getattr(import_module(f"thesis_lib.{module}"), name)
+PAGES = "\n".join(page.read_text(encoding="utf-8") for page in project_root().glob("book/*.md"))
+SHOWN = set(re.findall(r"^```\{computed-by\} (\S+)$", PAGES, re.MULTILINE))
 
 
 def steps(code, description):
@@ -30,9 +22,9 @@ def steps(code, description):
     return code.co_names, code.co_varnames, constants - {repr(description), "None"}, inside
 
 
-@pytest.mark.parametrize("name", sorted({name for _, name in SHOWN}))
+@pytest.mark.parametrize("name", sorted(SHOWN))
 def test_what_is_shown_is_what_runs(name):
-    shown = function(name)
+    shown = pkgutil.resolve_name(f"thesis_lib.{name}")
     text = extension.read_source(shown)
     assert shown.__doc__
     assert shown.__doc__.splitlines()[0] not in text
@@ -41,5 +33,4 @@ def test_what_is_shown_is_what_runs(name):
     flags = postponed.compiler_flag if postponed else 0
     module = compile(text, "shown", "exec", flags)
     (again,) = (c for c in module.co_consts if isinstance(c, CodeType))
-    runs = inspect.unwrap(shown)
-    assert steps(again, None) == steps(runs.__code__, shown.__doc__)
+    assert steps(again, None) == steps(inspect.unwrap(shown).__code__, shown.__doc__)

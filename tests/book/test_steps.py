@@ -24,7 +24,7 @@ def test_all_that_pages_include_is_made_by_a_step():
     root = project_root()
     made = {Path(target).name for task in tasks() for target in task["targets"]}
     made |= {f"{Path(name).stem}.html" for name in made if name.endswith(".ipynb")}
-    pages = [path for path in (root / "book").glob("*.md")]
+    pages = (root / "book").glob("*.md")
     included = {name for page in pages for name in INCLUDED.findall(page.read_text("utf-8"))}
     assert len(included) > 50
     assert included - made == set()

@@ -1,10 +1,11 @@
-"""Requests of the rendered figure sets: what says nothing is refused, and what is rendered anew."""
+"""Requests: what says nothing is refused by each figure set, and what is rendered again."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from refused import assert_refused
+from scenes.changes import PAIR
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.experiment.figure_set import ExperimentCameras, ExperimentResolution
@@ -15,6 +16,7 @@ from thesis_lib.vibration.structure import resonance_frequency
 
 RESOLUTION, CAMERAS = "experiment-resolution", "experiment-cameras"
 ELEVATION, LAYOUT = "lab-elevation", "lab-layout"
+DISTANCE, ARRAYS, LAW = "beam-distance", "beam-arrays", "design-law"
 NINE_PLACES = [[10 * k, 22] for k in range(9)]
 REFUSED = [  # a row of each kind
     (RESOLUTION, {"frequency_hz": 24.1}, ["frequency_hz: given 24.1", "0.4 of the frame rate"]),
@@ -44,7 +46,29 @@ REFUSED = [  # a row of each kind
     ("lab-equal-pixels", {"diameters_mm": [60]}, ["diameters_mm"]),
     ("lab-radiation", {"azimuths_deg": [30]}, ["2 to 6 different numbers"]),
     ("lab-radiation", {"frame_rate_hz": 46.3}, ["shows the tone"]),
-]
+    ("shape-l", {"outline_mm": [[0, 0], [9, 4], [9, 0], [0, 4]]}, ["outline_mm", "common corners"]),
+    ("shape-l", {"outline_mm": [[9, 0], [600, 0], [600, 400]]}, ["outline_mm", "(0, 0)"]),
+    ("shape-l", {"circles_mm": [[600, 400, 20]]}, ["circles_mm: given [[600.0", "inside"]),
+    ("shape-l", {"circles_mm": [[100, 100, 30], [140, 100, 30]]}, ["circles_mm", "not touch"]),
+    ("shape-l", {"support": "free"}, ["edge_supports", "clamped"]),
+    ("shape-l", {"edge_supports": {"7": "free"}}, ["edge_supports", "1 to 6"]),
+    ("shape-l", {"force_mm": [600, 400]}, ["force_mm: given [600.0, 400.0]", "on the panel"]),
+    ("shape-l", {"element_mm": 200}, ["element_mm: given 200", "200 to 60000"]),
+    ("cameras", {"focal_length_mm": 500},
+     ["cameras: focal_length_mm: given 500.0, allowed: less than the nearest "]),
+    # Values that do not go with others.
+    (DISTANCE, {"amplitude_mm": [5.5, 5.5]},
+     ["amplitude_mm: given ", "a list with one for each mode"]),
+    (ARRAYS, {"cases": []}, ["cases: given ", "at least one, or layouts"]),
+    (ARRAYS, {"layouts": {"4a": [PAIR]}},
+     ["layouts: given ", "new names, each with sets that grow"]),
+    ("sound-aperture", {"plane_top_mm": 44.5},
+     ["plane_top_mm: given ", "a number above plane_bottom_mm, in mm"]),
+    (LAW, {"frame_rates_hz": [60, 50_000]},
+     ["frame_rates_hz: given ", "a sensor 16 to 20000 px wide"]),
+    (LAW, {"frequency_hz": 24.1},
+     ["frequency_hz: given ", "1 Hz, one over the duration, to 24 Hz"]),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "values", "words"), REFUSED)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from refused import refusal
 from scenes.small import small_cube
 
 from thesis_lib.facts import setups
@@ -245,8 +244,3 @@ def test_parallel_edges_meet_in_the_image_of_their_direction(conforms):
         conforms.closed_form(point, direction[:2] / direction[2], rtol=1e-8)
     angle = cube["edge_angle"].values
     assert (np.diff(angle) < 0).all()
-
-
-def test_what_cannot_be_computed_is_refused_in_one_line():
-    words = "focal_length_mm: given 500.0, allowed: less than the nearest "
-    assert refusal("cameras", focal_length_mm=500).startswith(f"cameras: {words}")

@@ -73,24 +73,6 @@ def test_refusal_names_the_place_repeats_the_value_and_says_what_is_allowed(
     assert message == f"{name}: {field}{place}: given {shown}, {allowed(name, field)}"
 
 
-# Values that do not go with others: set, field, value, and words of the rule.
-TOGETHER = [
-    (DISTANCE, "amplitude_mm", [5.5, 5.5], "a list with one for each mode"),
-    (ARRAYS, "cases", [], "at least one, or layouts"),
-    (ARRAYS, "layouts", {"4a": [PAIR]}, "new names, each with sets that grow"),
-    (SOUND, "plane_top_mm", 44.5, "a number above plane_bottom_mm, in mm"),
-    (LAW, "frame_rates_hz", [60, 50_000], "a sensor 16 to 20000 px wide"),
-    (LAW, "frequency_hz", 24.1, "1 Hz, one over the duration, to 24 Hz"),
-]
-
-
-@pytest.mark.parametrize(("name", "field", "value", "words"), TOGETHER)
-def test_values_that_do_not_go_together_are_refused_by_the_rule(name, field, value, words):
-    message = refusal(name, **{field: value})
-    assert message.startswith(f"{name}: {field}: given ")
-    assert words in message
-
-
 @pytest.mark.parametrize("name", STUDIES)
 def test_unknown_parameter_gets_the_nearest_name_and_all_names(name):
     for field in STUDIES[name].model_fields:

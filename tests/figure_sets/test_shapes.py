@@ -1,9 +1,8 @@
-"""Figure sets of plates without symmetry: parameters, cubes, pictures, and what a mirror does."""
+"""Figure sets of plates without symmetry: cubes, pictures, and what a mirror does."""
 
 import numpy as np
 import pytest
 import xarray as xr
-from refused import assert_refused
 
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.cube_file import cube_of
@@ -30,26 +29,6 @@ def made(name, **values):
 @pytest.fixture(scope="module")
 def opened():
     return {name: made(name, trials=40) for name in (shape_figures.PLATE_SET, *NAMES)}
-
-
-# Parameters.
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"outline_mm": [[0, 0], [9, 4], [9, 0], [0, 4]]}, ["outline_mm", "common corners"]),
-        ({"outline_mm": [[9, 0], [600, 0], [600, 400]]}, ["outline_mm", "(0, 0)"]),
-        ({"circles_mm": [[600, 400, 20]]}, ["circles_mm: given [[600.0", "inside"]),
-        ({"circles_mm": [[100, 100, 30], [140, 100, 30]]}, ["circles_mm", "not touch"]),
-        ({"support": "free"}, ["edge_supports", "clamped"]),
-        ({"edge_supports": {"7": "free"}}, ["edge_supports", "1 to 6"]),
-        ({"force_mm": [600, 400]}, ["force_mm: given [600.0, 400.0]", "on the panel"]),
-        ({"element_mm": 200}, ["element_mm: given 200", "200 to 60000"]),
-    ],
-)
-def test_shapes_that_cannot_be_computed_are_refused_in_one_line(values, words):
-    assert_refused("shape-l", values, words)
 
 
 # Cubes and what is drawn of them.

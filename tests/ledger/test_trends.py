@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from thesis_lib.facts import claims
-from thesis_lib.facts.claims import Trend
-from thesis_lib.ledger.trends import (
-    MAX_ALIKE_RATIO,
-    MIN_CONFIDENCE,
-    MIN_MATERIAL_FALL,
-    ONE_RUN_FLAT,
-    TREND_TESTS,
-    Finding,
-    judge_trend,
-)
+from thesis_lib.ledger import trends
+from thesis_lib.ledger.trends import Finding, judge_trend
 from thesis_lib.ledger.verdicts import Series
 
 MEAN, XZ, YZ = "mean_error", "plane_error_xz", "plane_error_yz"
@@ -23,7 +15,7 @@ NAN = float("nan")
 
 
 def trend(test, cases=("a",), modes=(1,), quantities=(MEAN,)):
-    return Trend("t", 3, "3.3", cases, modes, quantities, "", "", "words", ("s",), test)
+    return claims.Trend("t", 3, "3.3", cases, modes, quantities, "", "", "words", ("s",), test)
 
 
 def series(errors, quantity=MEAN, case="a", mode=1, values=None):
@@ -130,10 +122,10 @@ CLEAR = [
 ]  # fmt: skip
 VALUES = {"a": [500, 750, 1000], "b": [750, 1000, 1500]}  # where there are three settings
 EDGES = [
-    ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL]}, False, {}),
-    ("falls", {"a": [1, 1 - MIN_MATERIAL_FALL - 1e-9]}, True, {}),
-    ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO, MAX_ALIKE_RATIO]), True, BOTH),
-    ("modes_alike", modes([1, 1], [MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
+    ("falls", {"a": [1, 1 - trends.MIN_MATERIAL_FALL]}, False, {}),
+    ("falls", {"a": [1, 1 - trends.MIN_MATERIAL_FALL - 1e-9]}, True, {}),
+    ("modes_alike", modes([1, 1], [trends.MAX_ALIKE_RATIO, trends.MAX_ALIKE_RATIO]), True, BOTH),
+    ("modes_alike", modes([1, 1], [trends.MAX_ALIKE_RATIO + 1e-9] * 2), False, BOTH),
     ("below 40", {"a": [40, 1]}, False, {}),
     ("at_most 40", {"a": [40.5, 1]}, True, {}),  # would be printed as 40
     ("at_most 40", {"a": [40.6, 1]}, False, {}),
@@ -145,8 +137,8 @@ EDGES = [
 def test_what_one_run_shows_of_a_flat_error_is_what_the_thesis_calls_flat():
     """A printed interval, or a factor of 2; in expectation it is flat or not by the one effect."""
     for expected, words, single in (
-        ([1, ONE_RUN_FLAT], "flat", 1),
-        ([1, ONE_RUN_FLAT + 1e-9], "flat", 0),
+        ([1, trends.ONE_RUN_FLAT], "flat", 1),
+        ([1, trends.ONE_RUN_FLAT + 1e-9], "flat", 0),
         ([8, 18], "flat 8 18", 1),
         ([8, 21], "flat 8 18", 0),
         ([8, 8], "flat 10 18", 0),
@@ -174,10 +166,10 @@ def test_a_clear_trend_is_found_under_noise(test, by, holds, more):
 
 
 def test_every_word_is_tried_both_ways():
-    assert list(TREND_TESTS) == list(claims.RELATION_WORDS)
+    assert list(trends.TREND_TESTS) == list(claims.RELATION_WORDS)
     for holds in (True, False):
         assert {test.partition(" ")[0] for test, _, held, _ in CLEAR if held == holds} == set(
-            TREND_TESTS
+            trends.TREND_TESTS
         )
 
 
@@ -190,11 +182,11 @@ def test_confidence_is_calibrated_where_nothing_is_to_be_found(conforms):
     95 % are reached by chance in 5 %.
     """
     count, rng = 600, np.random.default_rng(0)
-    least = np.array([[1], [1 - MIN_MATERIAL_FALL]])
+    least = np.array([[1], [1 - trends.MIN_MATERIAL_FALL]])
     made = [series(least * (10 + rng.standard_normal((2, 100)))) for _ in range(count)]
     found = np.array([judge_trend(trend("falls"), [one]).confidence for one in made])
     conforms.sampled(abs(found.mean() - 0.5), below=4 / sqrt(12 * count))
-    for share in (found >= MIN_CONFIDENCE, found <= 1 - MIN_CONFIDENCE):
+    for share in (found >= trends.MIN_CONFIDENCE, found <= 1 - trends.MIN_CONFIDENCE):
         conforms.sampled(abs(share.mean() - 0.05), below=4 * sqrt(0.05 * 0.95 / count))
     deciles = np.quantile(found, np.arange(1, 10) / 10)
     conforms.sampled(deciles, np.arange(1, 10) / 10, atol=4 * 0.5 / sqrt(count))
