@@ -12,12 +12,9 @@ A test takes the fixture `conforms` and names the kind of check::
 import json
 import sys
 from functools import partialmethod
-from typing import Any
 
 import numpy as np
 import pytest
-
-Record = dict[str, Any]
 
 
 def compare(value, expected=None, *, rtol=None, atol=None, above=None, below=None):

@@ -11,7 +11,7 @@ import pytest
 from command import hears_signals
 from scenes import own
 
-from conftest import PARTS
+from conftest import PARTS, PROJECT
 from thesis_lib import files
 from thesis_lib.facts import setups
 from thesis_lib.figure_sets.cube_file import code_digest
@@ -21,7 +21,6 @@ from thesis_lib.studies import storage
 from thesis_lib.vibration.motion import Component
 
 pytestmark = pytest.mark.slow  # installs a wheel, and runs it
-PROJECT = Path(__file__).parents[1]
 NAME, VALUES = "beam-distance", {"trials": 3, "modes": [1]}
 PARAMETERS = [part for key, value in VALUES.items() for part in ("-p", f"{key}={value}")]
 GUARD = """
@@ -106,7 +105,6 @@ def reader(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(reader):
-    """The folder of a run."""
     done = reader.call("thesis", "run", NAME, *PARAMETERS)
     assert done.returncode == 0, done.stderr
     (folder,) = (reader.root / "runs").iterdir()

@@ -45,11 +45,8 @@ def test_a_run_is_written_and_told(timed, tmp_path):
     data = publish.run(measured, every, rayleigh.compare(repetitions=1, shape=(5, 3)))
     path = tmp_path / "benchmarks.json"
     publish.write(data, path)
-    assert (
-        benchmark_tables.read_benchmarks(path)
-        == data
-        == json.loads(path.read_text(encoding="utf-8"))
-    )
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    assert benchmark_tables.read_benchmarks(path) == data == stored
     for part in ("machine", "targets", "comparison", "needs", "rayleigh", "plan"):
         _, rule, *rows = benchmark_tables.tabulate_benchmarks(part, data).splitlines()
         assert rows
@@ -72,13 +69,14 @@ def test_plan_is_computed_from_the_rates():
     )
 
 
+def published_rows(film):
+    every = benchmark_tables.read_benchmarks()["compression"]["rows"]
+    return [row for row in every if row["film"] == film]
+
+
 def left(motion_px, film):
     """Share of an amplitude that a published film has wrong, between those that were measured."""
-    rows = [
-        row
-        for row in benchmark_tables.read_benchmarks()["compression"]["rows"]
-        if row["film"] == film
-    ]
+    rows = published_rows(film)
     known, errors = (np.log([row[name] for row in rows]) for name in ("motion_px", "error"))
     return float(np.exp(np.interp(np.log(motion_px), known, errors)))
 
@@ -87,10 +85,8 @@ def test_the_warning_of_small_motion_comes_where_a_phones_film_takes_a_tenth():
     least = CHECK_LIMITS["small-motion"]
     assert 0.05 < left(least, "H.264, crf 23") < 0.1 < left(least, "H.264, crf 28") < 0.12
     assert left(least / 10, "lossless") < 0.1  # as its remedy says
-    rows = benchmark_tables.read_benchmarks()["compression"]["rows"]
-    assert left(0.2, "lossless") == pytest.approx(
-        next(r["error"] for r in rows if r["film"] == "lossless" and r["motion_px"] == 0.2)
-    )
+    known = next(row for row in published_rows("lossless") if row["motion_px"] == 0.2)
+    assert left(0.2, "lossless") == pytest.approx(known["error"])
     assert left(1, "H.264, crf 18") < left(0.7, "H.264, crf 18") < left(0.5, "H.264, crf 18")
 
 

@@ -222,7 +222,7 @@ def test_the_published_run_comes_out_and_stands_behind(conforms, chromium, form,
 
 # --- refused, and left to the command
 
-PAIR, FAR = [[0, 20], [90, 20]], [[0, 20], [90, 20], [180, 20]]
+PAIR = [[0, 20], [90, 20]]
 REFUSED = [
     ("beam-distance", {"distances_mm": [320], "amplitude_mm": [5, 8.5, 9]}),
     ("beam-distance", {"azimuth_deg": 360}),

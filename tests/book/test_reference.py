@@ -18,10 +18,7 @@ from thesis_lib.studies import fields
 
 NAMES = ("recordings", "recordings-filming", "recordings-results", "recordings-warnings",
          "recordings-reference")  # fmt: skip
-TEXTS = {
-    name: (project_root() / "book" / f"{name}.md").read_text(encoding="utf-8") for name in NAMES
-}
-PAGE = "".join(TEXTS.values())
+PAGE = "".join((project_root() / "book" / f"{name}.md").read_text("utf-8") for name in NAMES)
 SOURCES = project_root() / "src" / "thesis_lib"
 
 

@@ -121,12 +121,10 @@ def test_estimators_by_number_of_cameras():
     gain = error / error.sel(rule="least-squares")
     assert (gain.sel(equidistant_rig=4) > 0.9).all()  # "any estimator will do"
     assert gain.sel(equidistant_rig=12, rule="analytic-centre") < 0.75
-    assert (
-        -1.05 < slope([32, 64], error.sel(rule="analytic-centre", equidistant_rig=[32, 64])) < -0.8
-    )
-    assert slope(
-        [4, 64], error.sel(rule="least-squares", equidistant_rig=[4, 64])
-    ) == pytest.approx(-0.5, abs=0.03)
+    centre = error.sel(rule="analytic-centre", equidistant_rig=[32, 64])
+    assert -1.05 < slope([32, 64], centre) < -0.8
+    squares = error.sel(rule="least-squares", equidistant_rig=[4, 64])
+    assert slope([4, 64], squares) == pytest.approx(-0.5, abs=0.03)
     tolerated = book("design-law")["tolerated_noise"]
     assert (tolerated[-3:].diff("equidistant_rig") < 0).all()
 
@@ -231,9 +229,8 @@ def test_clocks_let_neither_pixels_nor_cameras_help():
 
 def test_two_opposite_cameras_beat_two_that_stand_20_degrees_apart():
     part = select_settings(book("experiment-cameras"), "harmonic-all", 1)
-    error = dict(
-        zip(part["label"].values, part["mean_error"].median("trial").values.ravel(), strict=True)
-    )
+    medians_ = part["mean_error"].median("trial").values.ravel()
+    error = dict(zip(part["label"].values, medians_, strict=True))
     beside = min(error["A–B"], error["C–D"])
     assert max(error[pair] for pair in ("A–C", "A–D", "B–C", "B–D")) < beside / 3
 

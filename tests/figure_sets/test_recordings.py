@@ -12,7 +12,6 @@ from thesis_lib.figure_sets.registry import validate_request
 
 @pytest.fixture(scope="module")
 def data():
-    """What was measured on the default recordings."""
     return study.EXPERIMENT.load(validate_request("experiment-resolution", {}).recordings)
 
 

@@ -8,14 +8,13 @@ from urllib.parse import quote
 
 import nbformat
 import pytest
+from shown import add_provenance, figures_cell, shown_figures
 
 from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
 from thesis_lib.figure_sets.parametric.figures import claims_table, error_table
 from thesis_lib.notebook import show as notebook
 from thesis_lib.runs import postprocess
-from thesis_lib.studies import storage
-from thesis_lib.studies.effort import Effort
 from thesis_lib.web import page as pages
 
 NAMES = {
@@ -63,12 +62,10 @@ def asked(name):
 @cache
 def page_of(name):
     """A page with all that a notebook shows of a cube with this layout."""
-    request, shown = asked(name), []
+    request = asked(name)
     cube = cube_of(request)
     assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(notebook, "display", shown.append)
-        notebook.figures(cube)
+    shown = shown_figures(cube)
     outputs = [{"text/markdown": made.data} for made in (error_table(cube), claims_table(cube))]
     outputs += [one._repr_mimebundle_()[0] for one in (*shown, notebook.viewer(cube))]
     given = nbformat.v4.new_code_cell(f"layouts = {{{name!r}: 1}}")
@@ -78,17 +75,12 @@ def page_of(name):
         cell = nbformat.v4.new_code_cell("1")
         cell.outputs = [nbformat.v4.new_output("display_data", data)]
         cells.append(cell)
-    (figure,) = shown
-    page = nbformat.v4.new_notebook(cells=cells)
-    page.cells.append(nbformat.v4.new_code_cell("notebook.figures(result)"))
-    data, about = figure._repr_mimebundle_()
-    page.cells[-1].outputs = [nbformat.v4.new_output("display_data", data, metadata=about)]
+    assert len(shown) == 1
+    page = nbformat.v4.new_notebook(cells=[*cells, figures_cell(shown)])
     postprocess.place_figures(page)  # as text of a caption, beside that of a front end
     with tempfile.TemporaryDirectory() as folder:
-        path, file = Path(folder) / "n.ipynb", Path(folder) / "cube.nc"
-        storage.write_netcdf(cube, file, compact=True)
-        about = postprocess.trace_results(request, cube, file, Effort(7.4, 312.0, 1.25))
-        postprocess.add_provenance(page, about, cube, in_book=False)
+        path = Path(folder) / "n.ipynb"
+        add_provenance(page, request, cube, Path(folder) / "cube.nc")
         nbformat.write(page, path)
         return pages.export_notebook(path, name)
 

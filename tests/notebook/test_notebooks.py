@@ -2,14 +2,14 @@
 
 import re
 import shutil
-from pathlib import Path
 
 import nbformat
 import pytest
 import xarray as xr
 from nbval.plugin import get_sanitize_patterns
+from shown import figures_cell, shown_figures
 
-from conftest import until_study
+from conftest import PROJECT, until_study
 from thesis_lib.figure_sets.display import list_captions
 from thesis_lib.figure_sets.registry import FIGURE_SETS, STUDIES, validate_request
 from thesis_lib.notebook import show as notebook
@@ -17,8 +17,6 @@ from thesis_lib.notebook.show import cube_of
 from thesis_lib.runs import postprocess
 from thesis_lib.studies.request import ParameterError
 
-PROJECT = Path(__file__).parents[2]
-SANITIZE = PROJECT / "tests" / "nbval_sanitize.cfg"
 MARK = "# NBVAL_CHECK_OUTPUT"
 LAYOUT = {"m*y": [[[60, 30], [-60, 30]]]}
 
@@ -32,7 +30,6 @@ def committed(name):
 
 
 def texts(cell):
-    """All text that a cell's outputs carry."""
     found = []
     for output in cell.outputs:
         found += [output.text] if "text" in output else list(output.get("data", {}).values())
@@ -79,7 +76,8 @@ def test_committed_notebooks_are_plain_counted_and_have_numbers_to_check(name):
 
 
 def sanitised(text):
-    for pattern, replacement in get_sanitize_patterns(SANITIZE.read_text(encoding="utf-8")):
+    rules = (PROJECT / "tests" / "nbval_sanitize.cfg").read_text(encoding="utf-8")
+    for pattern, replacement in get_sanitize_patterns(rules):
         text = re.sub(pattern, replacement, text)
     return text
 
@@ -171,14 +169,9 @@ def test_captions_come_from_the_data(name):
 @pytest.mark.slow
 def test_each_figure_gets_a_cell_with_its_words():
     request = validate_request("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
-    shown = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(notebook, "display", shown.append)
-        notebook.figures(cube_of(request).sel(mode=[1, 3]))
-    cell = nbformat.v4.new_code_cell("notebook.figures(result)", id="all")
-    for data, about in (one._repr_mimebundle_() for one in shown):
-        assert 'alt="Panels: (a) setups: cameras varied; (b) ' in data["text/html"]
-        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
+    cell = figures_cell(shown_figures(cube_of(request).sel(mode=[1, 3])))
+    for output in cell.outputs:
+        assert 'alt="Panels: (a) setups: cameras varied; (b) ' in output.data["text/html"]
     page = nbformat.v4.new_notebook(cells=[cell])
     postprocess.place_figures(page)
     nbformat.validate(page)
@@ -195,13 +188,11 @@ def test_each_figure_gets_a_cell_with_its_words():
         assert "law of rounding" in cell.metadata.mystnb.image.alt
 
 
-def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind(monkeypatch):
-    shown = []
-    monkeypatch.setattr(notebook, "display", shown.append)
+def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind():
     given = {"trials": 1, "modes": [1], "focal_length_mm": 35}
-    notebook.figures(cube_of(validate_request("beam-distance", given)))
+    (figure,) = shown_figures(cube_of(validate_request("beam-distance", given)))
     words = "With the parameters of this run, after: Figure 3.4 of the thesis. Case 1, mode 1: "
-    assert shown[0].about["caption"].startswith(words)
+    assert figure.about["caption"].startswith(words)
 
 
 # nbval.

@@ -44,7 +44,6 @@ def best(scene, count, objective="mean", step=15.0, starts=2):
 
 
 def matrices(layout, size):
-    """Projection matrices by the cameras of the hemisphere."""
     rigs = [hemisphere_cameras(r, [a], [e], size[0] * f, size) for a, e, r, f in layout]
     return np.concatenate([rig.P for rig in rigs])
 

@@ -170,16 +170,12 @@ def test_a_plan_for_a_sound_is_better_at_that_and_says_so(tmp_path, conforms, go
     [
         (["goal=noise"], 'goal: given "noise", allowed: "shape"'),
         (["goal=sound-power", "body=beam"], "for the plate"),
-        (
-            ["goal=sound-plane", "body=plate", "plane=YZ", "modes=[2]"],
-            "modes: given 2, allowed: modes that are not silent on the plane",
-        ),
-        (
-            ["goal=sound-point", "body=plate", "point_mm=[0,0,20]"],
-            "point_mm: given [0.0, 0.0, 20.0], allowed: Z of 44.53 or more",
-        ),
+        (["goal=sound-plane", "body=plate", "plane=YZ", "modes=[2]"],
+         "modes: given 2, allowed: modes that are not silent on the plane"),
+        (["goal=sound-point", "body=plate", "point_mm=[0,0,20]"],
+         "point_mm: given [0.0, 0.0, 20.0], allowed: Z of 44.53 or more"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_planned_for_sound_is_refused_in_one_line(tmp_path, words, said):
     options = [word for one in words for word in ("-p", one)]
     line = refusal(thesis("plan", *options, "--out", "made", cwd=tmp_path))

@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from lxml.html import document_fromstring
+from shown import add_provenance, figures_cell, shown_figures
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
-from thesis_lib.notebook import show as notebook
 from thesis_lib.plotting import selection as plotted
 from thesis_lib.runs import postprocess
 from thesis_lib.studies import storage
-from thesis_lib.studies.effort import Effort
 
 
 @pytest.fixture(scope="module")
@@ -68,20 +67,12 @@ def test_figure_table_is_what_is_drawn(cube):
 # The fold-out.
 
 
-def test_downloads_of_a_page_of_its_own_are_in_it(cube, tmp_path, monkeypatch):
-    shown = []
-    monkeypatch.setattr(notebook, "display", shown.append)
-    notebook.figures(cube.sel(mode=[1, 2]))
-    cell = nbformat.v4.new_code_cell("notebook.figures(result)")
-    for data, about in (one._repr_mimebundle_() for one in shown):
-        cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
+def test_downloads_of_a_page_of_its_own_are_in_it(cube, tmp_path):
+    cell = figures_cell(shown_figures(cube.sel(mode=[1, 2])))
     page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
     postprocess.place_figures(page)
-    file = tmp_path / "cube.nc"
-    storage.write_netcdf(cube, file, compact=True)
     request = validate_request("beam-distance", {"trials": 4})
-    about = postprocess.trace_results(request, cube, file, Effort(7.4, 312.0, 1.25))
-    postprocess.add_provenance(page, about, cube, in_book=False)
+    add_provenance(page, request, cube, tmp_path / "cube.nc")
     sources = [document_fromstring(one.source) for one in page.cells if "<a " in one.source]
     links = [link for one in sources for link in one.xpath("//a/@href")]
     inside = [link for link in links if link.startswith("data:text/csv")]

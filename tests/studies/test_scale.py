@@ -3,7 +3,6 @@
 import socket
 import subprocess
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from thesis_lib.studies.request import ParameterError
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
 dask = pytest.importorskip("dask")
 
-ROOT = Path(__file__).parents[2]
 ARRAYS = {"trials": 60, "cases": ["4a"], "amplitude_mm": 4.0}
 PLATE = {"trials": 60, "distances_mm": [500.0, 900.0]}
 SOUND = {**PLATE, "plane_shape": [15, 10]}
@@ -83,10 +81,8 @@ def test_a_cluster_with_tls_gives_the_same_cube_bit_for_bit(tmp_path, small_bloc
     ):  # fmt: skip
         address = cluster.scheduler_address
         assert address.startswith("tls://")
-        plate, sound_request = (
-            validate_request("plate-distance", PLATE),
-            validate_request("sound-distance", SOUND),
-        )
+        plate = validate_request("plate-distance", PLATE)
+        sound_request = validate_request("sound-distance", SOUND)
         alone = studies.run(plate)
         xr.testing.assert_identical(studies.run(plate, address), alone)
         heard = sound.run(sound_request, alone)

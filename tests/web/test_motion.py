@@ -129,13 +129,8 @@ def test_the_image_is_the_librarys_in_whole_pixels(show, cubes, kind):
             distance, size = float(one["camera_distance"][camera]), (320, 180)
             rig = hemisphere_cameras(distance, [azimuth], [elevation], 24 / 36 * 320, size)
             length, width = schema.structure_extent(cube)
-            points = np.stack(
-                [
-                    cube["x"] - length / 2,
-                    cube["y"] - width / 2,
-                    one["reference_deflection"] * np.cos(np.radians(angle)),
-                ]
-            )
+            z = one["reference_deflection"] * np.cos(np.radians(angle))
+            points = np.stack([cube["x"] - length / 2, cube["y"] - width / 2, z])
             exact = project(rig.P, points)[0]
             clear = np.abs(exact % 1 - 0.5) > 1e-4  # data have six digits
             here = pixelate(exact)
