@@ -35,9 +35,8 @@ def thesis(*arguments, cwd="."):
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         patch.setattr(sys, "argv", ["thesis", *map(str, arguments)])
-        patch.setattr(
-            command_line, "isolate_process", lambda: None
-        )  # the tests keep handlers and warnings
+        # The tests keep handlers and warnings.
+        patch.setattr(command_line, "isolate_process", lambda: None)
         with (
             contextlib.chdir(cwd),
             contextlib.redirect_stdout(out),

@@ -90,9 +90,8 @@ def test_the_experiment_confirms_what_changes_by_more_than_a_tenth(errors, held)
 def test_an_error_that_neither_surely_falls_nor_rises_is_not_told_apart():
     cube = power_law("beam-distance", 0.0)
     scatter = 1 + 0.5 * np.random.default_rng(0).standard_normal(cube["mean_error"].shape)
-    (one,) = factors.estimate_effects(
-        {"beam-distance": cube.assign(mean_error=cube["mean_error"] * scatter)}, FACTORS["closer"]
-    )
+    cube = cube.assign(mean_error=cube["mean_error"] * scatter)
+    (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     assert (one.confident, one.opposite) == (0, 0)
 
 
@@ -115,10 +114,8 @@ def test_the_elevation_is_that_of_the_cameras_and_its_law_a_power_of_the_cosine(
 
 def test_settings_without_a_result_are_left_out_and_counted():
     cube = power_law("beam-distance", 1.0)
-    gone = cube["mean_error"].where(cube["value"] > 600)
-    (one,) = factors.estimate_effects(
-        {"beam-distance": cube.assign(mean_error=gone)}, FACTORS["closer"]
-    )
+    cube = cube.assign(mean_error=cube["mean_error"].where(cube["value"] > 600))
+    (one,) = factors.estimate_effects({"beam-distance": cube}, FACTORS["closer"])
     assert one.ends == (1500, 750)
     assert one.lost == 1
     np.testing.assert_allclose(one.exponents, 1)

@@ -119,10 +119,8 @@ def test_the_band_is_that_of_the_library(conforms, chromium, path):
         conforms.sampled(high, published[3], rtol=0.15)
         cell = opened.page.locator(".tl-ex-band").filter(has_text="%").first.inner_text()
         assert cell.replace("\u00a0", " ") == f"{np.median(means):.1f} ({low:.1f}–{high:.1f}) %"
-        assert (
-            f"({low:.1f}–{high:.1f} % over random pixel grids)"
-            in opened.page.locator(".tl-ex-status").inner_text()
-        )
+        status = opened.page.locator(".tl-ex-status").inner_text()
+        assert f"({low:.1f}–{high:.1f} % over random pixel grids)" in status
 
 
 # --- using it
@@ -253,9 +251,8 @@ def test_a_setup_of_the_thesis_shows_its_published_errors(chromium, path):
         for i, error in enumerate(("mean_error", "max_point_error")):
             [row] = rows[rows["error"] == error].to_dict("records")
             assert texts("published")[i] == texts("literal")[i] == f"{row['trial_0']:.1f} %"
-            assert (
-                texts("spread")[i] == f"{row['median']:.1f} ({row['low']:.1f}–{row['high']:.1f}) %"
-            )
+            spread = f"{row['median']:.1f} ({row['low']:.1f}–{row['high']:.1f}) %"
+            assert texts("spread")[i] == spread
         assert texts("stated")[0] == "21 % (figure 4.9 d)"
         opened.page.get_by_label("Distance (mm)").fill("800")
         state(opened)

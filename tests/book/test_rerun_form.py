@@ -170,9 +170,8 @@ def test_commands_say_what_the_form_holds(chromium, path, monkeypatch):
         for (name, values), said in zip(cases, fill(opened, *texts), strict=True):
             assert said["problems"] == {}, values
             wanted = outcome(name, values)
-            if (
-                isinstance(wanted, str) and name in COMPUTED_SETS
-            ):  # the page knows these relations, too
+            # The page knows these relations, too.
+            if isinstance(wanted, str) and name in COMPUTED_SETS:
                 assert said["status"] == f"thesis: {wanted}"
                 assert said["commands"] == []
                 continue

@@ -6,16 +6,14 @@ import re
 import axe
 import numpy as np
 import pytest
+from book.test_book_pages import BOOK, needs_book
 from browser import open_offline
 
-from thesis_lib import files
 from thesis_lib.book.pieces import manifest as sample
 from thesis_lib.figure_sets import record as example
 from thesis_lib.measure.messages import ALL_MESSAGES
 from thesis_lib.measure.report.build import summarise_shape
 from thesis_lib.measure.report.warnings import check_shape
-
-BOOK = files.project_root() / "build" / "html"
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +23,6 @@ def data():
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    """What the book makes of it."""
     folder = tmp_path_factory.mktemp("sample")
     sample.write_sample(folder)
     return folder / sample.SAMPLE_PAGE
@@ -83,8 +80,7 @@ def test_the_measured_tip_is_the_true_one(data):
     assert tip == pytest.approx(truth.amplitude * abs(float(shape[0])), abs=3 * error)
 
 
-@pytest.mark.book
-@pytest.mark.skipif(not BOOK.is_dir(), reason="no book in build/html: render it first")
+@needs_book
 def test_the_book_has_it_and_leads_to_it():
     assert (BOOK / sample.SAMPLE_PAGE).read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     guide = (BOOK / "recordings.html").read_text(encoding="utf-8")

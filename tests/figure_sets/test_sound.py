@@ -310,9 +310,8 @@ def test_the_viewer_draws_the_ideal_field_and_what_the_errors_add():
             got = coarse.isel(case=0).sel(extreme=extreme)
             error = got["pressure_measured_real"] + 1j * got["pressure_measured_imag"] - ideal
             sent = case["extremes"][str(mode["mode"])][extreme]["fields"][plane]
-            np.testing.assert_allclose(
-                decoded(sent), error.values.ravel(), atol=sent["scale"] / 127
-            )
+            step = sent["scale"] / 127
+            np.testing.assert_allclose(decoded(sent), error.values.ravel(), atol=step)
             assert sent["scale"] < 0.3 * np.abs(ideal).max()
     silent = [(m["mode"], p) for m in data["modes"] for p in PLANES if p not in m["fields"]]
     assert set(silent) == NODAL

@@ -226,9 +226,8 @@ def test_a_plan_is_confirmed_by_the_study_that_it_names(conforms):
     words = study_of(request, best_.layout, best_.resolution)
     assert words.startswith("thesis run beam-arrays")
     values = dict(word.partition("=")[::2] for word in shlex.split(words)[4::2])
-    cube = studies.run(
-        validate_request("beam-arrays", {k: json.loads(v) for k, v in values.items()})
-    )
+    values = {key: json.loads(value) for key, value in values.items()}
+    cube = studies.run(validate_request("beam-arrays", values))
     conforms.sampled(cube["predicted_error"].values[-1], best_.predicted, rtol=2e-2)
     assert int(cube["n_cameras"][-1]) == len(best_.layout)
 

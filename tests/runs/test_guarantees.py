@@ -61,7 +61,7 @@ def shorten(checkout, name, last=""):
     checkout.change(name, edit)
 
 
-def append(path, text="\n"):
+def append(path, text):
     with path.open("ab") as stream:
         stream.write(text.encode())
 
@@ -70,10 +70,6 @@ def flip(path, place):
     content = bytearray(path.read_bytes())
     content[place] ^= 1
     path.write_bytes(content)
-
-
-def library(checkout, place):
-    return checkout.root / "src" / "thesis_lib" / place
 
 
 def cubes(folder):
@@ -182,20 +178,16 @@ def test_an_interrupted_run_says_so_and_leaves_nothing_behind(apart, tmp_path, s
 
 # Edited or damaged.
 
-PLANNER = "figure_sets/planner/compute.py"
-EDITS = {
-    "library": (lambda one: append(library(one, "vision/rounding.py"), "_n = 1\n"), EVERY),
-    "another figure set": (lambda one: append(library(one, PLANNER), "_n = 1\n"), set()),
-    "what measures": (lambda one: append(library(one, "measure/steps.py"), "_n = 1\n"), set()),
-    "fact": (lambda one: append(one.root / "data" / "thesis" / "setups.toml"), EVERY),
-    "the ledger's fact": (lambda one: append(one.root / "data" / "thesis" / "claims.csv"), set()),
-    "lock": (lambda one: append(one.root / "requirements" / "book.txt"), EVERY),
-    "notebook": (lambda one: append(one.notebook(BAD)), {BAD}),
-    "a bit of a cube": (
-        lambda one: flip(one.root / "data" / "results" / f"{BAD}.nc", -1000),
-        {BAD},
-    ),
-    "executed notebook": (lambda one: append(one.root / "book/executed" / f"{BAD}.ipynb"), {BAD}),
+EDITS = {  # file, what is added to it, and which figure sets are stale then
+    "library": ("src/thesis_lib/vision/rounding.py", "_n = 1\n", EVERY),
+    "another figure set": ("src/thesis_lib/figure_sets/planner/compute.py", "_n = 1\n", set()),
+    "what measures": ("src/thesis_lib/measure/steps.py", "_n = 1\n", set()),
+    "fact": ("data/thesis/setups.toml", "\n", EVERY),
+    "the ledger's fact": ("data/thesis/claims.csv", "\n", set()),
+    "lock": ("requirements/book.txt", "\n", EVERY),
+    "notebook": (f"notebooks/{BAD}.ipynb", "\n", {BAD}),
+    "a bit of a cube": (f"data/results/{BAD}.nc", None, {BAD}),
+    "executed notebook": (f"book/executed/{BAD}.ipynb", "\n", {BAD}),
 }
 
 
@@ -203,8 +195,11 @@ EDITS = {
 @pytest.mark.parametrize("edit", EDITS)
 @pytest.mark.usefixtures("restored")
 def test_an_edit_makes_stale_what_depends_on_it(book, states, edit):
-    change, stale = EDITS[edit]
-    change(book)
+    file, added, stale = EDITS[edit]
+    if added:
+        append(book.root / file, added)
+    else:
+        flip(book.root / file, -1000)
     assert {name for name, (_, believed) in states(*EVERY).items() if not believed} == stale
 
 
