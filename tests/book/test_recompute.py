@@ -26,7 +26,7 @@ STATUS, SENTENCE, CODE = ".tl-rerun-status", ".tl-rerun-sentence", ".tl-rerun pr
 
 
 def atlas(name, **values):
-    """The viewer of a figure set's page, with the parameters above it."""
+    """Return the viewer of a figure set's page, with the parameters above it."""
     return show.viewer(cube_file.cube_of(validate_request(name, values)))
 
 

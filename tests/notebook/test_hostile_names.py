@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 import nbformat
 import pytest
-from shown import add_provenance, figures_cell, shown_figures
+from notebook_pages import add_provenance, build_figures_cell, display_figures
 
 from thesis_lib.figure_sets.cube_file import cube_of
 from thesis_lib.figure_sets.parametric.figure_set import camera_study
@@ -65,7 +65,7 @@ def page_of(name):
     request = asked(name)
     cube = cube_of(request)
     assert float(cube["in_view"].min()) < 1  # so that the note under the table names the layout
-    shown = shown_figures(cube)
+    shown = display_figures(cube)
     outputs = [{"text/markdown": made.data} for made in (error_table(cube), claims_table(cube))]
     outputs += [one._repr_mimebundle_()[0] for one in (*shown, notebook.viewer(cube))]
     given = nbformat.v4.new_code_cell(f"layouts = {{{name!r}: 1}}")
@@ -76,7 +76,7 @@ def page_of(name):
         cell.outputs = [nbformat.v4.new_output("display_data", data)]
         cells.append(cell)
     assert len(shown) == 1
-    page = nbformat.v4.new_notebook(cells=[*cells, figures_cell(shown)])
+    page = nbformat.v4.new_notebook(cells=[*cells, build_figures_cell(shown)])
     postprocess.place_figures(page)  # as text of a caption, beside that of a front end
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "n.ipynb"

@@ -7,7 +7,7 @@ import nbformat
 import pytest
 import xarray as xr
 from nbval.plugin import get_sanitize_patterns
-from shown import figures_cell, shown_figures
+from notebook_pages import build_figures_cell, display_figures
 
 from conftest import PROJECT, until_study
 from thesis_lib.figure_sets.display import list_captions
@@ -169,7 +169,7 @@ def test_captions_come_from_the_data(name):
 @pytest.mark.slow
 def test_each_figure_gets_a_cell_with_its_words():
     request = validate_request("beam-arrays", {"trials": 1, "cases": ["4a'"], "layouts": LAYOUT})
-    cell = figures_cell(shown_figures(cube_of(request).sel(mode=[1, 3])))
+    cell = build_figures_cell(display_figures(cube_of(request).sel(mode=[1, 3])))
     for output in cell.outputs:
         assert 'alt="Panels: (a) setups: cameras varied; (b) ' in output.data["text/html"]
     page = nbformat.v4.new_notebook(cells=[cell])
@@ -190,7 +190,7 @@ def test_each_figure_gets_a_cell_with_its_words():
 
 def test_a_figure_of_another_lens_says_that_it_is_the_thesiss_only_in_kind():
     given = {"trials": 1, "modes": [1], "focal_length_mm": 35}
-    (figure,) = shown_figures(cube_of(validate_request("beam-distance", given)))
+    (figure,) = display_figures(cube_of(validate_request("beam-distance", given)))
     words = "With the parameters of this run, after: Figure 3.4 of the thesis. Case 1, mode 1: "
     assert figure.about["caption"].startswith(words)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from lxml.html import document_fromstring
-from shown import add_provenance, figures_cell, shown_figures
+from notebook_pages import add_provenance, build_figures_cell, display_figures
 
 from thesis_lib.figure_sets import cube_file
 from thesis_lib.figure_sets.registry import validate_request
@@ -68,7 +68,7 @@ def test_figure_table_is_what_is_drawn(cube):
 
 
 def test_downloads_of_a_page_of_its_own_are_in_it(cube, tmp_path):
-    cell = figures_cell(shown_figures(cube.sel(mode=[1, 2])))
+    cell = build_figures_cell(display_figures(cube.sel(mode=[1, 2])))
     page = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Page"), cell])
     postprocess.place_figures(page)
     request = validate_request("beam-distance", {"trials": 4})

@@ -34,7 +34,7 @@ def study(kind):
     return copy.deepcopy(computed(kind))
 
 
-def shows(data):
+def make_viewer(data):
     return Viewer(data=data, case="2a", mode=1)
 
 
@@ -70,7 +70,7 @@ def beams(tmp_path_factory):
     hostile["cases"] = hostile["cases"][:1]
     hostile["cases"][0]["title"] = hostile["cases"][0]["settings"][0]["label"] = EVIL
     file = tmp_path_factory.mktemp("viewer") / "two viewers.html"
-    return write_page(file, shows(data), shows(data), shows(hostile))
+    return write_page(file, make_viewer(data), make_viewer(data), make_viewer(hostile))
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +84,13 @@ def plates(tmp_path_factory):
     for one in data["modes"]:
         one["reference_mm"] = [z * 1e-6 for z in one["reference_mm"]]
     file = tmp_path_factory.mktemp("viewer") / "plates.html"
-    return write_page(file, shows(study("plate")), shows(data))
+    return write_page(file, make_viewer(study("plate")), make_viewer(data))
 
 
 @pytest.fixture(scope="module")
 def sounds(tmp_path_factory):
     file = tmp_path_factory.mktemp("viewer") / "sounds.html"
-    return write_page(file, *[shows(study("sound"))] * 2)
+    return write_page(file, *[make_viewer(study("sound"))] * 2)
 
 
 def viewers(opened):
@@ -177,7 +177,7 @@ def test_bars_stand_at_their_errors_and_best_and_worst_go_by_the_median(chromium
                 setting["modes"][0][name] = factor**power
             setting["modes"][0]["stated"] = None
         data["cases"][0]["settings"][1]["modes"][0]["mean"] = factor**3  # of the run alone
-        file = write_page(tmp_path / "page.html", shows(data))
+        file = write_page(tmp_path / "page.html", make_viewer(data))
         with open_offline(chromium, file, width=1100) as opened:
             (viewer,) = viewers(opened)
             assert re.search(r"\(best, 60°\) .* \(worst, 110°\), by the median", words(viewer))

@@ -9,8 +9,8 @@ from thesis_lib.studies import storage
 from thesis_lib.studies.effort import Effort
 
 
-def shown_figures(cube):
-    """The figures that a notebook displays of a cube."""
+def display_figures(cube):
+    """Return the figures that a notebook displays of a cube."""
     shown = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(show, "display", shown.append)
@@ -18,7 +18,7 @@ def shown_figures(cube):
     return shown
 
 
-def figures_cell(shown):
+def build_figures_cell(shown):
     cell = nbformat.v4.new_code_cell("notebook.figures(result)")
     for data, about in (one._repr_mimebundle_() for one in shown):
         cell.outputs.append(nbformat.v4.new_output("display_data", data, metadata=about))
