@@ -13,24 +13,20 @@ import xarray as xr
 from thesis_lib import __version__
 from thesis_lib.files import check_cache, check_outputs, put_files, staging
 from thesis_lib.measure import steps as measuring
-from thesis_lib.measure.calibration import uncertainty
-from thesis_lib.measure.calibration.bundle_adjustment import LENS_UNKNOWNS
-from thesis_lib.measure.exchange import files, history
-from thesis_lib.measure.exchange.cameras import OWN_FILE, Found, as_calibrated, reuse_calibration
-from thesis_lib.measure.feasibility.assess import Assessment, assess_manifest, describe_assessment
-from thesis_lib.measure.fitting.frequency import in_step
-from thesis_lib.measure.fitting.result import shape_result
+from thesis_lib.measure.calibration import bundle_adjustment, uncertainty
+from thesis_lib.measure.exchange import cameras, files, history
+from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
+from thesis_lib.measure.fitting import frequency, result
 from thesis_lib.measure.modes.identify import modes_result
 from thesis_lib.measure.radiation.of_measurement import sound_of, write_sound
 from thesis_lib.measure.recordings import media, text_files, validation
 from thesis_lib.measure.recordings.manifest import Manifest, read_manifest
-from thesis_lib.measure.report import animation, build
-from thesis_lib.measure.report.figures import collect_diagnostics
+from thesis_lib.measure.report import animation, build, figures
 from thesis_lib.measure.response.result import estimate_response
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.studies import storage
-from thesis_lib.studies.schema import label_values, read_variables, with_origin
+from thesis_lib.studies import schema, storage
 
+Say = Callable[[str], object]  # what is called with each line of progress
 STEPS_FOLDER = ".steps"  # folder of what is kept between runs
 #: All that a measurement may write, as patterns
 OUTPUT_FILES = (
@@ -40,7 +36,7 @@ OUTPUT_FILES = (
 )  # fmt: skip
 _SOURCE_TEXT = f"measurement by thesis_lib {__version__}"
 _NEVER_S = 1e6  # after all recordings
-SHOT_VARIABLES = read_variables(__file__, "shots")
+SHOT_VARIABLES = schema.read_variables(__file__, "shots")
 UNSTORED_VARIABLES = {
     "single_focal", "R_camera_world", "centre", "covariance",
     "frequency", "of_sound", "of_sound_deviation",
@@ -56,16 +52,14 @@ class Recorded:
     recordings: Sequence[Recording]  #: Their tracks
 
 
-def record_tracks(
-    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object]
-) -> Recorded:
+def record_tracks(manifest: Manifest, folder: Path, steps: Path, say: Say) -> Recorded:
     """Check, listen, calibrate and track; each step is kept in the folder `steps`.
 
     Errors are those of :func:`measure_recordings`.
     """
     say(f"checking {len(manifest.cameras)} videos")
     clocks = validation.check_files(manifest, folder)  # what it refuses leaves no trace
-    given = reuse_calibration(manifest, folder)
+    given = cameras.reuse_calibration(manifest, folder)
     filmed = validation.add_frame_rates(manifest, clocks)
     # The sound comes first: it may refuse more of the manifest.
     sound = measuring.read_sound(filmed, folder, steps, say)
@@ -87,15 +81,17 @@ def fit_deflection(manifest: Manifest, of: Recorded) -> tuple[xr.Dataset, xr.Dat
     excitation, sound = manifest.excitation, of.sound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
-        data = shape_result(
+        data = result.shape_result(
             manifest, sound, of.recordings, uncertainty.covariance_of(of.calibration)
         )
         still = excitation.rest_duration_s or float(sound["steady"][1])  # else about its middle
         _check_plane(data, manifest)
-        data = with_origin(data.merge(_stored_variables(of.calibration, sound)), _SOURCE_TEXT)
+        data = schema.with_origin(
+            data.merge(_stored_variables(of.calibration, sound)), _SOURCE_TEXT
+        )
         data.attrs.update(_describe_inputs(manifest, of, "Deflection"))
-        moved = history.time_histories(data, in_step(data, of.recordings), still)
-        return data, with_origin(moved, data.attrs["source"])
+        moved = history.time_histories(data, frequency.in_step(data, of.recordings), still)
+        return data, schema.with_origin(moved, data.attrs["source"])
 
 
 def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, str]:
@@ -111,7 +107,11 @@ def _describe_inputs(manifest: Manifest, of: Recorded, what: str) -> dict[str, s
 
 
 def _calibration(
-    manifest: Manifest, folder: Path, steps: Path, given: Found | None, say: Callable[[str], object]
+    manifest: Manifest,
+    folder: Path,
+    steps: Path,
+    given: cameras.Found | None,
+    say: Say,
 ) -> xr.Dataset:
     """Return the cameras, calibrated by images of the board or reused, with uncertainties."""
     board = manifest.board.board
@@ -119,8 +119,8 @@ def _calibration(
         placed = measuring.calibrate_rig(manifest, folder, steps, say)
         return uncertainty.jackknife_calibration(placed, board, steps)
     if manifest.calibration.poses == "kept":
-        return uncertainty.read_deviations(as_calibrated(given), given.covariance)
-    n = LENS_UNKNOWNS * len(given.cameras)
+        return uncertainty.read_deviations(cameras.as_calibrated(given), given.covariance)
+    n = bundle_adjustment.LENS_UNKNOWNS * len(given.cameras)
     held = np.full((n, n), np.nan) if given.covariance is None else given.covariance[-n:, -n:]
     placed = measuring.calibrate_rig(manifest, folder, steps, say, given.cameras)
     return uncertainty.jackknife_calibration(placed, board, steps, held)
@@ -149,10 +149,10 @@ def _stored_variables(calibration: xr.Dataset, sound: xr.Dataset) -> xr.Dataset:
     seen = np.isfinite(values["corners"]).any(axis=(2, 3)).sum(axis=1)
     table = of_cameras | measuring.SOUND_VARIABLES | SHOT_VARIABLES
     names = {"camera": calibration["camera"]}
-    return xr.Dataset(label_values(values | {"shots_used": seen}, table), names)
+    return xr.Dataset(schema.label_values(values | {"shots_used": seen}, table), names)
 
 
-def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = print) -> build.Report:
+def measure_recordings(path: Path, out: Path, say: Say = print) -> build.Report:
     """Measure the recordings that a manifest names.
 
     Parameters
@@ -185,36 +185,30 @@ def measure_recordings(path: Path, out: Path, say: Callable[[str], object] = pri
     there = chain.from_iterable(map(out.glob, OUTPUT_FILES))
     check_outputs(out, there, [folder / name for name in read])
     check_cache(out / STEPS_FOLDER)
-    assessment = assess_manifest(manifest)
-    for line in describe_assessment(assessment):
+    for line in describe_assessment(assess_manifest(manifest)):
         say(line)
     inputs = record_tracks(manifest, folder, out / STEPS_FOLDER, say)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is never seen
         if manifest.excitation.behaviour.result == "shape":
-            return measure_shape(manifest, folder, inputs, assessment, out, say)
+            return measure_shape(manifest, folder, inputs, out, say)
         return measure_motion(manifest, folder, inputs, out, say)
 
 
 def measure_shape(
-    manifest: Manifest,
-    folder: Path,
-    inputs: Recorded,
-    assessment: Assessment,
-    out: Path,
-    say: Callable[[str], object],
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Say
 ) -> build.Report:
     """Fit the shape of one frequency, and write report and files; return the report."""
     say("fitting the deflection")
     data, moved = fit_deflection(manifest, inputs)
     videos = [folder / camera.video for camera in manifest.cameras]
     firsts = [next(media.read_frames(video, 0, 1)) for video in videos]
-    seen = collect_diagnostics(data, moved, manifest, inputs.recordings)
+    seen = figures.collect_diagnostics(data, moved, manifest, inputs.recordings)
     radiated, sound = _radiate(data, manifest)
-    report = build.build_shape(data, seen, manifest, assessment, firsts, sound)
+    report = build.build_shape(data, seen, manifest, firsts, sound)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "measured.nc")
-        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
+        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_shape(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("shape", data, moved, inputs.recordings))
         animation.write_animations(part, data, inputs.recordings[0], videos[0])
@@ -225,24 +219,14 @@ def measure_shape(
 
 
 def measure_motion(
-    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
+    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Say
 ) -> build.Report:
     """Measure modes, motion over a force, or both; return the report."""
     if manifest.force is None:
         return measure_modes(manifest, inputs, out, say)
-    response = _measure_response(manifest, folder, inputs, out, say)
-    if manifest.excitation.behaviour.result == "response":
-        return response
-    return response.join(measure_modes(manifest, inputs, out, say, response))
-
-
-def _measure_response(
-    manifest: Manifest, folder: Path, inputs: Recorded, out: Path, say: Callable[[str], object]
-) -> build.Report:
-    """Write motion over force into a folder; return the report, or the part of it to come."""
     say("motion over force")
     found = estimate_response(manifest, inputs.sound, inputs.recordings, folder)
-    data = with_origin(found, _SOURCE_TEXT)
+    data = schema.with_origin(found, _SOURCE_TEXT)
     data.attrs.update(
         title=f"Motion of a {manifest.structure.kind} over a force",
         parameters=manifest.model_dump_json(),
@@ -258,27 +242,29 @@ def _measure_response(
         files.write_formats(part, files.Measured("response", data))
         if alone:
             report.write(part)
-    return report
+    return report if alone else report.join(measure_modes(manifest, inputs, out, say, report))
 
 
 def measure_modes(
     manifest: Manifest,
     inputs: Recorded,
     out: Path,
-    say: Callable[[str], object],
+    say: Say,
     response: build.Report | None = None,
 ) -> build.Report:
     """Fit the modes, and write report and files into a folder; return the report."""
     say("fitting the modes")
     recordings, covariance = inputs.recordings, uncertainty.covariance_of(inputs.calibration)
-    data = with_origin(modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT)
+    data = schema.with_origin(
+        modes_result(manifest, inputs.sound, recordings, covariance), _SOURCE_TEXT
+    )
     data.attrs.update(_describe_inputs(manifest, inputs, manifest.excitation.behaviour.title))
     moved = _interpolate_motion(data, recordings, manifest.excitation.rest_duration_s)
     radiated, sound = _radiate(data, manifest)
     report = build.build_modes(data, manifest, response, sound)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "modes.nc")
-        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / OWN_FILE)
+        storage.write_netcdf(uncertainty.to_keep(inputs.calibration), part / cameras.OWN_FILE)
         text_files.write_csv(build.tabulate_modes(data), part / "modes.csv")
         text_files.write_csv(build.tabulate_mode_shapes(data), part / "shapes.csv")
         files.write_formats(part, files.Measured("modes", data, moved, recordings))
@@ -291,9 +277,7 @@ def measure_modes(
 
 
 @contextmanager
-def _results_folder(
-    out: Path, report: build.Report, say: Callable[[str], object]
-) -> Iterator[Path]:
+def _results_folder(out: Path, report: build.Report, say: Say) -> Iterator[Path]:
     """Give a folder whose files all go to `out` in the end; then print what was found."""
     with staging(out) as part:
         yield part
@@ -308,7 +292,7 @@ def _radiate(
     """Return the radiated sound and the part of the report on it, if the manifest asks for it."""
     if manifest.radiation is None:
         return None, None
-    radiated = with_origin(sound_of(data, manifest), data.attrs["source"])
+    radiated = schema.with_origin(sound_of(data, manifest), data.attrs["source"])
     return radiated, build.build_sound(radiated, manifest)
 
 
@@ -325,6 +309,6 @@ def _interpolate_motion(
         steady=("end", [_NEVER_S, _NEVER_S + 1]),
         frequency=highest,
     )
-    return with_origin(
+    return schema.with_origin(
         history.time_histories(plain, recordings, rest_duration_s), data.attrs["source"]
     )

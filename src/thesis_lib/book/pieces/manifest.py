@@ -38,10 +38,9 @@ SAMPLE_FILES = (SAMPLE_PAGE, SHAPE_FIGURE)
 
 def write_sample(folder: Path) -> None:
     """Write the report on the shipped example into a folder, and a figure of it for the guide."""
-    data = record.read_sample()
+    data, frames = record.read_sample(), record.first_frames()
     manifest = record.manifest_of(data)
-    frames, assessed = record.first_frames(), assess.assess_manifest(manifest)
-    whole_text(folder / SAMPLE_PAGE, build.build_shape(data, data, manifest, assessed, frames).page)
+    whole_text(folder / SAMPLE_PAGE, build.build_shape(data, data, manifest, frames).page)
     whole_text(folder / SHAPE_FIGURE, figure_svg(figures.draw_shape(data, manifest)))
 
 

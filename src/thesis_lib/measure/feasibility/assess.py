@@ -13,15 +13,11 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.arrays import Array, Mask
+from thesis_lib.measure import messages
 from thesis_lib.measure.feasibility import prediction
 from thesis_lib.measure.feasibility.prediction import CameraPrediction, PredictedView, RigPrediction
 from thesis_lib.measure.fitting.result import model_of
-from thesis_lib.measure.messages import (
-    ALL_MESSAGES,
-    CHECK_LIMITS,
-    UNCHECKED_MESSAGES,
-    format_message,
-)
+from thesis_lib.measure.messages import CHECK_LIMITS, format_message
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError
 from thesis_lib.measure.tracking.follow import DETECTORS
 from thesis_lib.text import format_share, one_line
@@ -153,7 +149,7 @@ def _predict_shape_errors(view: PredictedView, rig: RigPrediction, amplitude_mm:
 
 
 def _warn(code: str, where: str, variant: str = "", /, **values: object) -> Warning:
-    return Warning(code, where, format_message(ALL_MESSAGES[code], variant, **values))
+    return Warning(code, where, format_message(messages.ALL_MESSAGES[code], variant, **values))
 
 
 def _check_times(manifest: Manifest) -> Iterator[Warning]:
@@ -294,7 +290,7 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
             groups.setdefault((fields_text, _join(whats)), []).append(camera.name)
     for (fields_text, what), names in groups.items():
         known = {"names": f"{'s' * (len(names) > 1)} {_join(names)}", "fields": fields_text}
-        yield format_message(UNCHECKED_MESSAGES["cameras"], what=what, **known)
+        yield format_message(messages.UNCHECKED_MESSAGES["cameras"], what=what, **known)
     excitation = manifest.excitation
     open_fields = {
         "frequency": excitation.frequency_hz is None and excitation.behaviour.has_one_frequency,
@@ -305,7 +301,9 @@ def list_unknowns(manifest: Manifest) -> Iterator[str]:
     }
     for code, is_open in open_fields.items():
         if is_open:
-            yield format_message(UNCHECKED_MESSAGES[code], steady=prediction.DEFAULT_STEADY_S)
+            yield format_message(
+                messages.UNCHECKED_MESSAGES[code], steady=prediction.DEFAULT_STEADY_S
+            )
 
 
 def _join(names: Sequence[str]) -> str:

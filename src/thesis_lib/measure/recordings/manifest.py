@@ -16,34 +16,12 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.files import whole_text
+from thesis_lib.measure.recordings import manifest_parts as parts
+from thesis_lib.measure.recordings import text_files
 from thesis_lib.measure.recordings.board import BoardSpec, Place
-from thesis_lib.measure.recordings.manifest_parts import (
-    Excitation,
-    FileName,
-    Force,
-    Radiation,
-    Reuse,
-    StructureSpec,
-    list_kinds,
-)
-from thesis_lib.measure.recordings.text_files import (
-    POWER_PATTERN,
-    TextFileError,
-    parse_yaml,
-    read_text,
-)
-from thesis_lib.studies.fields import (
-    Azimuth,
-    Elevation,
-    Fields,
-    Name,
-    Positive,
-    Real,
-    Width,
-    first_problem,
-    format_given,
-    refuse_value,
-)
+from thesis_lib.measure.recordings.manifest_parts import Excitation, FileName, StructureSpec
+from thesis_lib.studies import fields
+from thesis_lib.studies.fields import Fields, Positive, Real, format_given, refuse_value
 from thesis_lib.text import aside
 
 INSIDE_TEXT = "a path inside the manifest's folder"
@@ -58,10 +36,10 @@ RENAMED_KINDS = {"tone": "sine", "tones": "multisine", "decay": "free_decay"}
 class CameraFiles(Fields):
     """One camera and its files."""
 
-    name: Name = Field(..., description="its name")
+    name: fields.Name = Field(..., description="its name")
     video: FileName = Field(..., description="video with the structure's vibration and its sound")
-    width_px: Width = Field(1920, description="width of the images")
-    height_px: Width = Field(1080, description="height of the images")
+    width_px: fields.Width = Field(1920, description="width of the images")
+    height_px: fields.Width = Field(1080, description="height of the images")
     frame_rate_hz: Real = Field(60.0, ge=1, le=1e5, description="frames per second of the video")
     captured_hz: Real | None = Field(
         None,
@@ -95,10 +73,10 @@ class CameraFiles(Fields):
     distance_mm: Positive | None = Field(
         None, description="distance from the structure's centre, which the camera looks at"
     )
-    azimuth_deg: Azimuth | None = Field(
+    azimuth_deg: fields.Azimuth | None = Field(
         None, description="direction of the camera from +Y towards +X"
     )
-    elevation_deg: Elevation | None = Field(
+    elevation_deg: fields.Elevation | None = Field(
         None, description="direction of the camera above the structure's plane"
     )
 
@@ -139,15 +117,15 @@ class Manifest(Fields):
     )
     board: BoardSpec = Field(default_factory=BoardSpec, description="the calibration board")
     excitation: Excitation = Field(default_factory=Excitation, description="the excitation")
-    calibration: Reuse | None = Field(
+    calibration: parts.Reuse | None = Field(
         None,
         title="null, a path, or an object",
         description="a calibration that is reused; null calibrates from the board images",
     )
-    force: Force | None = Field(
+    force: parts.Force | None = Field(
         None, description="the force that was recorded beside the cameras, for motion over force"
     )
-    radiation: Radiation | None = Field(None, description="the sound that is wanted of it")
+    radiation: parts.Radiation | None = Field(None, description="the sound that is wanted of it")
     truth: FileName | None = Field(None, description="truth of a rendered recording")
 
     @model_validator(mode="after")
@@ -157,7 +135,7 @@ class Manifest(Fields):
             refuse_value("force", None, f"allowed where excitation.kind is {kind}: an object")
         if self.force is not None:
             if behaviour.force == "none":
-                forced = list_kinds(lambda one: one.force != "none")
+                forced = parts.list_kinds(lambda one: one.force != "none")
                 refuse_value("excitation.kind", kind, f"allowed with a force: {forced}")
             x, y = at = self.force.at_mm or (0.0, 0.0)
             if not (0 <= x <= own.length_mm and 0 <= y <= own.width_mm):
@@ -165,7 +143,7 @@ class Manifest(Fields):
             if self.excitation.sound == "none" and self.force.offset_s is None:
                 refuse_value("force.offset_s", None, "allowed without sound: a number")
         if self.radiation is not None and behaviour.result == "response":
-            shaped = list_kinds(lambda one: one.result != "response")
+            shaped = parts.list_kinds(lambda one: one.result != "response")
             refuse_value("excitation.kind", kind, f"allowed where radiation is given: {shaped}")
         if self.calibration is None or self.calibration.poses == "anew":
             for i, camera in enumerate(self.cameras):
@@ -192,7 +170,9 @@ class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
     """Write so that :func:`~.text_files.parse_yaml` reads the same."""
 
 
-_Dumper.add_implicit_resolver("tag:yaml.org,2002:float", POWER_PATTERN, list("-+0123456789"))
+_Dumper.add_implicit_resolver(
+    "tag:yaml.org,2002:float", text_files.POWER_PATTERN, list("-+0123456789")
+)
 
 
 def read_manifest(path: Path, check_files: bool = True) -> Manifest:
@@ -215,8 +195,8 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
             f"{path}: {'a folder, give the YAML file in it' if path.is_dir() else 'no such file'}"
         )
     try:
-        values = parse_yaml(read_text(path))
-    except TextFileError as error:
+        values = text_files.parse_yaml(text_files.read_text(path))
+    except text_files.TextFileError as error:
         raise ManifestError(f"{path}: {error}") from None
     if not isinstance(values, dict):
         raise ManifestError(
@@ -233,7 +213,7 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
     try:
         manifest = Manifest.model_validate(values)
     except ValidationError as error:
-        raise ManifestError(f"{path}: {first_problem(Manifest, values, error)}") from None
+        raise ManifestError(f"{path}: {fields.first_problem(Manifest, values, error)}") from None
     for problem in _file_problems(manifest, path.parent, check_files):
         raise ManifestError(f"{path}: {problem}")
     return manifest

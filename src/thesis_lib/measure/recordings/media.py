@@ -26,19 +26,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import Array, Image, IntArray
 from thesis_lib.files import whole_file
+from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.manifest import IMAGE_SUFFIXES, find_images
 from thesis_lib.measure.recordings.media_info import (
-    PACKED_FROM,
-    UNTIMED_FORMATS,
     MediaError,
-    decode_frames,
-    depth_for,
-    file_address,
-    frame_clock,
     open_media,
-    orientation_of,
     probe_media,
-    rate_of,
     video_track,
 )
 from thesis_lib.measure.recordings.text_files import TextFileError, read_text
@@ -108,11 +101,11 @@ def write_video(
 
     def write(part: Path) -> None:
         with av.open(
-            file_address(part), "w", format=container, options={"fflags": "+bitexact"}
+            media_info.file_address(part), "w", format=container, options={"fflags": "+bitexact"}
         ) as file:
             file.metadata["comment"] = " ".join([name, *map("=".join, options.items())])
             if packed_from:
-                file.metadata["title"] = PACKED_FROM + packed_from
+                file.metadata["title"] = media_info.PACKED_FROM + packed_from
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
             assert isinstance(video, VideoStream)
             video.height, video.width = first.shape
@@ -171,9 +164,9 @@ def read_frames(
     info = probe_media(path)
     with open_media(path) as file:
         stream = video_track(file, path)
-        timed = clock is None and file.format.name not in UNTIMED_FORMATS
+        timed = clock is None and file.format.name not in media_info.UNTIMED_FORMATS
         k, previous = 0, np.nan
-        frames = decode_frames(file, stream, path)
+        frames = media_info.decode_frames(file, stream, path)
         while (stop is None or k < stop) and (frame := next(frames, None)) is not None:
             time = frame.time if timed and frame.time is not None else np.nan
             if (time - previous) * info.frame_rate > 1.75:
@@ -198,7 +191,7 @@ def _show_frame(frame: av.VideoFrame, depth: int) -> Image:
         image = np.minimum(levels, 255).astype(np.uint8)
     else:
         image = frame.to_ndarray(format="gray")
-    transposed, mirrored, flipped = orientation_of(frame)
+    transposed, mirrored, flipped = media_info.orientation_of(frame)
     image = image.T if transposed else image
     image = image[:, ::-1] if mirrored else image
     image = image[::-1] if flipped else image
@@ -222,7 +215,7 @@ def read_png(path: Path, depth: int | None = None) -> Image:
     levels = _levels(path)
     if levels.dtype == np.uint8:
         return np.asarray(levels, np.uint8)
-    used = depth_for(int(levels.max())) if depth is None else depth
+    used = media_info.depth_for(int(levels.max())) if depth is None else depth
     return np.asarray(np.minimum(levels >> (used - 8), 255), np.uint8)
 
 
@@ -313,7 +306,9 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
     if not files:
         raise MediaError(f"{folder}: no image in it ({', '.join(sorted(IMAGE_SUFFIXES))})")
     sampled = map(_levels, files[:: math.ceil(len(files) / MAX_SAMPLED_PICTURES)])
-    depth = max(8 if one.dtype == np.uint8 else depth_for(int(one.max())) for one in sampled)
+    depth = max(
+        8 if one.dtype == np.uint8 else media_info.depth_for(int(one.max())) for one in sampled
+    )
     if 8 < depth < 16:
         say(f"{folder} has grey levels of {depth} bits: 2^{depth} − 1 is written as full scale.")
     return (read_png(file, depth) for file in files)
@@ -406,8 +401,8 @@ def _retime_frames(source: Path, target: Path, rate: float) -> int:
     if source.resolve() == target.resolve():
         raise MediaError(f"{target}: given the source itself, allowed: another file")
     order, timed = _presentation_order(source)
-    clock = frame_clock(source) if timed else np.arange(len(order)) / rate
-    pace = rate_of(clock, rate) / rate if timed else 1.0
+    clock = media_info.frame_clock(source) if timed else np.arange(len(order)) / rate
+    pace = media_info.rate_of(clock, rate) / rate if timed else 1.0
     even = len(clock) < 3 or bool(np.ptp(np.diff(clock)) < 1e-9)
     if len(clock) == len(order):  # else some are hidden, or cannot be decoded
         unit = 1 / Fraction(rate).limit_denominator(1001) if even else TIME_UNIT_S
@@ -433,7 +428,9 @@ def _presentation_order(source: Path) -> tuple[IntArray, bool]:
         for packet in file.demux(stream):
             if packet.size:
                 stamps.append(np.nan if packet.pts is None else packet.pts)
-        timed = file.format.name not in UNTIMED_FORMATS and bool(np.isfinite(stamps).all())
+        timed = file.format.name not in media_info.UNTIMED_FORMATS and bool(
+            np.isfinite(stamps).all()
+        )
     if timed:
         return np.argsort(np.argsort(stamps)), True
     shown: list[int] = []
@@ -450,10 +447,13 @@ def _copy(source: Path, target: Path, stamps: IntArray, unit: Fraction) -> None:
     ordered = np.sort(stamps)
     # A packet is decoded before it is shown, and packets are decoded in their order.
     decoded = ordered - int(np.max(ordered - stamps))
-    with open_media(source) as file, av.open(file_address(target), "w", format="mov") as new:
+    with (
+        open_media(source) as file,
+        av.open(media_info.file_address(target), "w", format="mov") as new,
+    ):
         stream = video_track(file, source)
         track = new.add_stream_from_template(stream)
-        new.metadata["title"] = PACKED_FROM + source.name
+        new.metadata["title"] = media_info.PACKED_FROM + source.name
         track.time_base = unit
         packets = (packet for packet in file.demux(stream) if packet.size)
         for packet, shown, first in zip(packets, stamps, decoded, strict=True):

@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from thesis_lib.files import put_files, staging
+from thesis_lib.measure.recordings import media_info
 from thesis_lib.measure.recordings.manifest import (
     IMAGE_SUFFIXES,
     Manifest,
@@ -25,16 +26,7 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
 )
 from thesis_lib.measure.recordings.media import read_frames
-from thesis_lib.measure.recordings.media_info import (
-    MediaError,
-    VideoInfo,
-    describe_reading,
-    frame_clock,
-    frame_times,
-    probe_media,
-    rate_of,
-    source_of_packed,
-)
+from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, frame_clock, probe_media
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
@@ -127,7 +119,9 @@ def _values(
             "video": video.name,
             "width_px": info.size[0],
             "height_px": info.size[1],
-            "frame_rate_hz": float(f"{rate_of(frame_clock(video), info.frame_rate):.8g}"),
+            "frame_rate_hz": float(
+                f"{media_info.rate_of(frame_clock(video), info.frame_rate):.8g}"
+            ),
             "captured_hz": info.captured_hz if is_slowed(info) else None,
             "exposure_s": exposure,
             "board_images": _shots(folder, video.stem),
@@ -194,7 +188,7 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
             f"{camera.video}: {info.size[0]} × {info.size[1]} px, {camera.frame_rate_hz:.8g} "
             f"frames per second{seconds}{images if camera.board_images else ''}"
         )
-        yield from describe_reading(folder / camera.video)
+        yield from media_info.describe_reading(folder / camera.video)
         if is_slowed(info):
             yield (
                 f"{camera.video} plays at {camera.frame_rate_hz:.6g} frames per second and says "
@@ -326,7 +320,8 @@ def _find_videos(folder: Path) -> tuple[list[Path], list[str]]:
         else:
             lines.append(f"passed over: {file.name}, which is no video that can be read")
     names = {video.name for video in videos}
-    packed = {source: file.name for file in videos if (source := source_of_packed(file)) in names}
+    packed = {media_info.source_of_packed(file): file.name for file in videos}
+    packed = {source: name for source, name in packed.items() if source in names}
     lines += [f"passed over: {one}, since {packed[one]} was packed from it" for one in packed]
     videos = [video for video in videos if video.name not in packed]
     _check_names(folder, videos)
@@ -347,7 +342,7 @@ def _name_cameras(videos: Sequence[Path]) -> list[str]:
 def _is_film(file: Path) -> bool:
     """Return whether a file is a video of two frames or more."""
     try:
-        return len(frame_times(file)) > 1
+        return len(media_info.frame_times(file)) > 1
     except MediaError:
         return False
 

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import maximum_filter1d
 
 from thesis_lib.arrays import Array, IntArray
-from thesis_lib.measure.recordings import media_info
-from thesis_lib.measure.recordings.audio import MAX_SILENT_RMS, open_audio
+from thesis_lib.measure.recordings import audio, force_table, media, media_info
 from thesis_lib.measure.recordings.board import Markers
-from thesis_lib.measure.recordings.force_table import ForceError, read_force_table
 from thesis_lib.measure.recordings.manifest import CameraFiles, Manifest, ManifestError, shot_paths
 from thesis_lib.measure.recordings.manifest_parts import Excitation, StructureSpec
-from thesis_lib.measure.recordings.media import read_frames, read_png
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo
 from thesis_lib.studies.fields import format_given
 
@@ -51,31 +49,23 @@ def check_files(manifest: Manifest, folder: Path) -> list[Array]:
     """
     for problem in check_recordings(manifest, folder):
         raise ManifestError(problem)
-    clocks = []
-    for camera in manifest.cameras:
-        path = folder / camera.video
-        clock = media_info.frame_clock(path)
-        info = media_info.probe_media(path)
-        says, end = info.frames, info.duration
-        late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
-        if says is not None and len(clock) < says and (late or end is None):
-            raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
-        clocks.append(_scale_clock(clock, camera, info.frame_rate))
-    return clocks
+    return [clock_of(camera, folder) for camera in manifest.cameras]
 
 
 def clock_of(camera: CameraFiles, folder: Path) -> Array:
-    """Return when the frames of a camera were taken after the first, shape (frames,), s."""
+    """Return when the frames of a camera were taken after the first, shape (frames,), s.
+
+    Those of a film that plays slowly, too. A :class:`MediaError` is raised if some are missing.
+    """
     path = folder / camera.video
-    rate = media_info.probe_media(path).frame_rate
-    return _scale_clock(media_info.frame_clock(path), camera, rate)
-
-
-def _scale_clock(clock: Array, camera: CameraFiles, rate: float) -> Array:
-    """Return times of frames as they were taken, of a film that plays slowly, too."""
+    clock, info = media_info.frame_clock(path), media_info.probe_media(path)
+    says, end = info.frames, info.duration
+    late = end is not None and clock[-1] + 2.5 / info.frame_rate < end  # none left out before
+    if says is not None and len(clock) < says and (late or end is None):
+        raise MediaError(f"{path}: ends before frame {len(clock)}, the file says {says}")
     if camera.captured_hz is None:
         return clock
-    return np.asarray(clock * (media_info.rate_of(clock, rate) / camera.captured_hz))
+    return np.asarray(clock * (media_info.rate_of(clock, info.frame_rate) / camera.captured_hz))
 
 
 def add_frame_rates(manifest: Manifest, clocks: Sequence[Array]) -> Manifest:
@@ -146,7 +136,7 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
         for shot in filter(None, shot_paths(camera, folder)):
             where = f"cameras[{i}].board_images"
             try:
-                size = read_png(shot).shape[::-1]
+                size = media.read_png(shot).shape[::-1]
                 if size != camera.size:
                     lines.append(
                         f"{where}: {shot}: {_px(size)}, allowed: {_px(camera.size)} {says}"
@@ -158,11 +148,11 @@ def check_recordings(manifest: Manifest, folder: Path) -> list[str]:
 
 def _check_sound(path: Path, channel: int | None = None) -> Iterator[str]:
     """Say what a sound lacks; a gap or damage is raised."""
-    with open_audio(path, channel) as audio:
-        if audio.level < MAX_SILENT_RMS:
+    with audio.open_audio(path, channel) as sound:
+        if sound.level < audio.MAX_SILENT_RMS:
             yield (
-                f"silent audio (rms {audio.level:.1e} of full scale), allowed: at least "
-                f"{MAX_SILENT_RMS}"
+                f"silent audio (rms {sound.level:.1e} of full scale), allowed: at least "
+                f"{audio.MAX_SILENT_RMS}"
             )
 
 
@@ -173,12 +163,12 @@ def _check_force(manifest: Manifest, folder: Path) -> list[str]:
     given, path = manifest.force, folder / manifest.force.file
     try:
         if given.is_table:
-            read_force_table(path)
+            force_table.read_force_table(path)
             return []
         lines = [*_check_sound(path, given.channel)]
         if given.sound_channel is not None and given.offset_s is None:
             lines += _check_sound(path, given.sound_channel)
-    except (MediaError, ForceError, OSError) as error:
+    except (MediaError, force_table.ForceError, OSError) as error:
         return [f"force.file: {error}"]
     return [f"force.file: {path}: {line}" for line in lines]
 
@@ -269,7 +259,7 @@ def inspect_film(path: Path, clock: Array, tick: Callable[[int], object] = int) 
     """
     last: deque[Array] = deque(maxlen=4)
     steps, across = np.zeros((2, len(clock)))
-    for k, image in enumerate(read_frames(path, stop=len(clock), clock=clock)):
+    for k, image in enumerate(media.read_frames(path, stop=len(clock), clock=clock)):
         last.append(image[::SAMPLING_PX, ::SAMPLING_PX].astype(float))
         if k >= 1:
             steps[k] = np.mean(np.abs(last[-1] - last[-2]))
@@ -293,11 +283,10 @@ def find_repeats(steps: ArrayLike, across: ArrayLike) -> IntArray:
     steps, across = np.asarray(steps, float), np.asarray(across, float)
     if len(steps) < 2 * NEIGHBOUR_FRAMES:
         return np.zeros(0, int)
-    # The largest change in the frames up to each one; reversed, in those from it on.
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(steps, (NEIGHBOUR_FRAMES, NEIGHBOUR_FRAMES)), NEIGHBOUR_FRAMES + 1
-    ).max(axis=1)
-    around = np.minimum(windows[: len(steps)], windows[-len(steps) :])
+    # The largest change in the frames up to each one, and in those from it on.
+    window, half = NEIGHBOUR_FRAMES + 1, NEIGHBOUR_FRAMES // 2
+    before = maximum_filter1d(steps, window, mode="constant", origin=half)
+    around = np.minimum(before, maximum_filter1d(steps, window, mode="constant", origin=-half))
     moving = around > max(MIN_MOTION * float(np.quantile(steps, 0.9)), 1e-9)
     same = moving & (steps <= MAX_RELATIVE_CHANGE * around)
     alone = ~np.roll(same, 1) & ~np.roll(same, -1)

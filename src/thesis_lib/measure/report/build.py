@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image
 from thesis_lib.measure.exchange.files import marker_edges, marker_faces
-from thesis_lib.measure.feasibility.assess import Assessment, describe_assessment
+from thesis_lib.measure.feasibility.assess import assess_manifest, describe_assessment
 from thesis_lib.measure.fitting.result import known_rms
 from thesis_lib.measure.messages import ALL_MESSAGES, Note
 from thesis_lib.measure.radiation.of_measurement import absolute_pressure, format_point
@@ -158,15 +158,13 @@ def build_shape(
     data: xr.Dataset,
     seen: xr.Dataset,
     manifest: Manifest,
-    assessment: Assessment,
     firsts: Sequence[Image],
     sound: Report | None = None,
 ) -> Report:
     """Return the report on the shape of one frequency, with a part on sound where there is any.
 
     `seen` is what :func:`~thesis_lib.measure.report.figures.collect_diagnostics` returns;
-    `assessment` what the manifest alone let expect; `firsts` the first frame of each camera,
-    (height, width).
+    `firsts` the first frame of each camera, (height, width).
     """
     figures = {
         "shape": draw.draw_shape(data, manifest),
@@ -189,6 +187,7 @@ def build_shape(
         elevation=np.degrees(np.arcsin(centre[:, 2] / distance)),
         scatter=("camera", [known_rms(one) for one in data["centre_scatter"].values]),
     )
+    assessment = assess_manifest(manifest)
     order = np.argsort(-np.nan_to_num(data["mac"].values))[:6]
     return _assemble(
         "shape.html.j2",

@@ -19,17 +19,8 @@ from thesis_lib.measure.recordings.board import on_surface
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.measure.recordings.validation import markers_of
 from thesis_lib.measure.tracking.tracks import Recording
-from thesis_lib.plotting.style import (
-    CYCLE_COLORS,
-    HIGHLIGHT_COLOR,
-    MATH_STYLE,
-    REFERENCE_COLOR,
-    cycle_color,
-    drawable_names,
-    in_style,
-    panel_grid,
-    subplots,
-)
+from thesis_lib.plotting import style
+from thesis_lib.plotting.style import HIGHLIGHT_COLOR, REFERENCE_COLOR, cycle_color, in_style
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.studies.schema import label_values, read_variables
 from thesis_lib.vision.pinhole import project_points
@@ -86,7 +77,7 @@ def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
     rows = markers_of(manifest).rows
     if len(rows) > 6 or max(row.stop - row.start for row in rows) < 4:
         return _draw_map(data, manifest)
-    figure, axes = subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
+    figure, axes = style.subplots(figsize=(WIDTH_IN, 3.6), layout="constrained")
     x, y = 1e3 * data["x"].values, 1e3 * data["y"].values
     w, error = 1e3 * data["deflection"].values, 1e3 * data["standard_error"].values
     reference = 1e3 * data["reference_deflection"].values
@@ -94,9 +85,9 @@ def draw_shape(data: xr.Dataset, manifest: Manifest) -> Figure:
         if np.isfinite(reference[row]).any():
             name = data.attrs["most_similar"] if k == 0 else None
             axes.plot(x[row], reference[row], color=REFERENCE_COLOR, linewidth=2.5, label=name)
-        style: Any = {"fmt": ".-", "color": cycle_color(k), "linewidth": 0.9, "capsize": 2}
+        bars: Any = {"fmt": ".-", "color": cycle_color(k), "linewidth": 0.9, "capsize": 2}
         label = f"row at y = {y[row][0]:.4g} mm"
-        axes.errorbar(x[row], w[row], BAR_SIGMAS * error[row], label=label, **style)
+        axes.errorbar(x[row], w[row], BAR_SIGMAS * error[row], label=label, **bars)
     title = f"deflection at its maximum; bars are {BAR_SIGMAS} standard errors"
     axes.set(xlabel="x in mm", ylabel="deflection in mm", title=title)
     axes.legend()
@@ -113,31 +104,31 @@ def _draw_map(data: xr.Dataset, manifest: Manifest) -> Figure:
     side = WIDTH_IN / len(panels)
     height = side * manifest.structure.width_mm / manifest.structure.length_mm + 0.9
     size = (WIDTH_IN, min(height, 6))
-    figure, axes = subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
+    figure, axes = style.subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
     most = float(np.nanmax(np.abs(panels["deflection in mm"])))
     for panel, (title, values) in zip(axes[0], panels.items(), strict=True):
         signed = {"cmap": "PuOr", "vmin": -most, "vmax": most}
-        style = {"cmap": "viridis"} if "error" in title else signed
-        drawn = _scatter_markers(panel, manifest, values, **style)
+        look = {"cmap": "viridis"} if "error" in title else signed
+        drawn = _scatter_markers(panel, manifest, values, **look)
         panel.set(title=title)
         figure.colorbar(drawn, ax=panel, orientation="horizontal", fraction=0.08)
     axes[0, 0].set_ylabel("y in mm")
     return figure
 
 
-def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **style: Any) -> PathCollection:
+def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **look: Any) -> PathCollection:
     """Draw values of the markers at their places on the structure."""
     structure = manifest.structure
     limits = {"xlim": (0, structure.length_mm), "ylim": (0, structure.width_mm)}
     axes.set(aspect="equal", xlabel="x in mm", **limits)
     x, y = 1e3 * structure.marker_points
-    return axes.scatter(x, y, c=values, s=24, **style)
+    return axes.scatter(x, y, c=values, s=24, **look)
 
 
 @in_style()
 def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     """Draw the positions of the cameras from above and from the side."""
-    figure, axes = subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
+    figure, axes = style.subplots(1, 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
     length, width = manifest.structure.length_mm, manifest.structure.width_mm
     centre = 1e3 * data["camera_centre"].values
     rest = 1e3 * data["rest_position"].values
@@ -145,7 +136,7 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
     for panel, (i, j), half in ((axes[0], (0, 1), width / 2), (axes[1], (0, 2), 0.0)):
         panel.plot(x, half * np.array([-1, -1, 1, 1, -1]), color=REFERENCE_COLOR)
         panel.plot(rest[i], rest[j], ".", color=REFERENCE_COLOR, markersize=2)
-        for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
+        for k, name in enumerate(style.drawable_names(data["camera"].values, "camera")):
             place, ink = centre[k, [i, j]], cycle_color(k)
             panel.plot([place[0], 0], [place[1], 0], color=ink, linewidth=0.6)
             panel.plot(*place, "s", color=ink)
@@ -161,8 +152,8 @@ def draw_cameras(data: xr.Dataset, manifest: Manifest) -> Figure:
 def draw_corners(data: xr.Dataset) -> Figure:
     """Draw the residuals of the board's corners after the adjustment, camera by camera."""
     residuals = data["residuals"].values
-    figure, axes = subplots(figsize=(4.2, 3.8), layout="constrained")
-    for k, name in enumerate(drawable_names(data["camera"].values, "camera")):
+    figure, axes = style.subplots(figsize=(4.2, 3.8), layout="constrained")
+    for k, name in enumerate(style.drawable_names(data["camera"].values, "camera")):
         u, v = residuals[k].swapaxes(0, 1).reshape(2, -1)
         axes.plot(u, v, ".", color=cycle_color(k), markersize=2, alpha=0.5, label=name)
     most = 1.05 * float(np.nanmax(np.abs(residuals)))
@@ -176,8 +167,8 @@ def draw_corners(data: xr.Dataset) -> Figure:
 def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
     """Draw the marker that moves most, folded into one period, as each camera saw it."""
     period = 1 / float(data["frequency"])
-    names = drawable_names([f"camera {name}" for name in seen["camera"].values], "camera")
-    figure, panels = panel_grid(len(names), WIDTH_IN, 1.75, sharex=True)
+    names = style.drawable_names([f"camera {name}" for name in seen["camera"].values], "camera")
+    figure, panels = style.panel_grid(len(names), WIDTH_IN, 1.75, sharex=True)
     for k, one in enumerate(iterate_slices(seen, "camera")):
         turns = (one["track_time"].values % period) / period
         panels[k].plot(turns, one["track"], ".", color=cycle_color(k), markersize=3)
@@ -190,8 +181,8 @@ def draw_motion(data: xr.Dataset, seen: xr.Dataset) -> Figure:
 @in_style()
 def draw_residuals(seen: xr.Dataset) -> Figure:
     """Draw the rms distance of each camera's centres from the fit to all, frame by frame."""
-    figure, axes = subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
-    for k, name in enumerate(drawable_names(seen["camera"].values, "camera")):
+    figure, axes = style.subplots(figsize=(WIDTH_IN, 2.8), layout="constrained")
+    for k, name in enumerate(style.drawable_names(seen["camera"].values, "camera")):
         axes.plot(seen["time"], seen["residual"][k], color=cycle_color(k), label=name)
     axes.set(xlabel="time in s", ylabel="rms residual in px", ylim=(0, None))
     axes.legend(ncols=4)
@@ -212,7 +203,8 @@ def draw_photograph(image: Image, found: Array, outline: Array) -> Figure:
     extent = (0, width, height, 0)
     axes.imshow(image[::step, ::step], cmap="gray", vmin=0, vmax=255, extent=extent)
     axes.plot(*found, "+", color=HIGHLIGHT_COLOR, markersize=5, markeredgewidth=0.8)
-    axes.plot(*np.column_stack([outline, outline[:, :1]]), color=CYCLE_COLORS[5], linewidth=0.8)
+    closed = np.column_stack([outline, outline[:, :1]])
+    axes.plot(*closed, color=style.CYCLE_COLORS[5], linewidth=0.8)
     axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
     return figure
@@ -235,7 +227,7 @@ def _stable_poles(data: xr.Dataset) -> Mask:
 def draw_stabilisation(data: xr.Dataset) -> Figure:
     """Draw the spectrum, and the poles of the fits with one mode, two modes and so on."""
     size = (WIDTH_IN, 5.0)
-    figure, (top, low) = subplots(2, 1, figsize=size, layout="constrained", sharex=True)
+    figure, (top, low) = style.subplots(2, 1, figsize=size, layout="constrained", sharex=True)
     top.semilogy(data["line"], data["before"], color=cycle_color(0), linewidth=0.8, label="tracks")
     label = "residual of the modes"
     top.semilogy(data["line"], data["after"], color=REFERENCE_COLOR, linewidth=0.8, label=label)
@@ -260,7 +252,7 @@ def draw_assurance(data: xr.Dataset) -> Figure:
     """Draw the MAC matrix of the modes among each other."""
     mac = data["assurance"].values
     names = [f"{f:.4g}" for f in data["frequency"].values]
-    figure, axes = subplots(figsize=(4.2, 3.6), layout="constrained")
+    figure, axes = style.subplots(figsize=(4.2, 3.6), layout="constrained")
     drawn = axes.imshow(mac, cmap="viridis", vmin=0, vmax=1)
     for (i, j), value in np.ndenumerate(mac):
         ink = "black" if value > 0.6 else "white"
@@ -273,7 +265,7 @@ def draw_assurance(data: xr.Dataset) -> Figure:
     return figure
 
 
-@in_style(MATH_STYLE)
+@in_style(style.MATH_STYLE)
 def draw_response(data: xr.Dataset, marker: int) -> Figure:
     """Draw a marker's receptance, and its coherence where there are averages."""
     f, whole = data["frequency"].values, complex_of(data, "receptance")[:, marker]
@@ -281,7 +273,7 @@ def draw_response(data: xr.Dataset, marker: int) -> Figure:
     heights = [3, 1.3, 1.3] if averaged else [3, 1.3]
     size = (NARROW_WIDTH_IN, sum(heights))
     shared: Any = {"layout": "constrained", "sharex": True, "height_ratios": heights}
-    figure, (top, middle, *low) = subplots(len(heights), 1, figsize=size, **shared)
+    figure, (top, middle, *low) = style.subplots(len(heights), 1, figsize=size, **shared)
     size = np.abs(whole[0])
     under = np.maximum(size - 2 * error, size / 10)
     shade: Any = {"color": REFERENCE_COLOR, "alpha": 0.4, "lw": 0}
@@ -345,7 +337,7 @@ def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
 def _draw_errors(manifest: Manifest, error: Array) -> Figure:
     """Draw the standard errors of the harmonic fit over the structure, mm."""
     height = WIDTH_IN * manifest.structure.width_mm / manifest.structure.length_mm + 1.5
-    figure, axes = subplots(figsize=(WIDTH_IN, min(height, 6)), layout="constrained")
+    figure, axes = style.subplots(figsize=(WIDTH_IN, min(height, 6)), layout="constrained")
     drawn = _scatter_markers(axes, manifest, error, cmap="viridis")
     axes.set(ylabel="y in mm", title="standard error of the deflection by the harmonic fit")
     figure.colorbar(drawn, ax=axes, label="mm", orientation="horizontal", fraction=0.1)
