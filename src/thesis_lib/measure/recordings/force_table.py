@@ -236,18 +236,11 @@ def _header(rows: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[
     rows = [row for row in rows if 1 < len(row) <= width + 1][-4:]
     for row in rows:
         cells = [*row[:width], *[""] * (width - len(row))]
-        alone = [cell.strip("[]() ") for cell in cells]
-        if names != [""] * width and sum(_is_unit(x) for x in alone) >= max(
-            1, sum(map(bool, alone)) / 2
-        ):
-            units = [
-                unit if _is_unit(unit) else old for unit, old in zip(alone, units, strict=True)
-            ]
-            continue
-        if names != [""] * width and not any(_kinds(_split(cell)[0]) for cell in cells):
-            continue
-        split = [_split(cell) for cell in cells]
-        names, units = [name for name, _ in split], [unit for _, unit in split]
+        alone, split = [cell.strip("[]() ") for cell in cells], [_split(cell) for cell in cells]
+        if any(names) and sum(map(_is_unit, alone)) >= max(1, sum(map(bool, alone)) / 2):
+            units = [new if _is_unit(new) else old for new, old in zip(alone, units, strict=True)]
+        elif not any(names) or any(_kinds(name) for name, _ in split):
+            names, units = [name for name, _ in split], [unit for _, unit in split]
     return names, units
 
 
@@ -307,17 +300,16 @@ def _columns(
     if not forces:
         left = [k for k in others if k not in times and k not in counts]
         forces = left if len(left) == 1 else []
-    if len(times) != 1 or len(forces) != 1:
-        what = "time" if len(times) != 1 else "force"
-        many = len(times if what == "time" else forces) > 1
-        shown = ", ".join(
-            f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
-            for k, unit in enumerate(units)
-        )
-        raise ForceError(
-            f"{path}: {'several columns may be' if many else 'no column is clearly'} the {what}, "
-            f"of columns {shown}; {EXAMPLE_TEXT}"
-        )
+    for what, found in (("time", times), ("force", forces)):
+        if len(found) != 1:
+            shown = ", ".join(
+                f"{k + 1}{_name_column(names, k)}{f' in {unit}' if unit else ''}"
+                for k, unit in enumerate(units)
+            )
+            raise ForceError(
+                f"{path}: {'several columns may be' if found else 'no column is clearly'} the "
+                f"{what}, of columns {shown}; {EXAMPLE_TEXT}"
+            )
     time, force = times[0], forces[0]
     for k, what in ((time, "time"), (force, "force")):
         if k not in full:

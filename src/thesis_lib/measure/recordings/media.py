@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import av
 import cv2
@@ -290,11 +290,11 @@ def pack_frames(
             raise MediaError(f"{source}: give --rate-hz, the rate at which its frames were taken")
         probe_media(source)
         return _retime_frames(source, target, rate), probe_media(target).size
-    own, frames = _raw(source) if raw else (None, _pictures(source, say))
-    if rate is None and own is None:
+    own, frames = _raw(source) if raw else (rate, _pictures(source, say))
+    if own is None:
         raise MediaError(f"{source}: images carry no frame rate: give --rate-hz")
     even = (frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2] for frame in frames)
-    write_video(target, even, float(rate or own or 0), None, codec="h264", crf=0)  # loses nothing
+    write_video(target, even, rate or own, None, codec="h264", crf=0)  # loses nothing
     info = probe_media(target)
     return info.frames or 0, info.size
 
@@ -316,6 +316,31 @@ def _pictures(folder: Path, say: Callable[[str], object]) -> Iterator[Image]:
 
 def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     """Return the rate and frames of a header and the raw file beside it."""
+    said, side = _read_header(header)
+    bits, shape, count = said["bits"], (said["height"], said["width"]), said["frames"]
+    if bits not in RAW_BITS or said["depth"] > bits:
+        raise MediaError(
+            f"{header}: {bits} bits for a pixel, {said['depth']} of them used, allowed: "
+            f"{[*RAW_BITS]}, grey"
+        )
+    if bits == 12 and shape[0] * shape[1] % 2:
+        raise MediaError(f"{header}: given {shape[1]} × {shape[0]} px, allowed: an even number")
+    raw, size = header.with_suffix(".mraw"), shape[0] * shape[1] * bits // 8
+    if not raw.is_file() or raw.stat().st_size < count * size:
+        raise MediaError(f"{raw}: not there, or shorter than the {count} frames of {header}")
+    shift = (16 if side == "Higher" else said["depth"]) - 8
+
+    def frames() -> Iterator[Image]:
+        with raw.open("rb") as file:
+            for _ in range(count):
+                data = np.frombuffer(file.read(size), np.uint8)
+                yield _take_eight(data, bits, shift).reshape(shape)
+
+    return said["rate"], frames()
+
+
+def _read_header(header: Path) -> tuple[dict[str, Any], str]:
+    """Return the numbers in a header, whole but the rate, and which bits of sixteen are used."""
     if not header.is_file():
         raise MediaError(f"{header}: no such file")
     try:
@@ -323,61 +348,31 @@ def _raw(header: Path) -> tuple[float, Iterator[Image]]:
     except TextFileError as error:
         raise MediaError(f"{header}: {error}") from None
     xml = header.suffix == ".cihx"
-    said = {
-        key: _header_number(header, text, names[xml], *bounds)
-        for key, (*names, bounds) in RAW_FIELDS.items()
-    }
-    rate = said.pop("rate")
-    number = {key: int(value) for key, value in said.items()}
-    side = _header_value(header, text, BIT_SIDE_FIELD[xml])
+
+    def value_of(name: str) -> str:
+        plain = re.escape(name)
+        pattern = rf"<{plain}>([^<]+)</{plain}>" if xml else rf"^{plain} : (.+?)\r?$"
+        match = re.search(pattern, text, re.MULTILINE)
+        if match is None:
+            raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
+        return match[1].strip()
+
+    said: dict[str, Any] = {}
+    for key, (*names, (low, high)) in RAW_FIELDS.items():
+        given, value = value_of(names[xml]), math.nan
+        with contextlib.suppress(ValueError):
+            value = float(given)
+        if not low <= value <= high:
+            raise MediaError(
+                f"{header}: {names[xml]}: given {format_given(given)}, allowed: {low} to {high}"
+            )
+        said[key] = value if key == "rate" else int(value)
+    side = value_of(BIT_SIDE_FIELD[xml])
     if side not in ("Lower", "Higher"):
         raise MediaError(
             f"{header}: {BIT_SIDE_FIELD[xml]}: given {format_given(side)}, allowed: Lower or Higher"
         )
-    bits, shape = number["bits"], (number["height"], number["width"])
-    if bits not in RAW_BITS or number["depth"] > bits:
-        raise MediaError(
-            f"{header}: {bits} bits for a pixel, {number['depth']} of them used, allowed: "
-            f"{[*RAW_BITS]}, grey"
-        )
-    if bits == 12 and shape[0] * shape[1] % 2:
-        raise MediaError(f"{header}: given {shape[1]} × {shape[0]} px, allowed: an even number")
-    raw, size = header.with_suffix(".mraw"), shape[0] * shape[1] * bits // 8
-    if not raw.is_file() or raw.stat().st_size < number["frames"] * size:
-        raise MediaError(
-            f"{raw}: not there, or shorter than the {number['frames']} frames of {header}"
-        )
-    shift = (16 if side == "Higher" else number["depth"]) - 8
-
-    def frames() -> Iterator[Image]:
-        with raw.open("rb") as file:
-            for _ in range(number["frames"]):
-                data = np.frombuffer(file.read(size), np.uint8)
-                yield _take_eight(data, bits, shift).reshape(shape)
-
-    return rate, frames()
-
-
-def _header_value(header: Path, text: str, name: str) -> str:
-    """Return what a header says for a name."""
-    plain, xml = re.escape(name), header.suffix == ".cihx"
-    pattern = rf"<{plain}>([^<]+)</{plain}>" if xml else rf"^{plain} : (.+?)\r?$"
-    match = re.search(pattern, text, re.MULTILINE)
-    if match is None:
-        raise MediaError(f"{header}: does not say {name!r}: not a header of Photron's?")
-    return match[1].strip()
-
-
-def _header_number(header: Path, text: str, name: str, low: float, high: float) -> float:
-    """Return the number that a header gives for a name, refused outside of the bounds."""
-    given = _header_value(header, text, name)
-    try:
-        value = float(given)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise MediaError(f"{header}: {name}: given {format_given(given)}, allowed: {low} to {high}")
-    return value
+    return said, side
 
 
 def _take_eight(data: Image, bits: int, shift: int) -> Image:
