@@ -135,19 +135,17 @@ def print_() -> None:
     """Make what is needed on paper, as PDF to true scale."""
 
 
-def _count_option(name: str, default: int, what: str, allowed: click.IntRange) -> Option:
+def _number_option(
+    name: str, default: float, what: str, allowed: click.IntRange | click.FloatRange = _LENGTH_MM
+) -> Option:
     return click.option(name, type=allowed, default=default, show_default=True, help=what)
-
-
-def _length_option(name: str, default: float, what: str) -> Option:
-    return click.option(name, type=_LENGTH_MM, default=default, show_default=True, help=what)
 
 
 @print_.command(short_help="Draw a calibration board.")
 @click.argument("file", type=_FILE_TYPE, default=Path("board.pdf"), required=False)
-@_count_option("--columns", 7, "Tiles along.", _TILE_RANGE)
-@_count_option("--rows", 5, "Tiles across.", _TILE_RANGE)
-@_length_option("--tile-mm", 25.0, "Side of a tile.")
+@_number_option("--columns", 7, "Tiles along.", _TILE_RANGE)
+@_number_option("--rows", 5, "Tiles across.", _TILE_RANGE)
+@_number_option("--tile-mm", 25.0, "Side of a tile.")
 @click.option("--charuco", is_flag=True, help="With ArUco marks, a ChArUco board.")
 @click.option("--two-sided", is_flag=True, help="With the mirror image, for the back.")
 @_PAPER_OPTION
@@ -163,11 +161,11 @@ def board(file: Path, **given: Any) -> None:
 
 @print_.command(short_help="Draw markers, on as many pages as needed.")
 @click.argument("file", type=_FILE_TYPE, default=Path("markers.pdf"), required=False)
-@_count_option("--columns", 10, "Markers along.", _COUNT_RANGE)
-@_count_option("--rows", 6, "Markers across.", _COUNT_RANGE)
-@_length_option("--spacing-mm", 25.0, "Distance of centres along.")
+@_number_option("--columns", 10, "Markers along.", _COUNT_RANGE)
+@_number_option("--rows", 6, "Markers across.", _COUNT_RANGE)
+@_number_option("--spacing-mm", 25.0, "Distance of centres along.")
 @click.option("--row-spacing-mm", type=_LENGTH_MM, help="Distance across.  [default: as along]")
-@_length_option("--diameter-mm", 8.0, "Of a marker.")
+@_number_option("--diameter-mm", 8.0, "Of a marker.")
 @click.option("--bright", is_flag=True, help="White on black.")
 @_PAPER_OPTION
 def markers(file: Path, **given: Any) -> None:

@@ -232,11 +232,9 @@ def measure_motion(
         parameters=manifest.model_dump_json(),
         synchronisation=inputs.sound.attrs["synchronisation"],
     )
-    report = build.build_response(data, manifest)
     alone = manifest.excitation.behaviour.result == "response"
-    if alone:
-        notes = str(inputs.calibration.attrs["notes"])
-        report = build.build_response_alone(report, data, manifest, notes)
+    notes = str(inputs.calibration.attrs["notes"]) if alone else None
+    report = build.build_response(data, manifest, notes)
     with _results_folder(out, report, say) as part:
         storage.write_netcdf(data, part / "response.nc")
         files.write_formats(part, files.Measured("response", data))
@@ -282,7 +280,7 @@ def _results_folder(out: Path, report: build.Report, say: Say) -> Iterator[Path]
     with staging(out) as part:
         yield part
         put_files(part, out)
-    for line in [*report.summary, *report.note_lines]:
+    for line in [*report.summary, *(f"note: {text} [{code}]" for code, text in report.notes)]:
         say(line)
 
 

@@ -19,10 +19,7 @@ from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
 from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
 from thesis_lib.vibration.motion import fold_frequency
-from thesis_lib.vision import pinhole
-from thesis_lib.vision.optics import blur_circle, depth_of_field
-from thesis_lib.vision.rounding import deflection_variance
-from thesis_lib.vision.triangulation import image_jacobian, triangulation_gain
+from thesis_lib.vision import optics, pinhole, rounding, triangulation
 
 DEFAULT_STEADY_S = 1.0  # of steady recording that errors stand for where the manifest gives none
 OPTICS_FIELDS = (
@@ -131,7 +128,7 @@ def view_markers(manifest: Manifest, amplitude: float) -> PredictedView:
     depths, uv, seen = images(swing)
     slide = np.hypot(*(X[:2, None] - centres.T[:2, :, None])) / centres[:, 2:]
     ahead = depths[:, 1] > 0
-    J = np.where(ahead[:, None, None], image_jacobian(P, X), np.nan)
+    J = np.where(ahead[:, None, None], triangulation.image_jacobian(P, X), np.nan)
     rest, stay = np.where(ahead[:, None], uv[:, :, 1], np.nan), np.asarray(seen.all(axis=1))
     inside, slide = images(corners)[2], np.where(ahead, slide, np.nan)
     return PredictedView(optics, P, directions, X, depths, rest, stay, inside, J, slide)
@@ -163,13 +160,13 @@ def predict_camera(
     pitch, stop = sensor / camera.width_px, float(camera.f_number or np.nan)
     sample = distance * pitch / focal
     ends = 1000 * np.array([view.depths[i].min(), view.depths[i].max()])
-    circle = blur_circle(focal, stop, distance, ends).max() / pitch
+    circle = optics.blur_circle(focal, stop, distance, ends).max() / pitch
     swept = min(2 * np.pi * f * exposure, 2.0) * amplitude
     step = 2 * amplitude * abs(np.sin(np.pi * f / camera.rate_hz))
     lift = np.fmax.reduce(np.linalg.norm(view.J[i, :, 2], axis=0))
     places = manifest.structure.marker_points
     near, far = map(
-        float, depth_of_field(focal, stop, distance, CHECK_LIMITS["depth-of-field"] * pitch)
+        float, optics.depth_of_field(focal, stop, distance, CHECK_LIMITS["depth-of-field"] * pitch)
     )
     spacing = cKDTree(places.T).query(places.T, k=2)[0][:, 1].min()  # infinite for one marker
     return CameraPrediction(
@@ -237,7 +234,8 @@ def noise_errors(
     """
 
     def errors(P: Array, X: Array, which: Mask) -> Array:
-        each = triangulation_gain(P, X)[2] * np.asarray(sigma, float)[which, None, None]
+        gain, noise = triangulation.triangulation_gain(P, X)[2], np.asarray(sigma, float)[which]
+        each = gain * noise[:, None, None]
         return np.asarray(np.sqrt(np.sum(each**2, axis=(0, 1))))
 
     return _by_view(P, points, seen, errors)
@@ -253,7 +251,7 @@ def rounding_errors(P: Array, points: Array, amplitude: float, turn: float, seen
     up[2, :, 0] = amplitude * np.cos((np.arange(16) + 0.5) / 16 * turn / 2)
 
     def errors(P: Array, X: Array, which: Mask) -> Array:
-        variance = deflection_variance(P, X[:, None], X[:, None] + up).mean(axis=0)
+        variance = rounding.deflection_variance(P, X[:, None], X[:, None] + up).mean(axis=0)
         return np.asarray(np.sqrt(np.maximum(variance, 0)))
 
     return _by_view(P, points, seen, errors)

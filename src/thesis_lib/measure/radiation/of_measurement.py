@@ -46,9 +46,7 @@ def sound_of(data: xr.Dataset, manifest: Manifest) -> xr.Dataset:
     known = np.all(np.isfinite(amplitude) & np.isfinite(several["standard_error"].values), axis=0)
     _check(data, known, structure)
     markers = structure.marker_points[:, known]
-    size = structure.length_mm / 1000, structure.width_mm / 1000
-    diameter = structure.markers.diameter_mm / 1000
-    corners = asked.corners(size, structure.marker_points, diameter)
+    size, corners = structure.extent, asked.corners(structure)
     tones = tones_of(several)
     highest = max(tone.omega for tone in tones)
     count = radiated.count_nodes(tuple(np.ptp(corners, axis=0)), highest, asked.medium)

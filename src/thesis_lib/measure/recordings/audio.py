@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -58,16 +59,14 @@ class _Survey:
     times: list[float] = field(default_factory=list)  #: Time stamp of each frame, s
     counts: list[int] = field(default_factory=list)  #: Samples of each frame
     #: Sums over the samples of the channels, and of their products, for their covariance
-    sums: Array = field(default_factory=lambda: np.empty(0))
-    products: Array = field(default_factory=lambda: np.empty((0, 0)))
+    sums: Any = 0.0
+    products: Any = 0.0
     unit: float = 0.0  #: Of the time stamps, s
     damaged: float | None = None  #: When it can no longer be decoded, s
 
     def add(self, frame: av.AudioFrame, block: Array) -> None:
         """Take one more frame, whose samples are `block`, shape (channels, samples)."""
-        if not self.counts:
-            self.rate, self.channels = frame.sample_rate, len(block)
-            self.sums, self.products = np.zeros(len(block)), np.zeros((len(block), len(block)))
+        self.rate, self.channels = frame.sample_rate, len(block)
         self.times.append(np.nan if frame.time is None else frame.time)
         self.counts.append(frame.samples)
         self.sums += block.sum(axis=1)
@@ -82,7 +81,7 @@ class _Survey:
     def covariance(self) -> Array:
         """Return the covariance of the channels, shape (channels, channels)."""
         n = max(sum(self.counts), 1)
-        return self.products / n - np.outer(self.sums, self.sums) / n**2
+        return np.asarray(self.products / n - np.outer(self.sums, self.sums) / n**2)
 
 
 @contextmanager

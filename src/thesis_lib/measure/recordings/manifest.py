@@ -157,8 +157,7 @@ class Manifest(Fields):
                     why = f"the same as cameras[{i}].{name}, allowed: another one"
                     refuse_value(f"cameras[{j}].{name}", given, why)
         if self.radiation is not None:
-            size = own.length_mm / 1000, own.width_mm / 1000
-            self.radiation.check(own.kind, size, own.marker_points, own.markers.diameter_mm / 1000)
+            self.radiation.check(own)
         return self
 
 

@@ -82,6 +82,11 @@ class StructureSpec(Fields):
         return self
 
     @property
+    def extent(self) -> tuple[float, float]:
+        """Return length and width, in m."""
+        return self.length_mm / 1000, self.width_mm / 1000
+
+    @property
     def marker_points(self) -> Array:
         """Centres of the markers, shape (2, markers), in m, from the clamped corner; row by row."""
         m = self.markers
@@ -410,16 +415,17 @@ class Radiation(Fields):
         """Return the points at which the pressure is computed, shape (3, n), m."""
         return np.array(self.points_mm, float).T / 1000
 
-    def corners(self, size: tuple[float, float], markers: Array, diameter: float) -> Array:
-        """Return the corners (n, 2) in m of the outline, for a size and markers (2, m)."""
+    def corners(self, structure: StructureSpec) -> Array:
+        """Return the corners (n, 2) in m of the outline."""
         if isinstance(self.outline_mm, tuple):
             return np.array(self.outline_mm, float) / 1000
         if self.outline_mm == "structure":
-            return np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(size)
+            return np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(structure.extent)
         from scipy.spatial import ConvexHull
 
-        turn = 2 * np.pi * np.arange(8) / 8
-        discs = markers[:, :, None] + diameter / 2 * np.stack([np.cos(turn), np.sin(turn)])[:, None]
+        turn, radius = 2 * np.pi * np.arange(8) / 8, structure.markers.diameter_mm / 1000 / 2
+        circle = radius * np.stack([np.cos(turn), np.sin(turn)])
+        discs = structure.marker_points[:, :, None] + circle[:, None]
         every = discs.reshape(2, -1).T
         return np.asarray(every[ConvexHull(every).vertices], float)
 
@@ -431,8 +437,8 @@ class Radiation(Fields):
             return []
         return {"beam": [3], "plate": [0, 1, 2, 3]}.get(kind, [])
 
-    def check(self, kind: str, size: tuple[float, float], markers: Array, diameter: float) -> None:
-        """Refuse what does not go with the structure; lengths in m."""
+    def check(self, structure: StructureSpec) -> None:
+        """Refuse what does not go with the structure."""
         from thesis_lib.vibration.polygons import (
             edge_distances,
             is_simple,
@@ -440,13 +446,13 @@ class Radiation(Fields):
             polygon_contains,
         )
 
+        markers, corners = structure.marker_points, self.corners(structure)
         if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
             self._refuse(
                 "outline_mm",
                 f"allowed with {MIN_SURFACE_MARKERS} markers or more, given {count}: fewer do not "
                 "tell how the surface between them moves",
             )
-        corners = self.corners(size, markers, diameter)
         if isinstance(self.outline_mm, tuple):
             simple = 3 <= len(self.outline_mm) <= 200 and is_simple(self.outline_mm)
             if not simple or abs(polygon_area(self.outline_mm)) == 0:
@@ -462,7 +468,7 @@ class Radiation(Fields):
                 self._refuse("outline_mm", why)
         if self.edges != "by kind" and len(self.edges) != len(corners):
             self._refuse("edges", f'allowed: "by kind", or {len(corners)} of "free" and "held"')
-        if self.between == "model" and (kind == "flat" or self.outline_mm != "structure"):
+        if self.between == "model" and (structure.kind == "flat" or self.outline_mm != "structure"):
             self._refuse(
                 "between", 'allowed: null or "spline", since there is no model of this outline'
             )

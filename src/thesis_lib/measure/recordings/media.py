@@ -21,7 +21,6 @@ import av
 import cv2
 import numpy as np
 from av.video.reformatter import ColorRange
-from av.video.stream import VideoStream
 from numpy.typing import ArrayLike, NDArray
 
 from thesis_lib.arrays import Array, Image, IntArray
@@ -107,7 +106,7 @@ def write_video(
             if packed_from:
                 file.metadata["title"] = media_info.PACKED_FROM + packed_from
             video = file.add_stream(name, rate=Fraction(frame_rate).limit_denominator(1001))
-            assert isinstance(video, VideoStream)
+            assert isinstance(video, av.VideoStream)
             video.height, video.width = first.shape
             video.pix_fmt, video.thread_type = "gray", "AUTO"
             video.options = dict(options)

@@ -12,11 +12,8 @@ from typing import Any
 
 import av
 import numpy as np
-from av.audio.stream import AudioStream
 from av.container import InputContainer
 from av.stream import Disposition
-from av.video.frame import VideoFrame
-from av.video.stream import VideoStream
 
 from thesis_lib.arrays import Array
 
@@ -87,7 +84,7 @@ def open_media(path: Path) -> Iterator[InputContainer]:
         yield file
 
 
-def video_track(file: InputContainer, path: Path) -> VideoStream:
+def video_track(file: InputContainer, path: Path) -> av.VideoStream:
     """Return the track of the film, decoded by as many threads as there are cores.
 
     Attached images and other tracks of one frame are no film; of several films the one with most
@@ -117,7 +114,9 @@ def _has_frames(path: Path, index: int) -> bool:
             return False
 
 
-def decode_frames(file: InputContainer, stream: VideoStream, path: Path) -> Iterator[VideoFrame]:
+def decode_frames(
+    file: InputContainer, stream: av.VideoStream, path: Path
+) -> Iterator[av.VideoFrame]:
     """Decode the frames of a track in the order in which they are shown.
 
     Frames before the first that can be decoded, as in a film that was cut between key frames, are
@@ -144,7 +143,7 @@ def decode_frames(file: InputContainer, stream: VideoStream, path: Path) -> Iter
                 raise MediaError(f"{path}: frame {count} is damaged")
 
 
-def orientation_of(frame: VideoFrame) -> tuple[bool, bool, bool]:
+def orientation_of(frame: av.VideoFrame) -> tuple[bool, bool, bool]:
     """Return how a frame is turned to be shown, from its display matrix.
 
     Returns
@@ -164,12 +163,12 @@ def orientation_of(frame: VideoFrame) -> tuple[bool, bool, bool]:
     return True, bool(c < 0), bool(b < 0)
 
 
-def start_of(stream: VideoStream | AudioStream) -> float:
+def start_of(stream: av.VideoStream | av.AudioStream) -> float:
     """Return the time of a track's first frame in s, by the file's clock."""
     return float((stream.start_time or 0) * (stream.time_base or 0))
 
 
-def _end_of(stream: VideoStream | AudioStream) -> float | None:
+def _end_of(stream: av.VideoStream | av.AudioStream) -> float | None:
     """Return the time in s at which a track ends, None if the file does not say."""
     if stream.duration is not None and stream.time_base is not None:
         return start_of(stream) + float(stream.duration * stream.time_base)
@@ -282,7 +281,7 @@ def depth_for(brightest: int) -> int:
     return next(depth for depth in BIT_DEPTHS if brightest < 1 << depth)
 
 
-def _capture_rate(file: InputContainer, stream: VideoStream, path: Path) -> float | None:
+def _capture_rate(file: InputContainer, stream: av.VideoStream, path: Path) -> float | None:
     """Return the rate in Hz at which a file says that its frames were taken, None if it does not.
 
     Android writes it beside the tracks, Sony's cameras into XML at the end of the file.

@@ -29,9 +29,8 @@ def markers_of(manifest: Manifest) -> Markers:
     """Return what the manifest says is printed on the structure."""
     given, marks = manifest.structure, manifest.structure.markers
     hole = marks.hole_mm and (marks.hole_mm[0] / 1000, marks.hole_mm[1] / 1000)
-    size, diameter = (given.length_mm / 1000, given.width_mm / 1000), marks.diameter_mm / 1000
-    bright = marks.tone == "bright"
-    return Markers(size, given.marker_points, diameter, hole, bright, marks.detector)
+    diameter, bright = marks.diameter_mm / 1000, marks.tone == "bright"
+    return Markers(given.extent, given.marker_points, diameter, hole, bright, marks.detector)
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:

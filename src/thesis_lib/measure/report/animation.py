@@ -10,7 +10,6 @@ import av
 import cv2
 import numpy as np
 import xarray as xr
-from av.video.stream import VideoStream
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -149,7 +148,7 @@ def write_mp4(path: Path, frames: Iterable[Frame], rate: float) -> None:
             file_address(part), "w", format="mp4", options={"movflags": "+faststart"}
         ) as file:
             stream = file.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
-            assert isinstance(stream, VideoStream)
+            assert isinstance(stream, av.VideoStream)
             stream.height, stream.width = first.shape[:2]
             # Without mbtree, whose assembly does not give the same bytes each time.
             stream.pix_fmt = "yuv420p"

@@ -104,11 +104,6 @@ class Report:
     notes: list[Note]  #: What a reader should know before trusting it
     pictures: Mapping[str, html.Picture]
 
-    @property
-    def note_lines(self) -> list[str]:
-        """Notes, as a command prints them."""
-        return [f"note: {text} [{code}]" for code, text in self.notes]
-
     def join(self, later: Report) -> Report:
         """Return the later report, with what was found and noted in this part of it, too."""
         summary, notes = self.summary + later.summary, self.notes + later.notes
@@ -197,7 +192,7 @@ def build_shape(
         warnings.check_shape(data),
         pictures,
         sound,
-        viewer=Markup(view_shape(data, _extent(manifest))),
+        viewer=Markup(view_shape(data, manifest.structure.extent)),
         numbers=tabulate_shape(data),
         candidates=[data.isel(candidate=k) for k in order],
         cameras=list(iterate_slices(placed, "camera")),
@@ -205,10 +200,6 @@ def build_shape(
         warned=list(dict.fromkeys(warning.code for warning in assessment.warnings)),
         excess=max(float(np.nan_to_num(data["in_plane_excess"])), 1.0),
     )
-
-
-def _extent(manifest: Manifest) -> tuple[float, float]:
-    return manifest.structure.length_mm / 1e3, manifest.structure.width_mm / 1e3
 
 
 def tabulate_shape(data: xr.Dataset) -> pd.DataFrame:
@@ -246,7 +237,7 @@ def build_modes(
         "stabilisation": draw.draw_stabilisation(data),
         "assurance": draw.draw_assurance(data),
     }
-    modes, extent = tabulate_modes(data), _extent(manifest)
+    modes, extent = tabulate_modes(data), manifest.structure.extent
     rows = modes.to_dict("records")
     return _assemble(
         "modes.html.j2",
@@ -299,8 +290,8 @@ def tabulate_mode_shapes(data: xr.Dataset) -> pd.DataFrame:
     return table
 
 
-def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
-    """Return the part of a report on motion over a force.
+def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None = None) -> Report:
+    """Return the part of a report on motion over a force; the whole with notes on the cameras.
 
     It shows the drive point, and the markers that are surest and least sure.
     """
@@ -318,7 +309,7 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
         hertz=data["frequency"].values[top],
     )
     figures = {f"response-{role}": draw.draw_response(data, k) for role, k in markers.items()}
-    return _assemble(
+    part = _assemble(
         "response_section.html.j2",
         data,
         manifest,
@@ -328,22 +319,10 @@ def build_response(data: xr.Dataset, manifest: Manifest) -> Report:
         markers=markers,
         roles=_MARKER_ROLES,
     )
-
-
-def build_response_alone(
-    response: Report, data: xr.Dataset, manifest: Manifest, calibration: str
-) -> Report:
-    """Return a report on motion over a force alone; `calibration` are notes on the cameras."""
-    return _assemble(
-        "response.html.j2",
-        data,
-        manifest,
-        response.summary,
-        response.notes,
-        {},
-        response=response,
-        calibration=calibration,
-    )
+    if calibration is None:
+        return part
+    known: dict[str, Any] = {"response": part, "calibration": calibration}
+    return _assemble("response.html.j2", data, manifest, summary, part.notes, {}, **known)
 
 
 def build_sound(data: xr.Dataset, manifest: Manifest) -> Report:

@@ -6,8 +6,7 @@ import numpy as np
 import xarray as xr
 
 from thesis_lib.arrays import Array
-from thesis_lib.measure.calibration.rig import MAX_CONTRADICTION
-from thesis_lib.measure.calibration.uncertainty import MIN_JACKKNIFE_IMAGES
+from thesis_lib.measure.calibration import rig, uncertainty
 from thesis_lib.measure.fitting.result import MAX_SCALE_ERROR, known_rms
 from thesis_lib.measure.messages import Note, make_note
 from thesis_lib.measure.radiation.radiated import complex_of
@@ -56,7 +55,6 @@ def check_shape(data: xr.Dataset) -> list[Note]:
     return [
         *_check_frequency(data),
         *_check_cameras(data),
-        *_check_markers(data),
         *_check_fit(data),
     ]
 
@@ -99,8 +97,8 @@ def _check_cameras(data: xr.Dataset) -> Iterator[Note]:
     if not np.isfinite(data.get("focal_deviation", 0.0)).all():
         yield make_note("calibration-untold")
     yield from check_board(data)
-    if 0 < (poses := int(data.get("board_poses", 0))) < MIN_JACKKNIFE_IMAGES:
-        yield make_note("few-poses", poses=poses, enough=MIN_JACKKNIFE_IMAGES)
+    if 0 < (poses := int(data.get("board_poses", 0))) < uncertainty.MIN_JACKKNIFE_IMAGES:
+        yield make_note("few-poses", poses=poses, enough=uncertainty.MIN_JACKKNIFE_IMAGES)
     off = float(data["grid_scale"]) - 1
     if abs(off) > MAX_SCALE_ERROR:
         yield make_note("grid-scale", off=off)
@@ -173,12 +171,12 @@ def check_board(data: xr.Dataset) -> Iterator[Note]:
         return
     together = float(data.get("reprojection_rms", np.nan))
     if together > MAX_CORNER_RATIO * (alone := known_rms(data["single_rms"].values)):
-        kept = together > MAX_CONTRADICTION * alone
+        kept = together > rig.MAX_CONTRADICTION * alone
         lenses = "Lenses are those of each camera alone. " if kept else ""
         yield make_note("board-moved", together=together, alone=alone, lenses=lenses)
 
 
-def _check_markers(data: xr.Dataset) -> Iterator[Note]:
+def _check_fit(data: xr.Dataset) -> Iterator[Note]:
     still = data["frozen"].values.astype(bool)
     if still.any():
         held = zip(data["camera"].values, data["held_back"].values, strict=True)
@@ -190,9 +188,6 @@ def _check_markers(data: xr.Dataset) -> Iterator[Note]:
         )
     if unknown := int(np.isnan(data["deflection"].values).sum()):
         yield make_note("unseen-markers", count=unknown)
-
-
-def _check_fit(data: xr.Dataset) -> Iterator[Note]:
     if (excess := float(data["in_plane_excess"])) > MAX_IN_PLANE_EXCESS:
         yield make_note("in-plane", excess=excess)
     if abs(growth := float(data["growth"])) > MAX_AMPLITUDE_CHANGE:

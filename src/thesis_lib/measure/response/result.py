@@ -187,10 +187,8 @@ def estimate_response(
     rate, slowest = (float(pick(own.rate for own in recordings)) for pick in (max, min))
     sought = excitation.modes
     most = min(sought.to_hz or np.inf, signals.MAX_REPORTED_RATIO * slowest)
-    recordings, steps = signals.in_step(
-        recordings, rest, signals.span_of(recordings), (sought.from_hz, most)
-    )
-    delays = np.array([own.delay for own in recordings]) - steps.lag  # of sounds, not of images
+    recordings, lag, pace = signals.in_step(recordings, rest, (sought.from_hz, most))
+    delays = np.array([own.delay for own in recordings]) - lag  # of sounds, not of images
     force = signals.read_force(manifest, folder, delays, [own.pace for own in recordings])
     filmed = signals.span_of(recordings)
     low, high = _band(manifest, force, slowest)
@@ -251,8 +249,8 @@ def estimate_response(
         "delay_deviation": force.clock.delay_deviation,
         "pace": 1 / force.clock.pace - 1,
         "unknown": unknown,
-        "camera_lag": steps.lag,
-        "camera_pace": steps.pace,
+        "camera_lag": lag,
+        "camera_pace": pace,
         "beyond": float(power[f > slowest / 2].sum() / power.sum()),  # where frames show aliases
         "ringing": parts[-1] / max(parts),
         "noise": np.sqrt(still_noise * rate / 2),

@@ -345,24 +345,16 @@ HANN_LINES = 1.5  # lines of a Hann window that tell as much as one
 TRIALS_PER_PERIOD = 8  # trial delays in a period of the highest frequency
 
 
-@dataclass(frozen=True)
-class Steps:
-    """By how much the cameras' clocks were off."""
-
-    lag: Array  #: How much later than was thought each camera started, s; 0 where not certain
-    pace: Array  #: How much faster than the first camera's each clock runs; 0 where not certain
-
-
 def in_step(
-    recordings: Sequence[Recording],
-    rest: Rest,
-    span: tuple[float, float],
-    band: tuple[float, float],
-) -> tuple[list[Recording], Steps]:
-    """Return the recordings with the first camera's clock, and what was corrected.
+    recordings: Sequence[Recording], rest: Rest, band: tuple[float, float]
+) -> tuple[list[Recording], Array, Array]:
+    """Return the recordings with the first camera's clock, and what was corrected, (cameras,).
 
-    All of them recorded over the span in s; only frequencies of the band in Hz are looked at.
+    That is how much later than was thought each camera started, s, and how much faster than the
+    first camera's each clock runs; 0 where not certain. Only frequencies of the band in Hz are
+    looked at.
     """
+    span = span_of(recordings)
     rate, seconds = max(own.rate for own in recordings), span[1] - span[0]
     count = int(np.clip(seconds / MIN_WINDOW_S, 1, MAX_WINDOWS))
     length = min(seconds / count, MAX_WINDOW_S)
@@ -381,7 +373,7 @@ def in_step(
         moved = own.paced(1 + slope, centre)
         found.append(replace(moved, delay=moved.delay + lag[c]))
         pace[c] = 1 / (1 + slope) - 1
-    return found, Steps(lag, pace)
+    return found, lag, pace
 
 
 def _heights(recordings: Sequence[Recording], rest: Rest, at: Array) -> list[Array]:
