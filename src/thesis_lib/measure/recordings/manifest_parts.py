@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
+from scipy.spatial import ConvexHull
 
 from thesis_lib.arrays import Array
 from thesis_lib.measure.recordings.board import MarkersSpec, Place, beam_default
 from thesis_lib.studies.fields import Fields, Flag, Positive, Real, Whole, refuse_value
+from thesis_lib.vibration import polygons
 
 if TYPE_CHECKING:
     from thesis_lib.acoustics.radiation import Medium
@@ -421,8 +423,6 @@ class Radiation(Fields):
             return np.array(self.outline_mm, float) / 1000
         if self.outline_mm == "structure":
             return np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(structure.extent)
-        from scipy.spatial import ConvexHull
-
         turn, radius = 2 * np.pi * np.arange(8) / 8, structure.markers.diameter_mm / 1000 / 2
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         discs = structure.marker_points[:, :, None] + circle[:, None]
@@ -439,13 +439,6 @@ class Radiation(Fields):
 
     def check(self, structure: StructureSpec) -> None:
         """Refuse what does not go with the structure."""
-        from thesis_lib.vibration.polygons import (
-            edge_distances,
-            is_simple,
-            polygon_area,
-            polygon_contains,
-        )
-
         markers, corners = structure.marker_points, self.corners(structure)
         if (count := markers.shape[1]) < MIN_SURFACE_MARKERS:
             self._refuse(
@@ -454,14 +447,13 @@ class Radiation(Fields):
                 "tell how the surface between them moves",
             )
         if isinstance(self.outline_mm, tuple):
-            simple = 3 <= len(self.outline_mm) <= 200 and is_simple(self.outline_mm)
-            if not simple or abs(polygon_area(self.outline_mm)) == 0:
+            simple = 3 <= len(self.outline_mm) <= 200 and polygons.is_simple(self.outline_mm)
+            if not simple or abs(polygons.polygon_area(self.outline_mm)) == 0:
                 self._refuse(
                     "outline_mm", "allowed: 3 to 200 corners [x, y] whose edges do not cross"
                 )
-            on = polygon_contains(corners, markers) | (
-                edge_distances(corners, markers).min(axis=0) < 1e-9
-            )
+            near_edge = polygons.edge_distances(corners, markers).min(axis=0) < 1e-9
+            on = polygons.polygon_contains(corners, markers) | near_edge
             if not on.all():
                 x, y = 1000 * markers[:, ~on][:, 0]
                 why = f"allowed: corners around all markers, the one at ({x:g}, {y:g}) is outside"

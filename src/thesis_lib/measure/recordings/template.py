@@ -1,7 +1,6 @@
 """A manifest to start from: what a folder of recordings shows, and what only its owner knows."""
 
 import base64
-import copy
 import glob
 import json
 import re
@@ -26,7 +25,7 @@ from thesis_lib.measure.recordings.manifest import (
     shot_paths,
 )
 from thesis_lib.measure.recordings.media import read_frames
-from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, frame_clock, probe_media
+from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of
 from thesis_lib.measure.recordings.validation import is_slowed
 from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
@@ -120,7 +119,7 @@ def _values(
             "width_px": info.size[0],
             "height_px": info.size[1],
             "frame_rate_hz": float(
-                f"{media_info.rate_of(frame_clock(video), info.frame_rate):.8g}"
+                f"{rate_of(media_info.frame_clock(video), info.frame_rate):.8g}"
             ),
             "captured_hz": info.captured_hz if is_slowed(info) else None,
             "exposure_s": exposure,
@@ -145,7 +144,7 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
         *parts, last = name.split(".")
         if parts[:1] == ["cameras"]:
             for camera in cameras:
-                camera[last] = copy.copy(value)
+                camera[last] = value
             continue
         inside = values
         for part in parts:

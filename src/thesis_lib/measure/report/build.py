@@ -28,9 +28,6 @@ from thesis_lib.plotting.style import DIVERGING_COLORS, MATH_STYLE, save_figure
 from thesis_lib.studies.cubes import iterate_slices
 from thesis_lib.web import html
 
-_NO_SHAPE = "This figure needs JavaScript to move; the figure below shows the same shape."
-_NO_SOUND = "This figure needs JavaScript; radiated.nc has the same field."
-
 
 def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
     """Return the markers with a result as a moving surface: a self-contained HTML fragment.
@@ -53,7 +50,8 @@ def view_shape(data: xr.Dataset, extent: tuple[float, float]) -> str:
         "outline": [[-long, -wide], [long, -wide], [long, wide], [-long, wide]],
     }
     css = html.VIEWER_CSS + html.read_asset("measured.css")
-    return html.static_html(html.join_modules("measured"), css, {"data": state}, _NO_SHAPE)
+    still = "This figure needs JavaScript to move; the figure below shows the same shape."
+    return html.static_html(html.join_modules("measured"), css, {"data": state}, still)
 
 
 def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
@@ -78,13 +76,11 @@ def view_sound(one: xr.Dataset, manifest: Manifest) -> str:
         "rigid wall, in two planes through its centre. Its standard error is "
         f"{100 * share:.2g} % of the largest pressure (rms).",
     }
-    return html.static_html(
-        html.join_modules("radiated"), html.VIEWER_CSS, {"data": state}, _NO_SOUND
-    )
+    still = "This figure needs JavaScript; radiated.nc has the same field."
+    return html.static_html(html.join_modules("radiated"), html.VIEWER_CSS, {"data": state}, still)
 
 
 _TEMPLATE_FOLDER = "measure/report/templates/"
-_MARKER_ROLES = {"drive": "nearest to the force", "surest": "surest", "least": "least sure"}
 _MM_FORMAT = {
     "x_mm": "x",
     "y_mm": "y",
@@ -317,7 +313,7 @@ def build_response(data: xr.Dataset, manifest: Manifest, calibration: str | None
         list(warnings.check_response(data, manifest)),
         _save_svgs(figures, MATH_STYLE),
         markers=markers,
-        roles=_MARKER_ROLES,
+        roles={"drive": "nearest to the force", "surest": "surest", "least": "least sure"},
     )
     if calibration is None:
         return part

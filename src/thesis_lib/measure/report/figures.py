@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from thesis_lib.arrays import Array, Image, Mask
@@ -116,7 +115,7 @@ def _draw_map(data: xr.Dataset, manifest: Manifest) -> Figure:
     return figure
 
 
-def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **look: Any) -> PathCollection:
+def _scatter_markers(axes: Axes, manifest: Manifest, values: Array, **look: Any) -> Any:
     """Draw values of the markers at their places on the structure."""
     structure = manifest.structure
     limits = {"xlim": (0, structure.length_mm), "ylim": (0, structure.width_mm)}
