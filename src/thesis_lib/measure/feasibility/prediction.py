@@ -17,7 +17,7 @@ from thesis_lib.files import whole_text
 from thesis_lib.measure.fitting.reconstruction import group_visible
 from thesis_lib.measure.messages import CHECK_LIMITS
 from thesis_lib.measure.recordings import template
-from thesis_lib.measure.recordings.manifest import Manifest, ManifestError
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, validate_manifest
 from thesis_lib.vibration.motion import fold_frequency
 from thesis_lib.vision import optics, pinhole, rounding, triangulation
 
@@ -349,7 +349,7 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         for i in range(count)
     ]
     filled = {"excitation.steady_interval_s": STEADY_INTERVAL_S} | _default_markers(rest) | rest
-    manifest = template.validate_manifest(template.with_given(cameras, filled))
+    manifest = validate_manifest(template.with_given(cameras, filled))
     size = manifest.structure.width_mm, manifest.structure.length_mm
     turn = np.radians(FIRST_AZIMUTH_DEG) + 2 * np.pi * np.arange(count) / count
     slender = min(1.0, 2 * size[0] / size[1])
@@ -358,10 +358,10 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
         camera.setdefault("azimuth_deg", round(float(azimuth), 1))
     values = template.with_given(cameras, filled)
     if "cameras.distance_mm" not in rest:
-        distance = _nearest_distance(template.validate_manifest(values))
+        distance = _nearest_distance(validate_manifest(values))
         for camera in cameras:
             camera["distance_mm"] = distance
-    return template.validate_manifest(values)
+    return validate_manifest(values)
 
 
 def _default_markers(given: Mapping[str, Any]) -> dict[str, Any]:

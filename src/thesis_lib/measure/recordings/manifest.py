@@ -209,13 +209,18 @@ def read_manifest(path: Path, check_files: bool = True) -> Manifest:
             _rename(camera, found) if isinstance(camera, dict) else camera for camera in cameras
         ]
     _report_renamed(str(path), found)
-    try:
-        manifest = Manifest.model_validate(values)
-    except ValidationError as error:
-        raise ManifestError(f"{path}: {fields.first_problem(Manifest, values, error)}") from None
+    manifest = validate_manifest(values, str(path))
     for problem in _file_problems(manifest, path.parent, check_files):
         raise ManifestError(f"{path}: {problem}")
     return manifest
+
+
+def validate_manifest(values: dict[str, Any], where: str = "-p") -> Manifest:
+    """Return the manifest with some values; a :class:`ManifestError` refuses others."""
+    try:
+        return Manifest.model_validate(values)
+    except ValidationError as error:
+        raise ManifestError(f"{where}: {fields.first_problem(Manifest, values, error)}") from None
 
 
 def rename_options(given: dict[str, Any]) -> dict[str, Any]:

@@ -12,22 +12,15 @@ from typing import Any
 
 import cv2
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from thesis_lib.files import put_files, staging
+from thesis_lib.measure.recordings import manifest as manifests
 from thesis_lib.measure.recordings import media_info
-from thesis_lib.measure.recordings.manifest import (
-    IMAGE_SUFFIXES,
-    Manifest,
-    ManifestError,
-    find_images,
-    is_hidden,
-    shot_paths,
-)
+from thesis_lib.measure.recordings.manifest import Manifest, ManifestError, find_images, is_hidden
 from thesis_lib.measure.recordings.media import read_frames
 from thesis_lib.measure.recordings.media_info import MediaError, VideoInfo, probe_media, rate_of
 from thesis_lib.measure.recordings.validation import is_slowed
-from thesis_lib.studies.fields import first_problem
 from thesis_lib.text import has_hidden
 from thesis_lib.web.html import join_modules, read_asset, render_html, static_html
 
@@ -81,7 +74,7 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
             "recording: -p cameras=4"
         )
     infos = [probe_media(video) for video in videos]
-    manifest = validate_manifest(_values(folder, videos, infos, given))
+    manifest = manifests.validate_manifest(_values(folder, videos, infos, given))
     asked = list_asked(manifest)
     if not any(is_slowed(info) for info in infos):
         asked = (*asked, "cameras.captured_hz")
@@ -91,14 +84,6 @@ def new_manifest(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str
         (part / path.name).write_text(text_of(manifest, given, asked), encoding="utf-8")
         put_files(part, folder)
     return path, [*told, *list_assumed(manifest, given, asked)]
-
-
-def validate_manifest(values: dict[str, Any]) -> Manifest:
-    """Return the manifest with some values; a :class:`ManifestError` refuses others."""
-    try:
-        return Manifest.model_validate(values)
-    except ValidationError as error:
-        raise ManifestError(f"-p: {first_problem(Manifest, values, error)}") from None
 
 
 def list_asked(manifest: Manifest, among: Sequence[str] = ASKED_FIELDS) -> tuple[str, ...]:
@@ -162,11 +147,11 @@ def with_given(cameras: list[dict[str, Any]], given: Mapping[str, Any]) -> dict[
 
 def _shots(folder: Path, name: str) -> str | None:
     """Return the folder or pattern of a camera's calibration images; None if there are none."""
-    inside = [place for place in folder.rglob("*") if place.is_dir() and not is_hidden(place)]
-    for place in sorted(inside):
+    inside = sorted(one for one in folder.rglob("*") if one.is_dir() and not is_hidden(one))
+    for place in inside:
         if place.name.lower() == name.lower() and find_images(place.iterdir()):
             return place.relative_to(folder).as_posix()
-    for place in [folder, *sorted(inside)]:
+    for place in [folder, *inside]:
         own = find_images(file for file in place.iterdir() if file.name.startswith(f"{name}-"))
         kinds = {file.suffix for file in own}
         if len(kinds) == 1:
@@ -179,7 +164,7 @@ def _describe_found(manifest: Manifest, folder: Path, infos: Sequence[VideoInfo]
     """Yield what was found of each camera, and what is missing."""
     counts = []
     for camera, info in zip(manifest.cameras, infos, strict=True):
-        shots = [shot for shot in shot_paths(camera, folder) if shot]
+        shots = [shot for shot in manifests.shot_paths(camera, folder) if shot]
         counts.append(len(shots))
         seconds = "" if info.duration is None else f", {info.duration:.1f} s"
         images = f"; {len(shots)} board images in {camera.board_images}"
@@ -288,7 +273,7 @@ VIDEO_ENDINGS = {
 #: Endings of what `thesis convert` makes a video of
 RAW_ENDINGS = {".264", ".265", ".cih", ".cihx", ".h264", ".h265", ".hevc"}
 #: Endings of what lies beside videos and is none
-OTHER_ENDINGS = IMAGE_SUFFIXES | {
+OTHER_ENDINGS = manifests.IMAGE_SUFFIXES | {
     ".aac", ".csv", ".flac", ".gif", ".html", ".ini", ".json", ".m4a", ".md", ".mp3", ".mraw",
     ".nc", ".ogg", ".opus", ".pdf", ".py", ".srt", ".thm", ".toml", ".txt", ".wav", ".xml",
     ".yaml", ".yml", ".zip",
