@@ -20,13 +20,12 @@ if TYPE_CHECKING:
 
 Option = Callable[[Callable[..., None]], Callable[..., None]]
 _FILE_TYPE = click.Path(path_type=Path, dir_okay=False)
-_PAPER_SIZES = ("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")
 _LENGTH_MM = click.FloatRange(0.5, 5000)
 _COUNT_RANGE = click.IntRange(1, 200)
 _TILE_RANGE = click.IntRange(4, 100)
 _PAPER_OPTION = click.option(
     "--paper",
-    type=click.Choice(_PAPER_SIZES),
+    type=click.Choice(("A4", "A3", "A2", "A1", "A0", "letter", "tabloid")),
     default="A4",
     show_default=True,
     help="Size of a page.",

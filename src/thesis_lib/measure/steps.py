@@ -48,15 +48,11 @@ def _read_all(
         return workers.map_in_pairs(lambda index: read(index, tick), range(len(clocks)), stop.set)
 
 
-def _silent(_: str) -> None:
-    pass
-
-
 def calibrate_rig(
     manifest: Manifest,
     folder: Path,
     steps: Path,
-    say: Callable[[str], object] = _silent,
+    say: Callable[[str], object] = str,
     lenses: Sequence[Camera] = (),
 ) -> xr.Dataset:
     """Calibrate the cameras together from all board images; with `lenses` their positions."""
@@ -117,7 +113,7 @@ def inspect_videos(
 
 
 def read_sound(
-    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = _silent
+    manifest: Manifest, folder: Path, steps: Path, say: Callable[[str], object] = str
 ) -> xr.Dataset:
     """Return when the cameras started, and what the sound tells of the vibration."""
     videos = [folder / c.video for c in manifest.cameras]

@@ -300,12 +300,8 @@ def write_draft(folder: Path, given: Mapping[str, Any]) -> tuple[Path, list[str]
     """Write ``planned.yaml`` into a folder, which is made if there is none; nothing in it is read.
 
     Given are fields by path; ``cameras`` is how many there are. Returned are the path of the
-    manifest, and where the cameras stand and what was not given and so assumed, line by line.
-
-    Raises
-    ------
-    ManifestError
-        If there is such a manifest already, or what is given is not allowed.
+    manifest, and where the cameras stand and what was not given and so assumed, line by line. A
+    ManifestError says that there is such a manifest already, or what is not allowed.
     """
     path = folder / "planned.yaml"
     if path.exists():
@@ -327,12 +323,8 @@ def draft_manifest(given: Mapping[str, Any]) -> Manifest:
     """Return the manifest of telephones on all sides, as near as the structure fits in view.
 
     Azimuths are even; for a structure that is more than twice as long as wide, two sides are
-    favoured, since from its ends it is seen foreshortened.
-
-    Raises
-    ------
-    ManifestError
-        If what is given is not allowed.
+    favoured, since from its ends it is seen foreshortened. A ManifestError says what is not
+    allowed.
     """
     count, rest = given["cameras"], {k: v for k, v in given.items() if k != "cameras"}
     if type(count) is not int or not 2 <= count <= 16:

@@ -261,7 +261,7 @@ def pack_frames(
     source: Path,
     target: Path,
     rate: float | None = None,
-    say: Callable[[str], object] = lambda line: None,
+    say: Callable[[str], object] = str,
 ) -> tuple[int, tuple[int, int]]:
     """Write frames to a video without loss of grey levels of eight bits.
 

@@ -34,17 +34,10 @@ def markers_of(manifest: Manifest) -> Markers:
 
 
 def check_files(manifest: Manifest, folder: Path) -> list[Array]:
-    """Refuse recordings that are not what the manifest says, or not whole.
+    """Refuse recordings that are not what the manifest says, or not whole; return their clocks.
 
-    Returns
-    -------
-    list of ndarray, shape (frames,)
-        Times of each video's frames after the first, by its own clock, s.
-
-    Raises
-    ------
-    ManifestError, MediaError
-        With the first difference, in one line.
+    These are the times of each video's frames after the first, (frames,), s, by its own clock. A
+    ManifestError or :class:`MediaError` gives the first difference, in one line.
     """
     for problem in check_recordings(manifest, folder):
         raise ManifestError(problem)

@@ -307,10 +307,7 @@ def _round_ticks(low: float, high: float) -> list[float]:
 def draw_prediction(manifest: Manifest) -> dict[str, Figure]:
     """Draw the cameras of a manifest, and a map of the standard errors they would reach, by name.
 
-    Raises
-    ------
-    ManifestError
-        If fewer than two cameras have a lens and a place.
+    A ManifestError says that fewer than two cameras have a lens and a place.
     """
     with np.errstate(all="ignore"):  # what is not given is NaN
         view = view_markers(manifest, 0.0)
