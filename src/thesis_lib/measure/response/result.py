@@ -234,7 +234,18 @@ def estimate_response(
     apart = np.linalg.norm(rest.places - place[:, None], axis=0)
     parts = [np.nanstd(part) for part in np.array_split(moved, RECORDING_PARTS)]
     f, power = welch(pushed, finer * rate, nperseg=min(len(pushed), 4096))
-    values: dict[str, Any] = _curves(found, (low, high), force.clock.delay_deviation) | {
+    omega = 2 * np.pi * found.frequency
+    mobility = 1j * omega * found.receptance
+    values: dict[str, Any] = {
+        "receptance_real": found.receptance.real,
+        "receptance_imag": found.receptance.imag,
+        "mobility_real": mobility.real,
+        "mobility_imag": mobility.imag,
+        "standard_error": found.deviation,
+        "blur": found.blur,
+        "coherence": found.coherence,
+        "force_power": found.force,
+        "phase_deviation": omega * force.clock.delay_deviation,
         "averages": found.averages,
         "displacement": moved,
         "force": pushed,
@@ -258,19 +269,18 @@ def estimate_response(
         "sweep": [sweep.from_hz, sweep.to_hz] if sweep else [np.nan, np.nan],
         "sweep_duration": sweep.duration_s if sweep else np.nan,
     }
-    shown = found.frequency[(found.frequency >= low) & (found.frequency <= high)]
     clock = "time on the first camera's clock"
     coords = {
         "camera": ("camera", [own.camera.name for own in recordings], {"long_name": "camera"}),
         "estimator": ("estimator", list(ESTIMATORS), {"long_name": "estimator"}),
-        "frequency": ("frequency", shown, {"units": "Hz", "long_name": "frequency"}),
+        "frequency": ("frequency", found.frequency, {"units": "Hz", "long_name": "frequency"}),
         "time": ("time", times, {"units": "s", "long_name": clock}),
         "force_time": ("force_time", fine, {"units": "s", "long_name": f"force's {clock}"}),
         "marker": ("marker", np.arange(1, len(apart) + 1), {"long_name": "number of the marker"}),
         "axis": ("axis", ["x", "y", "z"], {"long_name": "axis of the structure"}),
     }
-    data = xr.Dataset(label_values(values, VARIABLES), coords)
-    return data.assign_attrs(force_source=force.source)
+    data = xr.Dataset(label_values(values, VARIABLES), coords, {"force_source": force.source})
+    return data.sel(frequency=slice(low, high))
 
 
 def _band(manifest: Manifest, force: signals.RecordedForce, slowest: float) -> tuple[float, float]:
@@ -313,22 +323,3 @@ def _common(
             f"{MIN_PERIODS} periods of {low:g} Hz"
         )
     return begin, end
-
-
-def _curves(found: Response, band: tuple[float, float], late: float) -> dict[str, Array]:
-    """Return the reported curves, line by line."""
-    inside = (found.frequency >= band[0]) & (found.frequency <= band[1])
-    omega = 2 * np.pi * found.frequency[inside]
-    receptance = found.receptance[:, :, inside]
-    mobility = 1j * omega * receptance
-    return {
-        "receptance_real": receptance.real,
-        "receptance_imag": receptance.imag,
-        "mobility_real": mobility.real,
-        "mobility_imag": mobility.imag,
-        "standard_error": found.deviation[:, :, inside],
-        "blur": found.blur[:, :, inside],
-        "coherence": found.coherence[:, inside],
-        "force_power": found.force[inside],
-        "phase_deviation": omega * late,
-    }
