@@ -272,11 +272,8 @@ def common_errors(
     """
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, ways = np.linalg.eigh(covariance / scale[:, None] / scale)
-    steps = [
-        scale * way * np.sqrt(value)
-        for value, way in zip(values, ways.T, strict=True)
-        if value > 1e-9 * values[-1]
-    ]
+    large = values > 1e-9 * values[-1]
+    steps = [scale * w * np.sqrt(v) for v, w in zip(values[large], ways.T[large], strict=True)]
 
     def perturb_amplitudes(step: Array) -> ComplexArray:
         moved = [
